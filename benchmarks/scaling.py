@@ -12,8 +12,8 @@ from benchmarks.common import HERE
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.running.execute import each
 from lvnav_trade.campaign.running.plan import Block
+from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.running.provenance import manifest
 from lvnav_trade.store.write import open_results
 

@@ -64,11 +64,12 @@ def plan(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | No
     """Return the cases of a campaign, what they will take, and what of it `folder` (``results/NAME``) holds already."""
     found = load_campaign(campaign, sets)
     duration = {case: max(times.values()) - min(times.values()) for case, times in _checked(found).events.items()}
-    made = estimate(found, _place(found, folder), duration)
+    made = estimate(found, place_of(found, folder), duration)
     return made._replace(warnings=[str(one) for one in undemonstrable(found)])
 
 
-def _place(campaign: Campaign, folder: str | Path | None) -> Path:
+def place_of(campaign: Campaign, folder: str | Path | None) -> Path:
+    """Return where results go: `folder`, or else ``results/NAME``."""
     return Path("results", campaign.name) if folder is None else Path(folder)
 
 
@@ -88,6 +89,7 @@ def run(
     report: bool = True,
     progress: Progress | None = None,
     on_answers: Callable[..., None] | None = None,
+    shards: Sequence[Path] = (),
 ) -> Results:
     """Carry out a campaign and return its results.
 
@@ -100,7 +102,7 @@ def run(
     fresh : begin again instead of resuming what the folder holds
     fail_fast : stop at the first failed run
     report : build the report too
-    progress, on_answers : see `campaign.execute.run`
+    progress, on_answers, shards : see `campaign.execute.run`
 
     Raises
     ------
@@ -115,10 +117,10 @@ def run(
         found = campaign
     else:
         found = load_campaign(campaign, sets)
-    place = _place(found, folder)
+    place = place_of(found, folder)
     _check_sections(found)
     mode: execute.Mode = "fresh" if fresh else "resume"
-    execute.run(found, place, jobs, mode, fail_fast, progress, on_answers)
+    execute.run(found, place, jobs, mode, fail_fast, progress, on_answers, shards=shards)
     if report:
         from lvnav_trade.report import SECTIONS, build
 

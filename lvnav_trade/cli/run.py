@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lvnav_trade.campaign.text import table
+from lvnav_trade.cli.answers import answer_of, check_preferred, shared, shown, with_ranking
+from lvnav_trade.cli.clusters import Backend, workers
 from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Json, Out, Sets, verb
 from lvnav_trade.errors import InputError
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
 
-_MOST = 10  # failed runs that are listed one by one
 Strict = Annotated[
     bool, typer.Option("--strict", help="exit code 2 where the runs cannot show a requirement, however good they are")
 ]
@@ -34,6 +35,14 @@ def run(
     fresh: Annotated[bool, typer.Option("--fresh/--resume", help="begin again, or go on with what is there")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="stop at the first failed run")] = False,
     report: Annotated[bool, typer.Option("--report/--no-report", help="build the report at the end")] = True,
+    shard: Annotated[
+        str | None,
+        typer.Option("--shard", metavar="I/N", help="do share I of N, for a batch system; `merge` puts all together"),
+    ] = None,
+    backend: Annotated[Backend, typer.Option("--backend", help="what does the work")] = Backend.PROCESSES,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="of Dask [default: a cluster of this machine]")
+    ] = None,
     prefer: Annotated[
         list[str] | None,
         typer.Option("--prefer", metavar="NAME", help="rank cases by cost, mass, power, volume or error; repeatable"),
@@ -50,83 +59,19 @@ def run(
     from lvnav_trade.campaign.running.progress import choose
 
     loaded = load(campaign, sets or ())
-    _check_preferred(prefer or ())
+    check_preferred(prefer or ())
     folder = out or Path("results") / loaded.name
-    found: list[Any] = []
+    if shard is not None:
+        from lvnav_trade.clusters import run_shard
 
-    def show(answers: Sequence[Any], cases: Sequence[Any]) -> None:
-        found.extend(answers)
-        if not as_json:
-            _print_answers(answers, cases)
-
-    results = api.run(loaded, (), folder, jobs, fresh, fail_fast, report, choose(quiet), show)
-    answer = _answer(results, found, report)
-    return _with_ranking(answer, results, prefer) if prefer else answer
-
-
-def _check_preferred(prefer: Sequence[str]) -> None:
-    from lvnav_trade.campaign.syntax.tree import hint
-    from lvnav_trade.metrics.resources import PREFERRED
-
-    for name in prefer:
-        if name not in PREFERRED:
-            raise InputError(f"--prefer {name}: should be one of {', '.join(PREFERRED)}{hint(name, PREFERRED)}")
-
-
-def _with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer:
-    """Return an answer with the cases in the order that is preferred, those first that meet every requirement."""
-    from lvnav_trade.metrics.resources import ranked
-
-    frame = results.pareto
-    if frame.empty:
-        return answer._replace(text=f"{answer.text}\n--prefer: no card states resources, or there is no requirement")
-    order = ranked(frame, prefer)
-    shown = order[
-        ["case", "meets", "verdict", "error_ratio", "binding", "cost", "mass_kg", "power_w", "volume_l", "front"]
-    ]
-    shown = shown.assign(cost=shown.cost.map("{:g}".format))
-    text = f"{answer.text}\n{table(list(shown.columns), list(shown.itertuples(index=False)))}"
-    return answer._replace(
-        text=text, content={**answer.content, "preferred": json.loads(order.to_json(orient="records"))}
-    )
-
-
-def _answer(results: Any, answers: Sequence[Any], report: bool) -> Answer:
-    """Return verdicts and where the results are, with the exit code that they mean."""
-    from lvnav_trade.campaign.reading.flights import KINDS, remark_lines
-    from lvnav_trade.metrics.requirements.requirements import in_words
-
-    verdicts, failures = results.requirements, results.failures
-    remarks = {name: results.tables.manifest.get(name, []) for name in KINDS}
-    page = results.folder / "report.html" if report else None
-    lines = remark_lines(remarks) + [f"failed: {line}" for line in failures[:_MOST]]
-    if len(verdicts):
-        at = 1 if remarks["beyond_limits"] else 0
-        shown = in_words(verdicts)
-        lines.insert(at, table(list(shown.columns), list(shown.itertuples(index=False))))
-    if len(failures) > _MOST:
-        lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
-    counts = verdicts.verdict.value_counts(sort=False).items()
-    said = f"{', '.join(f'{verdict} {count}' for verdict, count in counts)}; " if len(verdicts) else ""
-    lines.append(said + (f"report: {page}" if page else f"results: {results.folder}"))
-    content = {
-        "folder": str(results.folder),
-        "report": str(page) if page else None,
-        "failures": failures,
-        **remarks,
-        "covariance": [{**answer._asdict(), "rows": [list(row) for row in answer.rows]} for answer in answers],
-        "requirements": json.loads(verdicts.to_json(orient="records")),  # what is not a number is null
-    }
-    return Answer("\n".join(lines), content, results.exit_code)
-
-
-def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
-    rows = []
-    for answer, case in zip(answers, cases, strict=True):
-        cells = [f"{true:.3g} ({formal:.3g}) {unit}" for _, true, formal, unit in answer.rows]
-        rows.append([case.label, answer.event, *(cells or [answer.error])])
-    print("Linear covariance, RMS of the true error (in brackets the formal sigma), 3D:")
-    print(table(["case", "at", "position", "velocity", "attitude"], rows), flush=True)
+        if prefer or scheduler is not None or backend != Backend.PROCESSES:
+            raise InputError("--shard: goes without --prefer, --backend and --scheduler")
+        return shared(run_shard(loaded, shard, (), folder, jobs, fresh, fail_fast, choose(quiet)))
+    found, show = shown(as_json)
+    with workers(backend, scheduler, folder, jobs) as (place, count):
+        results = api.run(loaded, (), place, count, fresh, fail_fast, report, choose(quiet), show)
+    answer = answer_of(results, found, report)
+    return with_ranking(answer, results, prefer) if prefer else answer
 
 
 @verb("my_campaign.yaml --strict")

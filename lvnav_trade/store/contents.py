@@ -205,3 +205,9 @@ def _json(path: Path) -> dict[str, Any]:
 
 def _is_texts(value: object) -> bool:
     return isinstance(value, list) and all(isinstance(one, str) for one in value)
+
+
+def refuse_foreign(path: Path, manifest: object) -> None:
+    """Raise InputError where the content of a manifest is not that of this tool's results or of a kept base."""
+    if not isinstance(manifest, dict) or "campaign_digest" not in manifest:
+        raise InputError(f"{path}: not a manifest of lvnav-trade")

@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from lvnav_trade.errors import InputError
+from lvnav_trade.store.contents import refuse_foreign
 from lvnav_trade.store.schema import TABLES, arrow_schema
 from lvnav_trade.store.versions import parsed
 
@@ -100,12 +101,6 @@ class Tables:
         return {
             (row.quantity, row.axis): (row.label_unit, row.label_factor_ratio) for row in rows.itertuples(index=False)
         }
-
-
-def refuse_foreign(path: Path, manifest: object) -> None:
-    """Raise InputError where the content of a manifest is not that of this tool's results or of a kept base."""
-    if not isinstance(manifest, dict) or "campaign_digest" not in manifest:
-        raise InputError(f"{path}: not a manifest of lvnav-trade")
 
 
 def _whole(name: str, table: pa.Table) -> pa.Table:

@@ -117,6 +117,13 @@ def remove(folder: Path, cases: Iterable[str]) -> None:
         folder.rmdir()
 
 
+def copy(source: Path, target: Path, case: str) -> None:
+    """Copy the scratch files of a case from one folder to another."""
+    for path in [*source.glob(f"{case}.*.covariance"), *source.glob(f"{case}.*.explained")]:
+        target.mkdir(parents=True, exist_ok=True)
+        replace_file(target / path.name, path.read_bytes())
+
+
 @lru_cache(maxsize=8)
 def record_types(root: type) -> dict[str, type]:
     """Return the named tuples that a named tuple's fields can hold, itself among them, by name."""

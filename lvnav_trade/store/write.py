@@ -19,6 +19,7 @@ from lvnav_trade.errors import InputError, writing
 from lvnav_trade.records import CovHistory, RunBlock
 from lvnav_trade.steering.nozzle import Controlled
 from lvnav_trade.store import parts as part_files
+from lvnav_trade.store import scratch
 from lvnav_trade.store.contents import MANIFEST, RESOLVED, RUN_FILES, OwnedFolder, owned
 from lvnav_trade.store.files import replace_file, replace_table, row_files, row_groups, writers
 from lvnav_trade.store.schema import TABLES, arrow_schema
@@ -27,6 +28,14 @@ from lvnav_trade.store.versions import RESULTS_VERSION, across_machines, campaig
 
 # Those that compute: another version of one may round otherwise
 _LIBRARIES = tuple((name, f"with another {name}") for name in ("numpy", "numba", "scipy"))
+
+
+Each = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Iterable[Any]]
+
+
+def one_by_one(function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -> Iterable[Any]:
+    """Yield function(*unit) of units of work, in this process."""
+    return (function(*unit) for unit in units)
 
 
 class Results:
@@ -99,23 +108,41 @@ class Results:
         table = traces_table(case_id, prepared.outputs, blocks)
         replace_table(table, self.case_folder(case_id) / "tables" / "traces.parquet")
 
-    def finish(self, extra_manifest: dict[str, Any], trace: Callable[[Path], None] | None = None) -> None:
+    def take(self, folder: Path, cases: Iterable[str]) -> None:
+        """Copy the parts and scratch files of cases that a shard has left in another folder of results."""
+        for case in cases:
+            for path in part_files.paths(folder / "parts" / case):
+                self.case_folder(case).mkdir(parents=True, exist_ok=True)
+                replace_file(self.case_folder(case) / path.name, path.read_bytes())
+            scratch.copy(folder / scratch.FOLDER, self.folder / scratch.FOLDER, case)
+
+    def leave(self, extra_manifest: dict[str, Any]) -> None:
+        """Write the manifest of a shard, which has no tables."""
+        self.manifest |= extra_manifest
+        _write_json(self.folder / MANIFEST, self.manifest)
+
+    def finish(
+        self, extra_manifest: dict[str, Any], trace: Callable[[Path], None] | None = None, each: Each = one_by_one
+    ) -> None:
         """Write the tables of all cases, no row group of two cases, and the manifest (which alone carries times).
 
         The cases come in the order of "cases", the digests in the order of the plan; those without tables are left out.
-        `trace` is called when all tables but that of single runs over time are there, and may write those.
+        `trace` is called when all tables but that of single runs over time are there, and may write those. `each` calls
+        a function with units of work, one a table: worker processes may do them.
         """
         found = [case for case in extra_manifest["cases"] if (self.case_folder(case) / "tables").is_dir()]
-        for name in sorted(TABLES, key="traces".__eq__):
-            if name == "traces" and trace is not None:
-                trace(self.folder)
-            self._merge_table(name, found)
+        for _ in each(self.merge_table, [(name, found) for name in TABLES if name != "traces"]):
+            pass
+        if trace is not None:
+            trace(self.folder)
+        self.merge_table("traces", found)
         self.manifest |= extra_manifest
         self.manifest |= {"cases": found, "across_machines": across_machines(), "finished": _now()}
         self.owned.claim("run", (), found)
         _write_json(self.folder / MANIFEST, self.manifest)
 
-    def _merge_table(self, name: str, cases: Sequence[str]) -> None:
+    def merge_table(self, name: str, cases: Sequence[str]) -> None:
+        """Write a table of all cases from those of each."""
         of_cases = [self.case_folder(case) / "tables" / f"{name}.parquet" for case in cases]
         files = [file for file in of_cases if file.is_file()]  # those that are empty are not there
         every = dict.fromkeys(column for file in files for column in pq.read_schema(file).names[1:])

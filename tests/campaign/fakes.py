@@ -177,7 +177,10 @@ class Kept:
         row = ((info.id, info.label, info.axes), covariance.sources, numbers, explained)
         (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))
 
-    def finish(self, extra: dict[str, Any], trace: Any = None) -> None:
+    def leave(self, extra: dict[str, Any]) -> None:
+        (self.folder / "left").write_text(repr(extra["shard_finished"]))
+
+    def finish(self, extra: dict[str, Any], *_: Any) -> None:
         (self.folder / "finished").write_text("\n".join(extra["cases"]))
 
 

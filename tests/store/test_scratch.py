@@ -149,3 +149,14 @@ def test_only_scratch_files_of_the_cases_are_removed(tmp_path):
     folder.symlink_to(tmp_path / "other")
     scratch.remove(folder, ["c"])
     assert (tmp_path / "other" / "c.x.covariance").exists()
+
+
+def test_scratch_files_of_a_case_are_copied_and_no_others(tmp_path: Path) -> None:
+    source, target = tmp_path / "a", tmp_path / "b"
+    source.mkdir()
+    for name in ("one.1.0.covariance", "one.1.0.abc.explained", "other.1.0.covariance", "one.txt"):
+        (source / name).write_text(name)
+    scratch.copy(source, target, "one")
+    assert sorted(path.name for path in target.iterdir()) == ["one.1.0.abc.explained", "one.1.0.covariance"]
+    scratch.copy(tmp_path / "none", tmp_path / "c", "one")
+    assert not (tmp_path / "c").exists()

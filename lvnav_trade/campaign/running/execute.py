@@ -2,7 +2,6 @@
 
 import itertools
 import os
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
@@ -10,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from joblib import Parallel, delayed
-from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from lvnav_trade.campaign.definition.axes import Case, cases
@@ -22,8 +19,10 @@ from lvnav_trade.campaign.reading.load import resolved
 from lvnav_trade.campaign.running import replay, work
 from lvnav_trade.campaign.running.lock import locked
 from lvnav_trade.campaign.running.plan import Block, blocks
+from lvnav_trade.campaign.running.pool import WorkList, each, end_workers, numbered
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.provenance import manifest, without_folders
+from lvnav_trade.campaign.running.shards import Shard
 from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import InputError, refuse_all, system_message
@@ -113,6 +112,8 @@ def run(
     on_answers: OnAnswers | None = None,
     engine: work.Engine | None = None,
     keep: Store = STORE,
+    shard: Shard | None = None,
+    shards: Sequence[Path] = (),
 ) -> Outcome:
     """Carry out a campaign in `folder` and return what it left.
 
@@ -121,6 +122,8 @@ def run(
     jobs : worker processes; -1 all cores; 1 works in this process
     mode : resume what the folder holds of the same campaign, or begin afresh
     on_answers : called with linear covariance's answers as soon as they are there
+    shard : only its share of blocks is flown and left in the folder, without tables, for a campaign with `shards`
+    shards : folders of shards, whose blocks are taken before anything is computed
 
     Raises
     ------
@@ -134,18 +137,18 @@ def run(
     """
     watch, jobs = progress or Progress(), (os.cpu_count() or 1) if jobs < 1 else jobs
     try:
-        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.ENGINE)
+        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.ENGINE, shard)
         keep.check_folder(folder)  # before a lock is left in a folder that is not the tool's
         with locked(folder):  # a campaign that is refused leaves no folder
-            return work_to_do.all(keep, mode, on_answers)
+            return work_to_do.all(keep, mode, on_answers, shards) if shard is None else work_to_do.share(keep, mode)
     except KeyboardInterrupt:
-        _end_workers(jobs)
+        end_workers(jobs)
         raise
     except TerminatedWorkerError:
         fewer = max(1, jobs // 2)
         raise Halted(f"a worker process died (out of memory?); the same command resumes, try --jobs {fewer}") from None
     except OSError as error:
-        _end_workers(jobs)
+        end_workers(jobs)
         if error.errno is None:
             raise
         raise Halted(system_message(error, folder)) from None
@@ -155,8 +158,9 @@ def run(
 
 class _Run:
     def __init__(
-        self, campaign: Campaign, folder: Path, jobs: int, fail_fast: bool, watch: Progress, engine: work.Engine
-    ) -> None:
+        self, campaign: Campaign, folder: Path, jobs: int, fail_fast: bool, watch: Progress, engine: work.Engine,
+        shard: Shard | None,
+    ) -> None:  # fmt: skip
         self.campaign, self.folder, self.jobs, self.fail_fast, self.watch = campaign, folder, jobs, fail_fast, watch
         self.cases = cases(campaign)
         self.labels = {case.id: case.label for case in self.cases}
@@ -167,14 +171,46 @@ class _Run:
         self.job = work.job_of(campaign, engine, folder)
         self.stopping = Stopping(campaign)
         self.remarks = check_flight(campaign, self.cases, engine, jobs).remarks
+        self.shard, self.units = shard, blocks(campaign, self.cases, {})
+        if shard is not None:  # whether statements have an effect, and when enough was flown, needs all cases and runs
+            check_effect(campaign, self.cases, engine)
+            self.stopping.is_early, self.job = False, self.job._replace(requirements=())
+            self.units = list(shard.of(self.units))
+            mine = {unit.case.id for unit in self.units} or {case.id for case in self._share_of_cases(shard)}
+            self.cases = [case for case in self.cases if case.id in mine]
 
-    def all(self, keep: Store, mode: Mode, on_answers: OnAnswers | None) -> Outcome:
-        """Go through the stages; this process holds the lock of the folder."""
+    def _share_of_cases(self, shard: Shard) -> Sequence[Case]:
+        """Return a shard's share of the cases of a campaign without runs."""
+        return [] if self.campaign.monte_carlo else shard.of(self.cases)
+
+    def _open(self, keep: Store, mode: Mode) -> None:
+        """Open the folder of results; this process holds its lock."""
         if mode == "fresh":
             self._remove_scratch()
-        asked = self.campaign
-        results = keep.open_results(self.folder, asked.name, resolved(asked), manifest(asked, self.cases), mode)
-        self.job = self.job._replace(results=results)
+        asked, about = self.campaign, {"shard": [*self.shard]} if self.shard is not None else {}
+        stated = manifest(asked, self.cases) | about
+        self.job = self.job._replace(results=keep.open_results(self.folder, asked.name, resolved(asked), stated, mode))
+
+    def share(self, keep: Store, mode: Mode) -> Outcome:
+        """Do a shard's share of the work: linear covariance of its cases, what is behind that of cases whose first
+        block it has, its blocks.
+        """
+        self._open(keep, mode)
+        answers = self._answers(None) if self.cases else []
+        able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
+        first = {unit.case.id for unit in self.units if unit.first_run == 0}
+        own = [(self.job, case) for case in able if case.id in first or not self.campaign.monte_carlo]
+        self._per_case("diagnostics", work.explain, own, "what is behind its linear covariance")
+        self._fly(able)
+        end_workers(self.jobs)
+        self.job.results.leave({"timings_s": self.timings, "lost": self.lost, "shard_finished": not self.lost})
+        return Outcome(tuple(answers), tuple(self.failures))
+
+    def all(self, keep: Store, mode: Mode, on_answers: OnAnswers | None, shards: Sequence[Path] = ()) -> Outcome:
+        """Go through the stages."""
+        self._open(keep, mode)
+        for folder in shards:
+            self.job.results.take(folder, [case.id for case in self.cases])
         answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         left = [case for case, found in zip(self.cases, answers, strict=True) if not (found.error or found.is_whole)]
@@ -192,8 +228,8 @@ class _Run:
             "cases": [case.id for case in able if case.id not in lost],
         }
         is_tested = self.campaign.monte_carlo is not None and bool(self.campaign.requirements)
-        self.job.results.finish(reported, self._trace if is_tested else None)
-        _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
+        self.job.results.finish(reported, self._trace if is_tested else None, partial(each, self.jobs))
+        end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         if not self.lost:
             self._remove_scratch()
         return Outcome(tuple(answers), tuple(self.failures))
@@ -214,10 +250,10 @@ class _Run:
     def _stage(self, name: str, function: Any, units: Iterable[Any]) -> Iterator[Any]:
         """Yield the results of a stage in the order in which they come, timed; what a dead worker had is done again."""
         start = time.monotonic()
-        work_list = _WorkList(units)
+        work_list = WorkList(units)
         while not work_list.is_done():
             try:
-                with closing(each(self.jobs, _numbered, ((function, *unit) for unit in work_list.open()))) as found:
+                with closing(each(self.jobs, numbered, ((function, *unit) for unit in work_list.open()))) as found:
                     for number, one in found:
                         work_list.close(number)
                         yield one
@@ -239,7 +275,7 @@ class _Run:
         found: dict[str, work.Answer] = {}
         units: list[tuple[Any, ...]] = [(self.job, case) for case in self.cases]
         function: Any = work.whole
-        if self.campaign.monte_carlo:
+        if self.campaign.monte_carlo or self.shard is not None:
             function, units = work.answer_or_ahead, [(*unit, None) for unit in units]
         if self.campaign.monte_carlo and self.jobs > 1:
             units.insert(0, (self.job, self.cases[0], work.compile_kernels))
@@ -257,7 +293,9 @@ class _Run:
             if one.error:
                 self._fail(f"{self.labels[one.case]}: linear covariance: {one.error}", lost=True)
             if len(found) == len(self.cases):
-                refuse_all(Effects(self.campaign, self.cases).mistakes({key: one.used for key, one in found.items()}))
+                if self.shard is None:
+                    used = {key: one.used for key, one in found.items()}
+                    refuse_all(Effects(self.campaign, self.cases).mistakes(used))
                 if on_answers is not None:
                     on_answers([found[case.id] for case in self.cases], self.cases)
         return [found[case.id] for case in self.cases]
@@ -278,7 +316,7 @@ class _Run:
     def _fly(self, able: Sequence[Case]) -> set[str]:
         """Fly all blocks; return the digests of cases of which a block was lost."""
         done = {case.id: self.job.results.done(case.id) for case in able}
-        units = blocks(self.campaign, able, done)
+        units = [unit for unit in self.units if unit.case.id in done and unit[1:] not in done[unit.case.id]]
         if self.stopping.is_early:
             held = [case for case in able if done[case.id]]
             for one in itertools.chain(*each(self.jobs, work.tally, [(self.job, case) for case in held], ordered=True)):
@@ -320,59 +358,3 @@ class _Run:
         self.watch.note(line)
         if self.fail_fast:
             raise Halted(f"stopped at the first failure: {line}")
-
-
-class _WorkList:
-    """The units of a stage, taken one by one, each open until its result is in."""
-
-    def __init__(self, units: Iterable[tuple[Any, ...]]) -> None:
-        self._coming = enumerate(units)
-        self._open: dict[int, tuple[Any, ...]] = {}
-        self._taking = threading.Lock()  # a pool that ends may still take units while the next one does
-        self._ended = False
-
-    def open(self) -> Iterator[tuple[int, tuple[Any, ...]]]:
-        """Yield (number, unit): first those that were taken and never done, then new ones."""
-        yield from list(self._open.items())
-        while True:
-            with self._taking:
-                taken = next(self._coming, None)
-                if taken is None:
-                    self._ended = True
-                    return
-                self._open[taken[0]] = taken[1]
-            yield taken
-
-    def close(self, number: int) -> None:
-        self._open.pop(number, None)
-
-    def is_done(self) -> bool:
-        return self._ended and not self._open
-
-
-def _numbered(function: Callable[..., Any], number: int, unit: tuple[Any, ...]) -> tuple[int, Any]:
-    return number, function(*unit)
-
-
-_UNORDERED = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
-
-
-def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]], ordered: bool = False) -> Any:
-    """Return function(*unit) of all units in their order, else a generator of them in the order in which the workers
-    finish; in this process for one job.
-    """
-    if jobs == 1:
-        return (function(*unit) for unit in units)
-    pool = Parallel(n_jobs=jobs, initializer=work.begin_worker, **({} if ordered else _UNORDERED))
-    return pool(delayed(_worked)(function, *unit) for unit in units)
-
-
-def _worked(function: Callable[..., Any], *unit: Any) -> Any:
-    work.begin_worker()
-    return function(*unit)
-
-
-def _end_workers(jobs: int) -> None:
-    """End the worker processes at once; what they have stored is whole."""
-    if jobs > 1:
-        get_reusable_executor().shutdown(wait=True, kill_workers=True)

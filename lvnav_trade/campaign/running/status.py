@@ -9,8 +9,8 @@ from lvnav_trade.campaign.running.lock import holder
 from lvnav_trade.campaign.text import table
 from lvnav_trade.errors import InputError
 from lvnav_trade.store import parts as part_files
-from lvnav_trade.store.contents import MANIFEST
-from lvnav_trade.store.read import read_table, refuse_foreign
+from lvnav_trade.store.contents import MANIFEST, refuse_foreign
+from lvnav_trade.store.read import read_table
 from lvnav_trade.store.schema import TABLES
 from lvnav_trade.store.versions import environment
 from lvnav_trade.store.write import difference, identity_of

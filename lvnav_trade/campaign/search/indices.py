@@ -12,7 +12,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign, Requirement
 from lvnav_trade.campaign.definition.searches import Indices
 from lvnav_trade.campaign.reading.spaced import points
-from lvnav_trade.campaign.running.execute import each
+from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import HISTORY
 from lvnav_trade.engines.analysis.explain import flown_events, scaled
 from lvnav_trade.engines.lincov.history import covariance

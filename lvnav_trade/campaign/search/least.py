@@ -9,7 +9,7 @@ import pandas as pd
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Solve
-from lvnav_trade.campaign.running.execute import each
+from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import check_names, confirm, look
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.resources import PREFERRED, TOTALLED, total_of

@@ -14,7 +14,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases, get
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Solve, Total, Vary
 from lvnav_trade.campaign.reading.spaced import Ends, ends_of
-from lvnav_trade.campaign.running.execute import each
+from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import (
     FROZEN,
     RETUNED,

@@ -12,7 +12,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Tune
 from lvnav_trade.campaign.reading.spaced import Ends, ends_of
-from lvnav_trade.campaign.running.execute import each
+from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import changed, fly, looked, number_at
 from lvnav_trade.engines.setup.shared import trajectory_of
 from lvnav_trade.errors import InputError, quoted

@@ -65,7 +65,7 @@ def test_remarks_on_the_flights_are_kept_by_kind_each_once(study, fakes, monkeyp
     engine = fakes.Fake().engine()._replace(remarks=lambda scenario: said)
     finished: list[dict[str, object]] = []
     kept = fakes.store()
-    monkeypatch.setattr(sys.modules["fakes"].Kept, "finish", lambda self, extra, trace: finished.append(extra))
+    monkeypatch.setattr(sys.modules["fakes"].Kept, "finish", lambda self, extra, *_: finished.append(extra))
     execute.run(load(study.path), Path("results"), jobs=1, engine=engine, keep=kept)
     names = ("beyond_limits", "warnings", "notes")
     assert [finished[0][name] for name in names] == [["a: 33 g"], ["a: no event"], ["a: a hole"]]
@@ -229,7 +229,7 @@ def dying_pool(monkeypatch: pytest.MonkeyPatch, deaths: list[int]) -> list[int]:
             yield result
 
     monkeypatch.setattr(execute, "each", each)
-    monkeypatch.setattr(execute, "_end_workers", lambda jobs: None)
+    monkeypatch.setattr(execute, "end_workers", lambda jobs: None)
     return pools
 
 

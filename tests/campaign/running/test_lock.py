@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import platform
 import shutil
@@ -12,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 from lvnav_trade.campaign.running.lock import holder, locked
 from lvnav_trade.errors import InputError
@@ -51,10 +51,10 @@ def test_who_holds_the_lock_is_known_to_whoever_asks(tmp_path: Path) -> None:
 
 
 def test_a_file_system_without_locks_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise OSError(37, "No locks available")
 
-    monkeypatch.setattr(fcntl, "flock", refuse)
+    monkeypatch.setattr(FileLock, "acquire", refuse)
     with pytest.raises(InputError, match=r"cannot be locked: No locks available$"), locked(tmp_path):
         pass
 
@@ -113,7 +113,7 @@ def test_a_full_disk_is_no_mistake_of_the_user(tmp_path: Path, monkeypatch: pyte
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "open", full)
+    monkeypatch.setattr(Path, "touch", full)
     with pytest.raises(OSError, match="No space left"), locked(tmp_path):
         pass
 
@@ -128,5 +128,11 @@ def test_a_file_of_another_tool_is_not_taken_for_a_lock(tmp_path: Path) -> None:
 
 def test_the_name_of_the_machine_stays_no_longer_than_the_lock(tmp_path: Path) -> None:
     with locked(tmp_path):
-        assert (tmp_path / ".lock").read_text() == f"{os.getpid()} on {platform.node()}"
-    assert (tmp_path / ".lock").read_text() == ""
+        assert (tmp_path / ".lock-holder").read_text() == f"{os.getpid()} on {platform.node()}"
+    assert not (tmp_path / ".lock-holder").exists()
+
+
+def test_a_lock_of_an_earlier_version_is_taken(tmp_path: Path) -> None:
+    (tmp_path / ".lock").write_text("12 on host")
+    with locked(tmp_path):
+        assert holder(tmp_path) == f"process {os.getpid()} on {platform.node()}"

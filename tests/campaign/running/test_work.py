@@ -15,8 +15,8 @@ import pytest
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.running.execute import each
 from lvnav_trade.campaign.running.plan import Block
+from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.running.work import Job
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.records import Asked

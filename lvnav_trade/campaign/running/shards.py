@@ -1,0 +1,92 @@
+"""A campaign in shards: each does some of the blocks in a folder of its own, and merged they are the whole campaign."""
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.store.contents import MANIFEST, refuse_foreign
+from lvnav_trade.store.versions import environment
+from lvnav_trade.store.write import difference
+
+_ASKED = re.compile(r"(\d+)/(\d+)")
+_FOLDER = re.compile(r"shard-(\d+)-of-(\d+)")
+_SAME = ("asked_runs", "asked_block", "seed")  # beside the digest, which does not hold the number of runs
+_Unit = TypeVar("_Unit")
+
+
+class Shard(NamedTuple):
+    """Part `number` (from 1) of `total`."""
+
+    number: int
+    total: int
+
+    @property
+    def folder(self) -> str:
+        """Name of its folder."""
+        return f"shard-{self.number}-of-{self.total}"
+
+    def of(self, units: Sequence[_Unit]) -> Sequence[_Unit]:
+        """Return its share of units of work: adjacent ones, for those of one case share what is computed of it."""
+        first, last = ((self.number - less) * len(units) // self.total for less in (1, 0))
+        return units[first:last]
+
+
+def parse(text: str) -> Shard:
+    """Return the shard of a text such as ``2/8``."""
+    asked = _ASKED.fullmatch(text)
+    found = Shard(*map(int, asked.groups())) if asked else Shard(0, 0)
+    if not 1 <= found.number <= found.total:
+        raise InputError(f"--shard {text}: should be NUMBER/TOTAL, such as 1/4, with a number from 1 to the total")
+    return found
+
+
+def complete(place: Path) -> list[Path]:
+    """Return the folders of all shards of a campaign in `place`, in their order.
+
+    InputError where one is missing, not finished, of another campaign or of another code than this one.
+    """
+    names = [(_FOLDER.fullmatch(path.name), path) for path in sorted(place.glob("shard-*")) if path.is_dir()]
+    found = {Shard(*map(int, name.groups())): path for name, path in names if name}
+    counts = sorted({shard.total for shard in found})
+    if not counts:
+        raise InputError(f"{place}: no shards here (no folder {Shard(1, 2).folder} or the like)")
+    if len(counts) > 1:
+        raise InputError(f"{place}: holds shards of {' and of '.join(map(str, counts))}; keep those of one division")
+    every = [Shard(number, counts[0]) for number in range(1, counts[0] + 1)]
+    missing = [str(shard.number) for shard in every if shard not in found]
+    if missing:
+        raise InputError(f"{place}: of {counts[0]} shards these are missing: {', '.join(missing)}")
+    manifests = [_manifest(shard, found[shard]) for shard in every]
+    for shard, manifest in zip(every, manifests, strict=True):
+        _refuse_other(found[shard], manifest, found[every[0]], manifests[0])
+    return [found[shard] for shard in every]
+
+
+def _manifest(shard: Shard, folder: Path) -> dict[str, Any]:
+    path = folder / MANIFEST
+    try:
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from None
+    refuse_foreign(path, content)
+    if content.get("shard") != [*shard]:
+        raise InputError(f"{folder}: does not hold shard {shard.number} of {shard.total}")
+    if not content.get("shard_finished"):
+        again = f"lvnav-trade run with --shard {shard.number}/{shard.total}"
+        raise InputError(f"{folder}: not finished; the same {again} goes on with it")
+    return content
+
+
+def _refuse_other(folder: Path, manifest: dict[str, Any], first: Path, wanted: dict[str, Any]) -> None:
+    if manifest["campaign_digest"] != wanted["campaign_digest"]:
+        raise InputError(f"{folder}: holds another campaign than {first}")
+    for key in _SAME:
+        if manifest.get(key) != wanted.get(key):
+            what = key.removeprefix("asked_")
+            raise InputError(f"{folder}: {what} {manifest.get(key)}, but {first} has {wanted.get(key)}")
+    other = difference(manifest, environment())
+    if other:
+        raise InputError(f"{folder}: was computed {other}; merge with the code of the shards")

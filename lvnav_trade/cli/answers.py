@@ -1,0 +1,100 @@
+"""What the verbs that run campaigns answer: verdicts, linear covariance's table, the order that is preferred."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from lvnav_trade.campaign.text import table
+from lvnav_trade.cli.console import FAILED, Answer
+from lvnav_trade.errors import InputError
+
+_MOST = 10  # failed runs that are listed one by one
+
+
+def shown(as_json: bool) -> tuple[list[Any], Callable[..., None]]:
+    """Return a list, and what puts linear covariance's answers into it and prints them unless JSON is wanted."""
+    found: list[Any] = []
+
+    def show(answers: Sequence[Any], cases: Sequence[Any]) -> None:
+        found.extend(answers)
+        if not as_json:
+            _print_answers(answers, cases)
+
+    return found, show
+
+
+def shared(done: Any) -> Answer:
+    """Say what a shard has left."""
+    lines = [f"failed: {line}" for line in done.failures[:_MOST]]
+    lines.append(f"{done.runs} runs of {done.cases} cases are stored in {done.folder}")
+    lines.append(f"when all shards are there: lvnav-trade merge {done.folder.parent}")
+    content = {"folder": str(done.folder), "runs": done.runs, "cases": done.cases, "failures": list(done.failures)}
+    return Answer("\n".join(lines), content, FAILED if done.failures else 0)
+
+
+def check_preferred(prefer: Sequence[str]) -> None:
+    """Refuse what `run --prefer` does not know before anything is computed."""
+    from lvnav_trade.campaign.syntax.tree import hint
+    from lvnav_trade.metrics.resources import PREFERRED
+
+    for name in prefer:
+        if name not in PREFERRED:
+            raise InputError(f"--prefer {name}: should be one of {', '.join(PREFERRED)}{hint(name, PREFERRED)}")
+
+
+def with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer:
+    """Return an answer with the cases in the order that is preferred, those first that meet every requirement."""
+    from lvnav_trade.metrics.resources import ranked
+
+    frame = results.pareto
+    if frame.empty:
+        return answer._replace(text=f"{answer.text}\n--prefer: no card states resources, or there is no requirement")
+    order = ranked(frame, prefer)
+    shown = order[
+        ["case", "meets", "verdict", "error_ratio", "binding", "cost", "mass_kg", "power_w", "volume_l", "front"]
+    ]
+    shown = shown.assign(cost=shown.cost.map("{:g}".format))
+    text = f"{answer.text}\n{table(list(shown.columns), list(shown.itertuples(index=False)))}"
+    return answer._replace(
+        text=text, content={**answer.content, "preferred": json.loads(order.to_json(orient="records"))}
+    )
+
+
+def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
+    """Return verdicts and where the results are, with the exit code that they mean."""
+    from lvnav_trade.campaign.reading.flights import KINDS, remark_lines
+    from lvnav_trade.metrics.requirements.requirements import in_words
+
+    verdicts, failures = results.requirements, results.failures
+    remarks = {name: results.tables.manifest.get(name, []) for name in KINDS}
+    page = results.folder / "report.html" if report else None
+    lines = remark_lines(remarks) + [f"failed: {line}" for line in failures[:_MOST]]
+    if len(verdicts):
+        at = 1 if remarks["beyond_limits"] else 0
+        shown = in_words(verdicts)
+        lines.insert(at, table(list(shown.columns), list(shown.itertuples(index=False))))
+    if len(failures) > _MOST:
+        lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
+    counts = verdicts.verdict.value_counts(sort=False).items()
+    said = f"{', '.join(f'{verdict} {count}' for verdict, count in counts)}; " if len(verdicts) else ""
+    lines.append(said + (f"report: {page}" if page else f"results: {results.folder}"))
+    content = {
+        "folder": str(results.folder),
+        "report": str(page) if page else None,
+        "failures": failures,
+        **remarks,
+        "covariance": [{**answer._asdict(), "rows": [list(row) for row in answer.rows]} for answer in answers],
+        "requirements": json.loads(verdicts.to_json(orient="records")),  # what is not a number is null
+    }
+    return Answer("\n".join(lines), content, results.exit_code)
+
+
+def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
+    rows = []
+    for answer, case in zip(answers, cases, strict=True):
+        cells = [f"{true:.3g} ({formal:.3g}) {unit}" for _, true, formal, unit in answer.rows]
+        rows.append([case.label, answer.event, *(cells or [answer.error])])
+    print("Linear covariance, RMS of the true error (in brackets the formal sigma), 3D:")
+    print(table(["case", "at", "position", "velocity", "attitude"], rows), flush=True)

@@ -1,0 +1,62 @@
+"""Verbs and options of campaigns on several machines: merge; the workers of a Dask cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lvnav_trade.cli.answers import answer_of, shown
+from lvnav_trade.cli.console import Answer, Jobs, Json, verb
+from lvnav_trade.errors import InputError
+
+
+class Backend(StrEnum):
+    """What does the units of work: processes of this machine, or the workers of a Dask cluster."""
+
+    PROCESSES = "processes"
+    DASK = "dask"
+
+
+@contextmanager
+def workers(backend: Backend, scheduler: str | None, folder: Path, jobs: int) -> Iterator[tuple[Path, int]]:
+    """Give the folder of results and the number of workers for `api.run`, a cluster at work meanwhile if it is asked
+    for.
+    """
+    if backend == Backend.PROCESSES:
+        if scheduler is not None:
+            raise InputError("--scheduler: goes with --backend dask")
+        yield folder, jobs
+        return
+    if scheduler is not None and jobs != -1:
+        raise InputError("--jobs: a scheduler has the workers that were started for it")
+    from lvnav_trade.clusters import dask
+
+    place = folder.resolve()
+    with dask(place, scheduler, jobs) as count:
+        yield place, count
+
+
+@verb("results/demo")
+def merge(
+    place: Annotated[Path, typer.Argument(metavar="DIR", help="the folder with the folders of all shards")],
+    out: Annotated[Path | None, typer.Option("--out", help="folder of the results [default: DIR/merged]")] = None,
+    jobs: Jobs = -1,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="build the report at the end")] = True,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+    as_json: Json = False,
+) -> Answer:
+    """Put the shards of a campaign together.
+
+    Tables and report are those of the campaign in one piece.
+    """
+    from lvnav_trade import clusters
+    from lvnav_trade.campaign.running.progress import choose
+
+    found, show = shown(as_json)
+    results = clusters.merge(place, out, jobs, report, choose(quiet), show)
+    return answer_of(results, found, report)
