@@ -174,3 +174,26 @@ def export_trajectory(
     text = f"{apart}\nevents: {', '.join(found.events)}\nrows: {found.file}\ncard: {found.card}"
     content = {"file": str(found.file), "card": str(found.card), "events": found.events}
     return Answer(text, content | {"difference": found.difference})
+
+
+@verb("my_vehicle --from flight.csv")
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="folder of the new campaign")],
+    file: Annotated[Path, typer.Option("--from", metavar="FILE", help="rows of your flight, CSV or Parquet")],
+    epoch: Annotated[str | None, typer.Option("--epoch", help="lift-off, UTC, such as 2027-02-01T12:00:00Z")] = None,
+) -> Answer:
+    """Write a first campaign around a flight of your own.
+
+    Columns, units, frames and events are guessed; the card says why, line by line. No file is overwritten.
+    """
+    from lvnav_trade.campaign.reading.starting import start
+
+    found = start(folder, file, epoch)
+    rows = [[one.part, str(one.content), one.why] for one in found.guesses]
+    events = ", ".join(f"{name} {time}" for name, time in found.events.items()) or "none"
+    rows.append(["events", events, "jumps of force"])
+    lines = [table(["part", "guess", "why"], rows), f"card: {found.card}", f"campaign: {found.campaign}"]
+    lines.append(f"confirm the guesses in the card, then: lvnav-trade check {found.campaign}")
+    guessed = {one.part: one.content for one in found.guesses}
+    content = {"campaign": str(found.campaign), "card": str(found.card), "guesses": guessed, "events": found.events}
+    return Answer("\n".join(lines), content)

@@ -96,10 +96,10 @@ def _lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     return level, slope, middle, np.max(np.abs(rise - slope[:, None] * far), axis=1)
 
 
-def missing_events(
+def suggested_events(
     t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
-) -> str:
-    """Return as YAML the events that jumps of a force suggest and a card does not declare; empty where there are none.
+) -> dict[str, str]:
+    """Return names and times of the events that jumps of a force suggest and a card does not declare.
 
     Arguments as of `force_jumps`; declared: times (s) of the events by name. A force that ends is named a cut-off of
     the stage in turn, one that begins an ignition of the next; other steps are named by their sense.
@@ -120,6 +120,14 @@ def missing_events(
         if all(abs(jump.time - time) > near for time in declared.values()):
             digits = max(0, 1 - math.floor(math.log10(jump.width)))
             found[name] = f"{jump.time:.{digits}f} s"
+    return found
+
+
+def missing_events(
+    t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
+) -> str:
+    """Return `suggested_events` as YAML; empty where there are none."""
+    found = suggested_events(t, force, declared, coarsest, noise)
     if not found:
         return ""
     events = ", ".join(f"{name}: {time}" for name, time in found.items())

@@ -19,7 +19,7 @@ from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.launch import achieved
 from lvnav_trade.world.ascent.plausibility import within_limits
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY
-from lvnav_trade.world.jumps import missing_events
+from lvnav_trade.world.jumps import missing_events, suggested_events
 from lvnav_trade.world.truth import NOTE, PAD_STEP, WARNING, Phase, Trajectory, motion, pad_phase, pad_times
 from lvnav_trade.world.user_file.columns import TableTrajectory
 from lvnav_trade.world.user_file.contradiction import Residual, added
@@ -88,6 +88,20 @@ def from_table(card: TableTrajectory) -> Trajectory:
 def undeclared(card: TableTrajectory) -> str:
     """Return what is said of events that jumps of the force suggest and the card does not declare; empty for none."""
     return _path_of(card).missing
+
+
+def suggested(card: TableTrajectory) -> dict[str, str]:
+    """Return names and times of the events that jumps of the force suggest, for a card that declares none yet."""
+    rows = read_rows(card)
+    t, force, noise = _rows_force(rows)
+    return suggested_events(t, force, _marks(card.events, rows.t), _COARSEST, noise)
+
+
+def at_rest(card: TableTrajectory) -> bool:
+    """Whether the first row rests on the Earth, so that a pad may be put before it."""
+    rows = read_rows(card)
+    v_i = (rows.r_i[1] - rows.r_i[0]) / (rows.t[1] - rows.t[0]) if rows.v_i is None else rows.v_i[0]
+    return float(np.linalg.norm(earth_velocity(rows.r_i[0], v_i))) <= _REST
 
 
 def residuals(card: TableTrajectory) -> tuple[Residual, ...]:
