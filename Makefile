@@ -98,7 +98,7 @@ docs: $(VENV)/.installed-docs
 	@echo "the manual: site/index.html"
 
 bench: $(VENV)/.installed-bench
-	@$(bin)/python -m benchmarks.run
+	@OPENBLAS_NUM_THREADS=1 $(bin)/python -m benchmarks.run  # as in worker processes
 
 # A published study again, every campaign of its folder: an hour or so; killed, the same command goes on.
 study-conae study-dlr study-drdc study-gains: study-%: $(VENV)/.installed

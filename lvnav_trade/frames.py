@@ -178,8 +178,9 @@ def state_from_elements(elements: Elements) -> tuple[Floats, Floats]:
 # --- attitude ---------------------------------------------------------------------------------------------------------
 
 
-def quaternions(C: Floats) -> Floats:
-    """Return the unit quaternions (n, 4), scalar first, of rotation matrices C (n, 3, 3), of continuous sign along n.
+def quaternions(C: Floats, continuous: bool = True) -> Floats:
+    """Return the unit quaternions (n, 4), scalar first, of rotation matrices C (n, 3, 3), of continuous sign along n
+    or each by itself.
 
     Shepperd's choice of the largest component, so that no rotation is badly conditioned.
     """
@@ -191,7 +192,8 @@ def quaternions(C: Floats) -> Floats:
     s0, s1, s2, s3 = squares.T
     rows = np.array([[s0, wx, wy, wz], [wx, s1, xy, xz], [wy, xy, s2, yz], [wz, xz, yz, s3]])
     q = unit(rows[k, :, np.arange(len(k))])
-    q[1:] *= np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))[:, None]
+    if continuous:
+        q[1:] *= np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))[:, None]
     return q
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -11,6 +12,7 @@ from lvnav_trade.cli.console import FAILED, Answer
 from lvnav_trade.errors import InputError
 
 _MOST = 10  # failed runs that are listed one by one
+_ROWS, _FEW = 40, 10  # rows of a table, and those above that are not worth a second look elsewhere
 
 
 def shown(as_json: bool) -> tuple[list[Any], Callable[..., None]]:
@@ -73,8 +75,7 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
     lines = remark_lines(remarks) + [f"failed: {line}" for line in failures[:_MOST]]
     if len(verdicts):
         at = 1 if remarks["beyond_limits"] else 0
-        shown = in_words(verdicts)
-        lines.insert(at, table(list(shown.columns), list(shown.itertuples(index=False))))
+        lines.insert(at, _verdicts(in_words(verdicts), "requirements.csv, the report" if report else "--json"))
     if len(failures) > _MOST:
         lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
     counts = verdicts.verdict.value_counts(sort=False).items()
@@ -91,10 +92,25 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
     return Answer("\n".join(lines), content, results.exit_code)
 
 
+def _verdicts(shown: Any, whole: str) -> str:
+    """Return the table of verdicts; of more rows than fit, the worst verdicts first, and where the whole table is."""
+    from lvnav_trade.metrics.requirements.margins import ORDER
+
+    more = len(shown) - _ROWS
+    if more <= _FEW:
+        return table(list(shown.columns), list(shown.itertuples(index=False)))
+    rows = shown.sort_values("verdict", key=lambda words: words.map(ORDER.index), kind="stable")[:_ROWS]
+    return f"{table(list(rows.columns), list(rows.itertuples(index=False)))}\n{more} more rows, none worse: {whole}"
+
+
 def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
     rows = []
     for answer, case in zip(answers, cases, strict=True):
         cells = [f"{true:.3g} ({formal:.3g}) {unit}" for _, true, formal, unit in answer.rows]
         rows.append([case.label, answer.event, *(cells or [answer.error])])
+    shown = rows if len(rows) <= _ROWS + _FEW else rows[:_ROWS]
     print("Linear covariance, RMS of the true error (in brackets the formal sigma), 3D:")
-    print(table(["case", "at", "position", "velocity", "attitude"], rows), flush=True)
+    print(table(["case", "at", "position", "velocity", "attitude"], shown))
+    if len(shown) < len(rows):
+        print(f"{len(rows) - len(shown)} more cases: in the report, or --json")
+    sys.stdout.flush()

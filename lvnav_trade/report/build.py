@@ -61,7 +61,7 @@ show stands on the page only where it was asked for by name.
 """
 OPEN = ("summary", "requirements", "envelopes", "budget")
 """Sections that the page shows at once; the others are one click away, and a brief report leaves them out."""
-_BRIEF_ROWS, _BRIEF_FIGURES = 20, 9  # of a table, and in all, of a brief report
+_BRIEF_ROWS, _BRIEF_FIGURES = 15, 9  # of a table, and in all, of a brief report
 _SCRIPTS = ("uplot/uPlot.iife.min.js", "figures.js", "page.js", "grades.js")
 _MANY = 50
 _DETAILED = ("orbit", "correction", "impact")

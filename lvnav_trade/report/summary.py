@@ -164,8 +164,9 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
     for verdict in ("met", "violated", "not confirmed", "undecided"):
         chosen = rows[rows.verdict == verdict]
         if len(chosen):
-            every = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else ""
-            blocks.append(Text(f"{every}{_listed(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
+            part = f"{len(chosen)} of {len(rows)} cases: " if len(chosen) > _FEW else ""
+            part = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else part
+            blocks.append(Text(f"{part}{_listed(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
     blocks += [Text(text, "Linear covariance alone:") for text in _by_covariance(tables, name, rows)]
     better = METRICS["improvements"](tables)
     better = better[better.requirement == name]
@@ -253,9 +254,15 @@ def _some(sources: str) -> str:
 
 def _undecided(rows: pd.DataFrame) -> list[str]:
     return [
-        f"{' and '.join(group.case)} ({more} further good runs {'each ' * (len(group) > 1)}would decide)"
+        f"{_together(list(group.case))} ({more} further good runs {'each ' * (len(group) > 1)}would decide)"
         for more, group in rows.groupby("runs_to_decide", sort=True)
     ]
+
+
+def _together(cases: list[str]) -> str:
+    """Name cases, or of many the first ones and how many more there are."""
+    more = len(cases) - _FEW
+    return " and ".join([*cases[:_FEW], f"{more} more"] if more > 1 else cases)
 
 
 def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.DataFrame) -> list[str]:

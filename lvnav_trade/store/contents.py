@@ -12,12 +12,13 @@ from typing import Any, Literal
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.store import parts as part_files
 from lvnav_trade.store import scratch
-from lvnav_trade.store.files import replace_file
+from lvnav_trade.store.files import CASE_TABLE, replace_file
 from lvnav_trade.store.schema import TABLES
 
 CONTENTS, RESOLVED, MANIFEST = "contents.json", "campaign.resolved.yaml", "manifest.json"
 RUN_FILES = (MANIFEST, RESOLVED, *(f"{table}.parquet" for table in TABLES))
 _MARK, _VERSION = "lvnav_trade_contents", 1
+_CASE_TABLES = (CASE_TABLE, ".parquet")  # and how earlier versions ended their names
 _CASE = re.compile(r"\w[\w.-]*")
 _TEMPORARY = re.compile(r"^\.(.+)\.\d+$")
 _GIVE_ANOTHER = "nothing was changed; give another folder"
@@ -106,7 +107,8 @@ class OwnedFolder:
             self._remove(self.place(name))
         for case in self.cases:
             place = self._place_case(case)
-            for path in [*(place / "tables" / f"{table}.parquet" for table in TABLES), *part_files.paths(place)]:
+            tables = [place / "tables" / f"{table}{end}" for table in TABLES for end in _CASE_TABLES]
+            for path in [*tables, *part_files.paths(place)]:
                 self._remove(path)
         scratch.remove(self.folder / scratch.FOLDER, self.cases)
         self._files, self.cases = {}, []
@@ -118,7 +120,7 @@ class OwnedFolder:
         for place in cases | {path.parent for path in own}:
             for path in place.glob(".*.*"):
                 name = _TEMPORARY.sub(r"\1", path.name)
-                of_case = place in cases and (part_files.is_name(name) or name.removesuffix(".parquet") in TABLES)
+                of_case = place in cases and (part_files.is_name(name) or PurePosixPath(name).stem in TABLES)
                 if name != path.name and (of_case or place / name in own):
                     path.unlink(missing_ok=True)
 

@@ -7,13 +7,14 @@ import numpy as np
 from lvnav_trade import frames
 from lvnav_trade.engines.setup.prepare import Prepared, reporting_axes
 from lvnav_trade.records import IDLE, TRACKING, CovHistory, Floats, Reference
+from lvnav_trade.store.columns import Coded
 from lvnav_trade.world.faults import periods, singled_out
 
 # Seconds between the stored states, or the step of the history where that is longer; events are stored too
 STEP = 5.0
 # Seconds between the stored skies at least: a receiver at 10 Hz adds nothing that a figure could show
 SKY_STEP = 1.0
-_COMPONENTS = np.array([f"{quantity} {axis}" for quantity in ("velocity", "position") for axis in "xyz"])
+_COMPONENTS = [f"{quantity} {axis}" for quantity in ("velocity", "position") for axis in "xyz"]
 _CHANGE = ("t_s", "satellite", "from_state", "to_state", "reason")
 
 
@@ -80,12 +81,12 @@ def _satellites(prepared: Prepared) -> dict[str, Any]:
     troposphere, ionosphere = delays.troposphere[:, :, 0], delays.ionosphere[:, :, 0]
     return {
         "t_s": sky.t[::step][row],
-        "satellite": np.array(sky.names)[column],
-        "system": np.array(sky.systems)[column],
+        "satellite": Coded(sky.names, column),
+        "system": Coded(sky.systems, column),
         "azimuth_rad": picked(sky.azimuth),
         "elevation_rad": picked(sky.elevation),
         "tracked": picked(sky.tracked),
-        "state": np.array(TRACKING)[picked(sky.state)],
+        "state": Coded(TRACKING, picked(sky.state)),
         "antenna_number": picked(sky.antenna).astype(np.int64) + 1,
         "cn0_db_hz": picked(sky.cn0),
         "range_sigma_m": measured(sky.range_sigma),
@@ -130,8 +131,7 @@ def _rows(prepared: Prepared, cov: CovHistory) -> list[tuple[str, int]]:
 
 
 def _states(events: list[str], t: Floats, r_i: Floats, v_i: Floats, theta: Floats, axes: Floats) -> dict[str, Any]:
-    C = np.swapaxes(axes, 1, 2)  # each by itself, for the rows are not in the order of time
-    turn = np.concatenate([frames.quaternions(C[k : k + 1]) for k in range(len(C))])
+    turn = frames.quaternions(np.swapaxes(axes, 1, 2), continuous=False)  # the rows are not in the order of time
     return {
         "event": events,
         "t_s": t,
@@ -153,10 +153,10 @@ def _joint(rows: list[tuple[str, int]], t: Floats, cov: CovHistory, index: list[
     mean = np.einsum("nij,nj->ni", turn, cov.mean[np.ix_(where, index)])
     i, j = np.triu_indices(6)
     return {
-        "event": np.repeat([event for event, _ in rows], i.size),
+        "event": Coded([event for event, _ in rows], np.repeat(np.arange(len(rows)), i.size)),
         "t_s": np.repeat(t, i.size),
-        "component": list(_COMPONENTS[i]) * len(rows),
-        "other_component": list(_COMPONENTS[j]) * len(rows),
+        "component": Coded(_COMPONENTS, np.tile(i, len(rows))),
+        "other_component": Coded(_COMPONENTS, np.tile(j, len(rows))),
         "true_si2": true[:, i, j].ravel(),
         "formal_si2": formal[:, i, j].ravel(),
         "mean_si": np.where(i == j, mean[:, i], np.nan).ravel(),

@@ -1,6 +1,5 @@
 """Scratch files of a running campaign: named tuples of arrays as npz and JSON, checked when read, never executed."""
 
-import hashlib
 import io
 import json
 import logging
@@ -16,7 +15,7 @@ from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
-from lvnav_trade.store.files import replace_file
+from lvnav_trade.store.files import replace_file, replacing
 
 _LOG = logging.getLogger("lvnav_trade.store")
 FOLDER = ".scratch"
@@ -29,20 +28,18 @@ _DAMAGE = (
 
 
 def write(file: Path, value: Any, identity: str) -> None:
-    """Write a value in one step, after its checksum.
+    """Write a value in one step; each array of the archive has its checksum.
 
     value : nested named tuples, tuples, numeric arrays, numbers, texts and None; TypeError for anything else
     identity : what it was computed from; `read` asks for the same
     """
     arrays: list[Any] = []
     text = json.dumps({"identity": identity, "value": _encode(value, arrays)})
-    buffer = io.BytesIO()
     members: dict[str, Any] = {f"a{number}": array for number, array in enumerate(arrays)}
     members[_TREE] = np.frombuffer(text.encode(), dtype=np.uint8)
-    np.savez(buffer, **members)
-    content = buffer.getvalue()
     file.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(file, hashlib.sha256(content).digest() + content)
+    with replacing(file) as temporary, temporary.open("xb") as archive:
+        np.savez(archive, **members)
 
 
 def read(file: Path, root: type, identity: str) -> Any:
@@ -50,11 +47,9 @@ def read(file: Path, root: type, identity: str) -> Any:
 
     root : the named tuple that is expected; only it and the named tuples of its fields are made
     """
-    content = file.read_bytes()
-    if hashlib.sha256(content[32:]).digest() != content[:32]:
-        raise ValueError(f"{file}: damaged: its checksum does not fit")
+    content = io.BytesIO(file.read_bytes())
     try:
-        with np.load(io.BytesIO(content[32:]), allow_pickle=False) as arrays:
+        with np.load(content, allow_pickle=False) as arrays:
             found = json.loads(arrays[_TREE].tobytes().decode())
             if found["identity"] != identity:
                 raise ValueError("computed from another campaign, case or code")

@@ -14,12 +14,13 @@ from lvnav_trade.engines.simulate.statistics import NORM, BlockSummary, add_norm
 from lvnav_trade.records import CovHistory, Floats, Output, RunBlock
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.steering.nozzle import AXES, FEEDS, PHASES, Controlled
-from lvnav_trade.store.columns import column
+from lvnav_trade.store.columns import Coded, column
 from lvnav_trade.store.diagnostics import explained_rows
 from lvnav_trade.store.flight import event_rows, flight_columns, state_columns
 from lvnav_trade.store.runs import DRAWN, integrity_columns, run_columns, start_columns, trace_columns
 from lvnav_trade.store.schema import TABLES, arrow_schema
 
+_NAME = ("quantity", "axis", "unit")
 _OF_RUNS = ("runs", "worst", "logic", "integrity", "starts")
 _NORM_LIKE_CONSTANT = 1e9  # degrees of freedom of a mean square that does not vary from run to run
 
@@ -118,8 +119,11 @@ def _arrow(name: str, case_id: str, content: dict[str, Any] | list[dict[str, Any
     whole = []
     for field in schema:
         values = case_id if field.name == "case" else content.get(field.name, ())
-        each = np.full(max(lengths, default=0), values) if isinstance(values, str | int | float) else values
-        whole.append(column(each, field.type))
+        if isinstance(values, str):
+            values = Coded([values], np.zeros(max(lengths, default=0)))
+        elif isinstance(values, int | float):
+            values = np.full(max(lengths, default=0), values)
+        whole.append(column(values, field.type))
     return pa.table(whole, schema=schema)
 
 
@@ -136,7 +140,10 @@ def _freedom(covariance: Floats, mean: Floats) -> Floats:
 
 def _names(outputs: tuple[Output, ...], n: int) -> dict[str, Any]:
     """Name each output n times, output after output."""
-    return {part: np.repeat([getattr(output, part) for output in outputs], n) for part in ("quantity", "axis", "unit")}
+    return {
+        part: Coded([getattr(output, part) for output in outputs], np.repeat(np.arange(len(outputs)), n))
+        for part in _NAME
+    }
 
 
 def thresholds(scenario: Scenario) -> dict[str, float]:
@@ -263,7 +270,7 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
                 "event": np.full(source.size, event),
                 "t_s": cov.t[at[0]],
                 "source": np.array(cov.sources)[source],
-                **{part: values[output] for part, values in _names(tuple(every[k] for k in chosen), 1).items()},
+                **{part: np.array([getattr(every[k], part) for k in chosen])[output] for part in _NAME},
                 "sigma_si": np.sqrt(variance[at]),
                 "share_ratio": share[at],
             }

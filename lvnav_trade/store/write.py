@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from lvnav_trade.engines.analysis.explain import Explanation
 from lvnav_trade.engines.setup.prepare import Prepared
@@ -21,7 +20,15 @@ from lvnav_trade.steering.nozzle import Controlled
 from lvnav_trade.store import parts as part_files
 from lvnav_trade.store import scratch
 from lvnav_trade.store.contents import MANIFEST, RESOLVED, RUN_FILES, OwnedFolder, owned
-from lvnav_trade.store.files import replace_file, replace_table, row_files, row_groups, writers
+from lvnav_trade.store.files import (
+    CASE_TABLE,
+    batches,
+    case_schema,
+    merged_table,
+    replace_file,
+    row_files,
+    write_case_table,
+)  # fmt: skip
 from lvnav_trade.store.schema import TABLES, arrow_schema
 from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table, traces_table
 from lvnav_trade.store.versions import RESULTS_VERSION, across_machines, campaign_digest, environment
@@ -97,16 +104,16 @@ class Results:
             for piece in starts.pieces() if starts is not None else ():
                 rows.add(starts_table(case.id, piece))
         for name, table in case_tables(case, prepared, cov, summary, explained, control).items():
-            file = folder / f"{name}.parquet"
+            file = folder / f"{name}{CASE_TABLE}"
             if table.num_rows or table.num_columns > len(TABLES[name]) + 1:  # columns of this case's own
-                replace_table(table, file)
+                write_case_table(table, file)
             else:
                 file.unlink(missing_ok=True)
 
     def write_traces(self, case_id: str, prepared: Prepared, blocks: Iterable[RunBlock]) -> None:
         """Write what blocks of one run each leave of it over time, among the tables of the case."""
         table = traces_table(case_id, prepared.outputs, blocks)
-        replace_table(table, self.case_folder(case_id) / "tables" / "traces.parquet")
+        write_case_table(table, self.case_folder(case_id) / "tables" / f"traces{CASE_TABLE}")
 
     def take(self, folder: Path, cases: Iterable[str]) -> None:
         """Copy the parts and scratch files of cases that a shard has left in another folder of results."""
@@ -143,9 +150,9 @@ class Results:
 
     def merge_table(self, name: str, cases: Sequence[str]) -> None:
         """Write a table of all cases from those of each."""
-        of_cases = [self.case_folder(case) / "tables" / f"{name}.parquet" for case in cases]
+        of_cases = [self.case_folder(case) / "tables" / f"{name}{CASE_TABLE}" for case in cases]
         files = [file for file in of_cases if file.is_file()]  # those that are empty are not there
-        every = dict.fromkeys(column for file in files for column in pq.read_schema(file).names[1:])
+        every = dict.fromkeys(column for file in files for column in case_schema(file).names[1:])
         metadata = {
             "lvnav_trade.table": name,
             "lvnav_trade.version": self.manifest["tool"],
@@ -153,8 +160,8 @@ class Results:
         }
         schema = arrow_schema(name, tuple(column for column in every if column not in TABLES[name]))
         schema = schema.with_metadata(metadata)
-        with writers({self.folder / f"{name}.parquet": schema}) as (write,):
-            for table in chain.from_iterable(map(row_groups, files)):
+        with merged_table(self.folder / f"{name}.parquet", schema) as write:
+            for table in chain.from_iterable(map(batches, files)):
                 write(_widen(table, schema))
 
 

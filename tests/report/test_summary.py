@@ -11,7 +11,7 @@ import pandas as pd
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.report import build
 from lvnav_trade.report.blocks import Text, number
-from lvnav_trade.report.summary import SIGNS, _largest_sources, answers, summary
+from lvnav_trade.report.summary import SIGNS, _largest_sources, _undecided, answers, summary
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -120,3 +120,11 @@ def test_cases_that_linear_covariance_does_not_describe_name_no_source_by_it_and
     tables = load(tmp_path)
     asked = {"name": "a", "metric": "velocity_error_3d", "at": "injection", "below": "0.1 m/s", "probability": 0.9}
     assert _largest_sources(tables, asked, pd.DataFrame({"case": list(tables.labels.values())})) == []
+
+
+def test_of_many_cases_the_first_are_named_and_the_others_counted():
+    cases = [f"case {k}" for k in range(36)]
+    rows = pd.DataFrame({"case": cases, "runs_to_decide": 5})
+    (said,) = _undecided(rows)
+    assert said == "case 0 and case 1 and case 2 and case 3 and 32 more (5 further good runs each would decide)"
+    assert _undecided(rows[:5]) == [f"{' and '.join(cases[:5])} (5 further good runs each would decide)"]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from lvnav_trade.store import files
 from lvnav_trade.store.columns import column
-from lvnav_trade.store.files import row_files, row_groups
+from lvnav_trade.store.files import batches, case_schema, row_files
 
 
 def numbers(first: int, end: int) -> dict[str, pa.Table]:
@@ -26,23 +25,23 @@ def written(folder, size: int, n: int = 350):
     with row_files(folder, numbers(0, 0)) as rows:
         for first in range(0, n, size):
             rows.add(numbers(first, min(first + size, n)))
-    return folder / "runs.parquet"
+    return folder / "runs.arrow"
 
 
 def test_the_bytes_do_not_tell_in_which_pieces_the_rows_came(tmp_path):
     whole = written(tmp_path / "350", 350)
     for size in (1, 40, 99, 100, 250):
         assert written(tmp_path / str(size), size).read_bytes() == whole.read_bytes()
-    assert [group["run"].to_pylist() for group in row_groups(whole)] == [
+    assert [group["run"].to_pylist() for group in batches(whole)] == [
         list(range(first, min(first + 100, 350))) for first in (0, 100, 200, 300)
     ]
 
 
 @pytest.mark.parametrize("n", [0, 100])
-def test_rows_that_fill_their_groups_leave_no_empty_one_and_no_rows_one_that_is_empty(tmp_path, n):
+def test_no_batch_is_empty(tmp_path, n):
     path = written(tmp_path / "new", 30, n)
-    assert pq.read_metadata(path).num_row_groups == 1
-    assert [group.num_rows for group in row_groups(path)] == [n]
+    assert [group.num_rows for group in batches(path)] == [n] * (n > 0)
+    assert case_schema(path).names == ["run"]
 
 
 def test_where_a_piece_fails_no_file_appears_and_the_old_one_stays(tmp_path):
@@ -58,5 +57,5 @@ def test_where_a_piece_fails_no_file_appears_and_the_old_one_stays(tmp_path):
         row_files(old.parent, numbers(0, 0)) as rows,
     ):
         assert list(rows.noted(pieces(), lambda one: numbers(one, 200)))
-    assert [path.name for path in old.parent.iterdir()] == ["runs.parquet"]
+    assert [path.name for path in old.parent.iterdir()] == ["runs.arrow"]
     assert old.read_bytes() == before

@@ -23,6 +23,9 @@ from lvnav_trade.scenario import Scenario
 RESULTS_VERSION = 1  # raised when the same scenario and seed no longer give the same numbers
 
 BASE_LABEL = "base"
+_LONG = re.compile(
+    r"^[+-]?(?=[\d.]{8})\d*\.\d+(?:[eE][+-]?\d+)?(?= |$)"
+)  # a number with many digits, its unit behind it
 
 
 class Case(NamedTuple):
@@ -124,7 +127,13 @@ def level_label(axis: Axis, index: int) -> str:
     value = (axis.values or ())[index]
     if isinstance(value, Mapping):
         return str(value.get("name") or value.get("card") or index)
-    return "none" if value is None else str(value)
+    return "none" if value is None else _rounded(axis.values or ())[index]
+
+
+def _rounded(values: Sequence[Any]) -> list[str]:
+    """Write values, their numbers with at most six digits where the values stay apart."""
+    texts = [_LONG.sub(lambda found: f"{float(found[0]):.6g}", str(value)) for value in values]
+    return texts if len(set(texts)) == len(texts) else [str(value) for value in values]
 
 
 def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:

@@ -388,7 +388,7 @@
       const beside = columns > 1 && figure.panels.some((other) => other.ylabel);
       if (panel.ylabel || beside) { node(cell, "div", "axis", panel.ylabel ? panel.ylabel.replace(/\n/g, " ") : "\u00a0"); }
       const width = Math.floor(least[column]), stated = panel.equal && panel.xlim;
-      const height = Math.max(stated ? Math.min(width, 0.92 * width + 30) : 96 * figure.height * (narrow ? 0.8 : 0.92) - 34, 96);
+      const height = Math.max(stated ? Math.min(width, 0.92 * width + 30) : 96 * figure.height * (printing ? 0.62 : narrow ? 0.8 : 0.92) - 34, 96);
       const x = limits(figure, index, "x"), y = limits(figure, index, "y");
       const left = panel.yticks ? axis(panel, "y", index, whole).size : 54;
       if (panel.equal && !stated) {

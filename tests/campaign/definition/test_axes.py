@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign.definition.axes import Sections, case_id, cases, levels, put
+from lvnav_trade.campaign.definition.axes import Sections, case_id, cases, level_label, levels, put
+from lvnav_trade.campaign.definition.schema import Axis
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import Scenario
@@ -57,6 +58,20 @@ def test_two_axes_of_the_same_last_word_are_known_by_their_paths(study) -> None:
     )
     names = list(cases(load(study.path))[0].axes)
     assert names == ["imu.gyro.bias_repeatability", "imu.accel.bias_repeatability"]
+
+
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [
+        (["0.5 deg/h", "4.763157895 deg/h"], ["0.5 deg/h", "4.76316 deg/h"]),
+        ([1.23456789e-9, 2], ["1.23457e-09", "2"]),
+        (["1.00000001 m", "1.00000002 m"], ["1.00000001 m", "1.00000002 m"]),  # they would be the same
+        (["20241221 cards", 12345678], ["20241221 cards", "12345678"]),
+    ],
+)
+def test_long_numbers_are_rounded_in_labels_where_levels_stay_apart(values, shown) -> None:
+    axis = Axis(path="imu", values=values)
+    assert [level_label(axis, k) for k in range(len(values))] == shown
 
 
 def test_labels_of_the_user_are_kept(study) -> None:
