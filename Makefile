@@ -14,11 +14,11 @@ from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
 wheels_needed := pip 'hatchling>=1.27,<2' editables
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint unit smoke slow bounds lowest bench docs study-conae study-dlr study-drdc study-gains trade wheelhouse clean
+.PHONY: help demo test lint unit smoke slow bounds lowest bench docs study-conae study-dlr study-drdc study-gains recorded trade wheelhouse clean
 
 help:
 	@sed -n 's/^# //p' Makefile | head -4
-	@echo 'also: make slow | bounds | lowest | bench | docs | study-conae | study-dlr | study-drdc | study-gains | wheelhouse | clean'
+	@echo 'also: make slow | bounds | lowest | bench | docs | study-conae | study-dlr | study-drdc | study-gains | recorded | wheelhouse | clean'
 
 # A stamp stands for an installation and is older than pyproject.toml when that must be repeated.
 $(bin)/python:
@@ -103,6 +103,13 @@ bench: $(VENV)/.installed-bench
 # A published study again, every campaign of its folder: an hour or so; killed, the same command goes on.
 study-conae study-dlr study-drdc study-gains: study-%: $(VENV)/.installed
 	@$(bin)/lvnav-trade study $* --keep reports/$* --jobs $(JOBS)
+
+# Recorded sets of others, from the folder that holds them: SETS=... make recorded
+recorded: $(VENV)/.installed
+	@mkdir -p build/recorded && $(bin)/python -m tests.recorded_sets "$(SETS)" build/recorded
+	@$(bin)/lvnav-trade process-log campaigns/recorded/walk.yaml build/recorded/walk_log.yaml -o reports/recorded/walk
+	@$(bin)/lvnav-trade process-log campaigns/recorded/drive.yaml build/recorded/drive_log.yaml -o reports/recorded/drive \
+	    --outage '15 s' --outage '30 s' --first 10 --every 1
 
 # Searches over designs: their pages in reports/trade.
 trade: $(VENV)/.installed

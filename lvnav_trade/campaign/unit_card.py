@@ -12,7 +12,7 @@ from lvnav_trade.campaign.syntax.cards import MARK
 from lvnav_trade.errors import InputError
 from lvnav_trade.records import Floats
 from lvnav_trade.world.sensors.allan_fit import FEWEST, NAMES, AxisFit, Coefficient, fit, ladder
-from lvnav_trade.world.user_file.imu_log import ImuLog, part_of, read_log
+from lvnav_trade.world.user_file.imu_log import ImuLog, read_log
 
 _SENSORS = {"gyro": "gyro", "accel": "accelerometer"}
 _UNITS = {
@@ -56,7 +56,7 @@ def fit_unit(
     InputError
         A log that cannot be read, with gaps or uneven, too short, or whose output never changes.
     """
-    log = part_of(read_log(file), start, end, file)
+    log = read_log(file, start=0.0 if start is None else start, end=math.inf if end is None else end)
     n, rate = log.t.size, 1.0 / log.dt
     factors = ladder(n, log.dt, shortest, longest)
     if n < FEWEST or len(factors) < len(NAMES) + 2:

@@ -1,4 +1,4 @@
-"""Verbs of recorded data: fit-unit."""
+"""Verbs of recorded data: fit-unit, process-log."""
 
 import json
 import math
@@ -9,6 +9,7 @@ import typer
 
 from lvnav_trade.campaign.text import table
 from lvnav_trade.cli.console import Answer, verb
+from lvnav_trade.errors import InputError
 
 LogFile = Annotated[str, typer.Argument(metavar="LOG", help="CSV or Parquet, units in the names of its columns")]
 
@@ -42,3 +43,43 @@ def fit_unit(
     lines += [f"figure: {plot}"] if plot is not None else []
     content = {"card": str(out), "plot": str(plot) if plot else None, "seconds": found.seconds, "rate_hz": found.rate}
     return Answer("\n".join(lines), {**content, "coefficients": json.loads(frame.to_json(orient="records"))})
+
+
+@verb("walk.yaml walk_log.yaml -o walk_outages --outage '15 s' --outage '60 s'")
+def process_log(
+    campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="its filters; each case is processed")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="card of the log: files, axes, rest")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="folder of page and tables")],
+    outage: Annotated[
+        list[str] | None, typer.Option("--outage", metavar="SECONDS", help="length to withhold [15 s and 60 s]")
+    ] = None,
+    first: Annotated[float, typer.Option("--first", metavar="SECONDS", help="first outage, after the rest")] = 20.0,
+    every: Annotated[float, typer.Option("--every", metavar="SECONDS", help="from one outage to the next")] = 5.0,
+    sets: Annotated[list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change the campaign")] = None,
+) -> Answer:
+    """Run a recorded log through the filters of a campaign.
+
+    Receiver solutions are withheld for some seconds, again and again; the error at the end stands against the sigma.
+    """
+    from lvnav_trade import logs
+    from lvnav_trade.units import parse
+
+    try:
+        lengths = [parse(text, "s") for text in outage or ("15 s", "60 s")]
+    except ValueError as error:
+        raise InputError(f"--outage: {error}") from None
+    if min(lengths) <= 0.0 or every <= 0.0 or first < 0.0:
+        raise InputError("--outage and --every: should be above zero, --first not below it")
+    done = logs.process_log(campaign, log, out, lengths, first, every, sets or ())
+    rows = [
+        [row.case, f"{row.length_s:g} s", row.outages, f"{row.inside_percent:.0f} %", f"{row.nees_ratio:.2f}",
+         f"{row.position_rms_m:.3g} m", f"{row.position_worst_m:.3g} m"]
+        for row in done.summary.itertuples()
+    ]  # fmt: skip
+    heading = math.degrees(done.alignment.heading) % 360.0
+    lines = [
+        table(["case", "withheld", "outages", "inside 3 sigma", "NEES", "position RMS", "worst"], rows),
+        f"heading after the rest: {heading:.1f} deg; page: {out / 'report.html'}",
+    ]
+    content = {"page": str(out / "report.html"), "heading_deg": heading}
+    return Answer("\n".join(lines), content | {"summary": json.loads(done.summary.to_json(orient="records"))})

@@ -49,3 +49,23 @@ def allan_of_log(curves: pd.DataFrame) -> Figure:
             one.tau_s, factor * one.deviation_si, ls="none", marker="o", ms=3, color=PALETTE[1], label="log, with 95 %"
         )
     return figure
+
+
+def outages_of_log(outages: pd.DataFrame) -> Figure:
+    """Draw the errors at the ends of outages of a recorded log over the time of the end, with the filter's three sigma;
+    a column per length, a row each for position and velocity.
+    """
+    lengths = list(dict.fromkeys(outages.length_s))
+    figure, grid = canvas(2, len(lengths), 2.2, sharex="col")
+    shown = (("position", "m"), ("velocity", "m_per_s"))
+    for row, (quantity, unit) in enumerate(shown):
+        for column, length in enumerate(lengths):
+            axes = grid[row, column]
+            for k, (case, one) in enumerate(outages[outages.length_s == length].groupby("case", sort=False)):
+                colour = PALETTE[k % len(PALETTE)]
+                style = {"ls": "none", "marker": "o", "ms": 3, "color": colour}
+                axes.plot(one.end_s, one[f"{quantity}_error_{unit}"], label=str(case), **style)
+                axes.plot(one.end_s, one[f"{quantity}_3sigma_{unit}"], ls="--", lw=0.9, color=colour)
+            axes.set(ylabel=f"{quantity} error ({unit.replace('_per_', '/')})", margin=0.04)
+            axes.set(**({"title": f"{length:g} s withheld"} if row == 0 else {"xlabel": "end of the outage (s)"}))
+    return figure

@@ -184,7 +184,19 @@ def reporting_axes(frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: floa
     return rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
 
 
-def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats | None = None) -> Prepared:
+def _flown(scenario: Scenario) -> tuple[Trajectory, Reference]:
+    """Return the flight of a scenario and its samples."""
+    card = scenario.trajectory
+    text = identity(card)
+    return built(text, card), sampled(text, card, scenario.imu.rate)
+
+
+def prepare(
+    scenario: Scenario,
+    history: float = 1.0,
+    every_step_beside: Floats | None = None,
+    flown: tuple[Trajectory, Reference] | None = None,
+) -> Prepared:
     """Make a scenario ready: trajectory, increments, satellites, filter models, and the windows of the flight.
 
     Long because all that runs share is put together here, once, each part by a function of its own.
@@ -196,10 +208,11 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     every_step_beside
         History times (s) of a block; they are kept, and every covariance step is recorded beside them (for a replay:
         where windows are cut, and so the last bit of every number, is as in the block).
+    flown
+        The flight and its samples in place of those of the scenario's trajectory.
     """
-    flown, card = scenario.trajectory, scenario.filter
-    text = identity(flown)
-    trajectory, ref = built(text, flown), sampled(text, flown, scenario.imu.rate)
+    card = scenario.filter
+    trajectory, ref = flown or _flown(scenario)
     epochs = epochs_of(scenario, ref)
     t_epoch = epochs.t
     seen = seen_in(scenario, trajectory, t_epoch, float(ref.t[0]))

@@ -188,6 +188,16 @@ def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[Misses]:
         yield Misses(*(_by_run(array, lanes)[: n_run - first] for array in misses))
 
 
+def end_of_run(prepared: Prepared, at: int) -> tuple[Floats, Floats, bool]:
+    """Return of run 0 the errors (n_out,) at a history time, the filter's covariance (n_state, n_state) at the end, and
+    whether it failed.
+    """
+    lanes = not config.DISABLE_JIT
+    work, _ = _fly(prepared, 0, 0, lanes)
+    err, P, failed = (_by_run(array, lanes)[0] for array in (work.err, work.P, work.failed))
+    return err[at], P, bool(failed[0])
+
+
 _OUTPUT = {"err": float, "sigma": float, "nees": float, "nis": float, "n_row": np.int32, "n_reject": np.int32,
            "innovation": float, "failed": np.int8, "t_failed": float}  # fmt: skip
 

@@ -5,7 +5,7 @@ guidance steers by the estimate, the estimate is brought to the aim, so the same
 error of the injection.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -136,11 +136,25 @@ def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
 
 def impact_errors(state: State, error: Floats) -> Floats:
     """Return how far the true point of impact lies from the estimated one, down-range and cross-range (n, 2), m."""
-    true = impact(state.r_i, state.v_i, state.earth_angle)
-    if not np.isfinite(true.fall[0]):
-        return np.full((len(error), 2), np.nan)
-    estimated = impact(state.r_i - error[:, 3:], state.v_i - error[:, :3], state.earth_angle, lowest=0.0)
-    return -offsets(true.r_e, estimated.r_e, true.heading)
+    return impacts_errors([state], [error])[0]
+
+
+def impacts_errors(states: Sequence[State], errors: Sequence[Floats]) -> list[Floats]:
+    """Return `impact_errors` of several states, each with its errors: all falls together take little longer than one.
+
+    NaN where the true state has no point of impact.
+    """
+    r_i, v_i = np.array([state.r_i for state in states]), np.array([state.v_i for state in states])
+    angle = np.array([state.earth_angle for state in states])
+    true, of = impact(r_i, v_i, angle), np.repeat(np.arange(len(states)), [len(error) for error in errors])
+    off, estimated = np.concatenate(errors), np.full((len(of), 3), np.nan)
+    falls = np.isfinite(true.fall)[of]
+    if falls.any():
+        some = of[falls]
+        found = impact(r_i[some] - off[falls, 3:], v_i[some] - off[falls, :3], angle[some], lowest=0.0)
+        estimated[falls] = found.r_e
+    apart = -offsets(true.r_e[of], estimated, true.heading[of])
+    return np.split(apart, np.cumsum([len(error) for error in errors])[:-1])
 
 
 def signed(state: State, error: Floats, metric: str) -> Floats:

@@ -1,5 +1,6 @@
 """The instantaneous impact point over the flight, the ellipse of its error, and whether it keeps to a corridor."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -119,11 +120,11 @@ def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
         return []
     true = _arrays(states)
     points, slopes = freefall.impact(*true), _slopes(*(part.tobytes() for part in true))
+    falling = [k for k in np.argsort([state.t for state in states], kind="stable") if np.isfinite(points.fall[k])]
+    flown = _runs(tables, case, [states[k] for k in falling], corridor)
     return [
-        _row(states[k], laws[k], freefall.Impact(*(value[k] for value in points)), slopes[k], corridor)
-        | _runs(tables, case, states[k], corridor)
-        for k in np.argsort([state.t for state in states], kind="stable")
-        if np.isfinite(points.fall[k])
+        _row(states[k], laws[k], freefall.Impact(*(value[k] for value in points)), slopes[k], corridor) | of_runs
+        for k, of_runs in zip(falling, flown, strict=True)
     ]
 
 
@@ -257,14 +258,20 @@ def _inside(corridor: Corridor, point: freefall.Impact, covariance: Floats, bias
     return probability((corridor.corners - here) * metres(float(point.latitude)) * 1e-3, -north_east @ bias, spread)
 
 
-def _runs(tables: Tables, case: str, state: mission.State, corridor: Corridor | None) -> dict[str, Any]:
-    """Return what the runs say at an event; no runs between events."""
-    if not state.event:
-        return {"runs": 0}
-    good = mission.good_errors(tables, case, state)
+def _runs(
+    tables: Tables, case: str, states: Sequence[mission.State], corridor: Corridor | None
+) -> list[dict[str, Any]]:
+    """Return what the runs say at each state that is one of an event; no runs between events."""
+    good = [mission.good_errors(tables, case, state) if state.event else np.empty((0, 6)) for state in states]
+    off = mission.impacts_errors(states, good) if states else []
+    return [_of_runs(*one, corridor) for one in zip(states, good, off, strict=True)]
+
+
+def _of_runs(state: mission.State, good: Floats, off: Floats, corridor: Corridor | None) -> dict[str, Any]:
+    """Return what runs say at an event; off: their errors (n, 2) at impact, m."""
     if len(good) < 2:
         return {"runs": len(good)}
-    off = mission.impact_errors(state, good) * 1e-3
+    off = off * 1e-3
     spread = off.std(axis=0, ddof=1)
     far = float(np.quantile(np.linalg.norm(off, axis=1), 0.99))
     found = {"runs": len(good), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1], "mc_q99_km": far}

@@ -42,18 +42,29 @@ class ImuLog(NamedTuple):
     accel: Floats
 
 
-def read_log(file: str, delimiter: str = ",") -> ImuLog:
-    """Return the rows of a log; InputError names file, row and fault: a column, a number, a gap, uneven sampling."""
+def read_log(
+    file: str, delimiter: str = ",", gap: float | None = None, start: float = 0.0, end: float = math.inf
+) -> ImuLog:
+    """Return the rows of a log; InputError names file, row and fault: a column, a number, a gap, uneven sampling.
+
+    Parameters
+    ----------
+    gap : rows may be uneven and that far apart (s); none: they are even, and dt is the interval of each
+    start, end : part of the log, s after its first row; what is wrong with the times of other rows does not matter
+    """
     titles = column_names(file, delimiter)
     time, scale = time_column(file, titles)
     found = {part: _columns(file, titles, part) for part in _SI}
     names = [time, *(name for columns, _, _ in found.values() for name in columns)]
     table, places = read_columns(file, names, delimiter, FEWEST, "a log")
+    here = _part(table[:, 0] * scale, start, end, file)
+    table, places = table[here], places[here]
     t = table[:, 0] * scale
-    dt = _interval(t - t[0], file, places)
+    dt = _interval(t - t[0], file, places) if gap is None else _uneven(t, file, places, gap)
+    steps = dt if gap is None else np.diff(t, prepend=t[0] - dt)[:, None]
     means = {}
     for at, (part, (_, unit, increments)) in zip((1, 4), found.items(), strict=True):
-        means[part] = table[:, at : at + 3] * (si(unit, _SI[part][increments]) / (dt if increments else 1.0))
+        means[part] = table[:, at : at + 3] * si(unit, _SI[part][increments]) / (steps if increments else 1.0)
     return ImuLog(t, dt, means["gyro"], means["accel"])
 
 
@@ -96,12 +107,20 @@ def _interval(t: Floats, file: str, places: list[str]) -> float:
     return float(t[-1] / (t.size - 1))
 
 
-def part_of(log: ImuLog, start: float | None, end: float | None, file: str) -> ImuLog:
-    """Return the rows between two times (s after the first row); InputError where there are too few."""
-    since = log.t - log.t[0]
-    first = -math.inf if start is None else start
-    last = math.inf if end is None else end
-    here = (since >= first - 1e-9) & (since <= last + 1e-9)
-    if np.count_nonzero(here) < FEWEST:
-        raise InputError(f"{file}: {np.count_nonzero(here)} rows from {first:g} to {last:g} s, needs {FEWEST} or more")
-    return ImuLog(log.t[here], log.dt, log.gyro[here], log.accel[here])
+def _uneven(t: Floats, file: str, places: list[str], longest: float) -> float:
+    """Return the mean interval (s) of uneven rows; InputError where they leave a longer gap."""
+    steps = refuse_unordered(t, file, places)
+    refuse_first(
+        steps > longest, file, places[1:],
+        lambda k: f"a gap: no rows between {t[k]:.9g} s and {t[k + 1]:.9g} s; at most {longest:g} s are bridged",
+    )  # fmt: skip
+    return float((t[-1] - t[0]) / (t.size - 1))
+
+
+def _part(t: Floats, start: float, end: float, file: str) -> slice:
+    """Return the rows from one time to another (s after the first row); InputError where they are too few."""
+    since = t - t[0]
+    here = slice(*np.searchsorted(since, [start - 1e-9, end + 1e-9]))
+    if here.stop - here.start < FEWEST:
+        raise InputError(f"{file}: {here.stop - here.start} rows from {start:g} to {end:g} s, needs {FEWEST} or more")
+    return here

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.world.user_file.imu_log import part_of, read_log
+from lvnav_trade.world.user_file.imu_log import read_log
 
 N, DT = 20, 0.01
 
@@ -69,7 +69,11 @@ def test_faults_are_named_with_their_place(tmp_path, change, said):
 
 
 def test_a_part_of_a_log_is_counted_from_its_first_row(tmp_path):
-    log = read_log(_written(_frame(), tmp_path))
-    assert part_of(log, 0.05, None, "log").t[0] == pytest.approx(5.05)
+    frame = _frame()
+    frame.loc[frame.index[-1], "t_s"] += 3.0  # a gap behind the part does not matter
+    file = _written(frame, tmp_path)
+    assert read_log(file, start=0.05, end=0.18).t[0] == pytest.approx(5.05)
     with pytest.raises(InputError, match=r"rows from 0 to 0\.03 s"):
-        part_of(log, 0.0, 0.03, "log")
+        read_log(file, end=0.03)
+    with pytest.raises(InputError, match="a gap"):
+        read_log(file)

@@ -1,0 +1,168 @@
+"""A recorded log in place of a simulated flight: the filter of a case runs on it as on any flight of the engines."""
+
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation
+
+from lvnav_trade.engines.recorded.alignment import Alignment, increments_to
+from lvnav_trade.engines.setup.prepare import Prepared, prepare
+from lvnav_trade.errors import InputError
+from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, quaternions, rotation_e_n
+from lvnav_trade.frames import matrices as matrices_of
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.records import Floats, Ints, Reference
+from lvnav_trade.scenario import Scenario, epoch_interval, measured
+from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.truth import Phase, Trajectory, attitude_spline
+from lvnav_trade.world.user_file.navigation_log import NavigationLog, Recording, later
+
+_TAKEN = {"position", "velocity"}
+_FEWEST = 10  # solutions that a filter gets at least
+_KNOTS = 0.1  # s between knots of the attitude that a reference is drawn with
+_SATELLITES = 4  # that stand for a solution
+
+
+def refuse_unable(scenario: Scenario) -> None:
+    """InputError where the filter of a case needs what a log of increments and solutions has not."""
+    others = [name for name in measured(scenario) if name not in _TAKEN]
+    if others or not measured(scenario):
+        raise InputError(
+            f"the filter takes {', '.join(others) or 'no measurement'}; a log has position and velocity of a receiver"
+        )
+    if not isinstance(scenario.imu, ImuCard):
+        raise InputError("imu: several units; a log is of one")
+
+
+def replayed(scenario: Scenario, log: Recording, card: NavigationLog, aligned: Alignment) -> Prepared:
+    """Return a case made ready to run on a log from the end of its rest on.
+
+    The truth of the engines is what the log says: increments without further errors, the receiver's solutions, and as
+    reference the path through them. Nothing is drawn. Time counts from the first solution after the rest.
+
+    InputError where the unit's rows do not carry the case's rate, or its epochs meet no solutions.
+    """
+    refuse_unable(scenario)
+    rate = scenario.imu.rate
+    first = int(np.argmax(log.t_fix >= aligned.t))
+    start, end = float(log.t_fix[first]), float(min(log.t_fix[-1], log.t[-1]))
+    own = (log.t.size - 1) / float(log.t[-1] - log.t[0])
+    if rate > 1.5 * own:
+        raise InputError(f"imu.rate: {rate:g} Hz; the log has {own:.4g} rows a second")
+    epoch = later(log.epoch, start)
+    flown = scenario.trajectory.model_copy(update={"epoch": epoch})
+    scenario = scenario.model_copy(update={"trajectory": flown, "faults": ()})
+    lever = np.array(scenario.receiver.lever_b)
+    fixes = _fixes(log, start, gmst(epoch))
+    trajectory, reference = _reference(scenario, log, aligned, fixes, lever, (start, end), epoch)
+    prepared = prepare(scenario, epoch_interval(scenario), flown=(trajectory, reference))
+    return _on_log(prepared, fixes, log, card, start)
+
+
+def _fixes(log: Recording, start: float, theta0: float) -> tuple[Floats, Floats, Floats]:
+    """Return times (m,) s since the start, positions and velocities (m, 3), frame i, of a log's solutions."""
+    t = log.t_fix - start
+    theta = earth_angle(theta0, t)
+    r_i = eci_from_ecef(ecef_from_geodetic(*log.place.T), theta)
+    v_e = np.einsum("nji,nj->ni", rotation_e_n(log.place[:, 0], log.place[:, 1]), log.moving)
+    return t, r_i, eci_from_ecef(v_e, theta) + np.cross([0.0, 0.0, OMEGA], r_i)
+
+
+def _reference(
+    scenario: Scenario,
+    log: Recording,
+    aligned: Alignment,
+    fixes: tuple[Floats, Floats, Floats],
+    lever: Floats,
+    span: tuple[float, float],
+    epoch: str,
+) -> tuple[Trajectory, Reference]:
+    """Return the path of the unit through the solutions, and the unit's increments on ticks of the case's rate."""
+    rate, (start, end) = scenario.imu.rate, span
+    n = int(np.floor((end - start) * rate + 1e-6))
+    t = np.arange(n + 1) / rate
+    turned, pushed = (increments_to(log, start + t, part) for part in (log.turned, log.pushed))
+    dtheta, dvel = np.diff(turned, axis=0) - aligned.gyro_bias / rate, np.diff(pushed, axis=0)
+    theta0 = gmst(epoch)
+    at = int(np.argmax(log.t_fix >= start))
+    C_i_n = rotation_e_n(log.place[at, 0], log.place[at, 1]) @ _turned(theta0)
+    # between the end of the rest and the first solution, a fraction of a second, the body stands still
+    C = _accumulated(C_i_n.T @ aligned.C_b_n, dtheta)
+    q = quaternions(C)
+    w_b = np.vstack([dtheta[:1], dtheta]) * rate
+    inside = (fixes[0] >= 0.0) & (fixes[0] <= t[-1] + 1e-9)
+    t_fix, r_fix, v_fix = (part[inside] for part in fixes)
+    tick = np.clip(np.rint(t_fix * rate).astype(int), 0, n)
+    arm = np.einsum("nij,j->ni", C[tick], lever)
+    swing = np.einsum("nij,nj->ni", C[tick], np.cross(w_b[tick], lever))
+    path: Any = CubicHermiteSpline(t_fix, r_fix - arm, v_fix - swing)
+    t_end = float(min(t[-1], t_fix[-1]))
+    n = int(np.floor(t_end * rate + 1e-6))
+    t, dtheta, dvel, q, w_b = t[: n + 1], dtheta[:n], dvel[:n], q[: n + 1], w_b[: n + 1]
+    knots = np.unique(np.append(np.arange(0, n, max(1, round(_KNOTS * rate))), n))
+    phase = Phase("log", 0.0, float(t[-1]), path, attitude_spline(t[knots], q[knots]))
+    f_b = np.vstack([dvel[:1], dvel]) * rate
+    return Trajectory((phase,), {}, theta0, epoch), Reference(t, path(t), path(t, 1), q, f_b, w_b, dtheta, dvel)
+
+
+def _turned(theta0: float) -> Floats:
+    c, s = np.cos(theta0), np.sin(theta0)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _accumulated(C: Floats, dtheta: Floats) -> Floats:
+    """Return the attitudes C_b_i (n + 1, 3, 3) that start at C (3, 3) and turn by increments (n, 3)."""
+    steps, found = Rotation.from_rotvec(dtheta).as_matrix(), np.empty((len(dtheta) + 1, 3, 3))
+    found[0] = C
+    for k, step in enumerate(steps):
+        found[k + 1] = found[k] @ step
+    return matrices_of(quaternions(found))
+
+
+def _on_log(
+    prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: Recording, card: NavigationLog, start: float
+) -> Prepared:
+    """Return a prepared case whose unit and receiver put out what the log has, and which draws nothing."""
+    rate, epochs = prepared.scenario.imu.rate, prepared.t_epoch
+    at = _nearest(fixes[0], epochs)
+    met = np.abs(fixes[0][at] - epochs) < 0.5 / rate
+    if np.count_nonzero(met) < _FEWEST:
+        raise InputError(
+            f"{np.count_nonzero(met)} of the case's {epochs.size} epochs, {epoch_interval(prepared.scenario):g} s "
+            f"apart, meet a solution of the log to half a tick of its unit, {0.5 / rate:.2g} s"
+        )
+    signals, unit, ref = prepared.signals, prepared.unit, prepared.reference
+    nothing = np.zeros_like
+    variance = signals.variance.copy()
+    if card.gnss.noise == "log":
+        variance[:, :6] = _variances(log, fixes, at, prepared.trajectory.theta0)
+    n_used = np.where(met, _SATELLITES, 0)
+    shared = signals.shared._replace(start=nothing(signals.shared.start), walk=nothing(signals.shared.walk))
+    return prepared._replace(
+        signals=signals._replace(
+            n_used=n_used, position=fixes[1][at], velocity=fixes[2][at], sigma=nothing(signals.sigma),
+            variance=variance, clock_start=nothing(signals.clock_start), clock_step=nothing(signals.clock_step),
+            clock_jump=nothing(signals.clock_jump), frozen=nothing(signals.frozen), shared=shared,
+        ),
+        unit=unit._replace(
+            dtheta=np.ascontiguousarray(ref.dtheta), dvel=np.ascontiguousarray(ref.dvel), white=nothing(unit.white),
+            sigma=nothing(unit.sigma), walk=nothing(unit.walk), drifting=False,
+            **{name: getattr(unit, name)[:0] for name in unit._fields if name.startswith("profile")},
+        ),
+        start=prepared.start._replace(roots=nothing(prepared.start.roots)),
+    )  # fmt: skip
+
+
+def _nearest(t: Floats, wanted: Floats) -> Ints:
+    """Return the index of the time of t (n,) nearest to each wanted (m,)."""
+    after = np.clip(np.searchsorted(t, wanted), 1, t.size - 1)
+    return np.where(wanted - t[after - 1] < t[after] - wanted, after - 1, after)
+
+
+def _variances(log: Recording, fixes: tuple[Floats, Floats, Floats], at: Ints, theta0: float) -> Floats:
+    """Return the variances (n_epoch, 6) along the axes of frame i that the log states of its solutions."""
+    place, sigma = log.place[at], log.sigma[at]
+    C_n_e = np.swapaxes(rotation_e_n(place[:, 0], place[:, 1]), 1, 2)
+    C_n_i = np.stack([_turned(theta).T @ C for theta, C in zip(earth_angle(theta0, fixes[0][at]), C_n_e, strict=True)])
+    return np.hstack([np.einsum("nij,nj->ni", C_n_i**2, part**2) for part in (sigma[:, :3], sigma[:, 3:])])

@@ -1,0 +1,57 @@
+"""The page of a recorded log: how the filters of a campaign come through outages that were withheld from them."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.recorded import Processed
+from lvnav_trade.plots.inertial import outages_of_log
+from lvnav_trade.report.blocks import Block, Picture, Section, Text, table
+from lvnav_trade.report.escape import note
+
+INSIDE, LEAST_NEES = 95.0, 0.3
+"""Percent of outages that should end within three sigma, and the mean NEES below which a filter is too careful."""
+_COLUMNS = (
+    "case | withheld (s) = length_s: number | outages | inside 3 sigma (%) = inside_percent: number | "
+    "NEES = nees_ratio: number | position RMS (m) = position_rms_m: number | worst (m) = position_worst_m: number | "
+    "velocity RMS (m/s) = velocity_rms_m_per_s: number"
+)
+
+
+def page(done: Processed, campaign: Campaign) -> tuple[str, str, list[Section]]:
+    """Return title, what is said below it, and the sections of the page."""
+    blocks: list[Block] = [
+        Text(done.card.source),
+        Text(note("recorded", campaign=campaign.name, alignment=_alignment(done))),
+        table(done.summary, "Outages by case and length.", _COLUMNS),
+        *(Text(text) for text in _wanting(done)),
+        Picture("outages", outages_of_log(done.outages), note("outages_of_log", "figures")),
+    ]
+    return done.card.name, "Outages withheld from a recorded log", [Section("outages", "Outages", blocks)]
+
+
+def _alignment(done: Processed) -> str:
+    found = done.alignment
+    how = f"from the motion, one sigma {np.degrees(found.heading_sigma):.2g} deg"
+    rate = ", ".join(f"{value:.3g}" for value in np.degrees(found.gyro_bias))
+    return (
+        f"Heading at the end of the rest: {np.degrees(found.heading) % 360.0:.1f} deg "
+        f"({'stated' if done.card.heading is not None else how}); taken off the rates: {rate} deg/s."
+    )
+
+
+def _wanting(done: Processed) -> Iterator[str]:
+    """Say of each row what it lacks."""
+    for row in done.summary.itertuples():
+        if reason := _reason(row):
+            yield f"{row.case}, {row.length_s:g} s: {reason}."
+
+
+def _reason(row: Any) -> str:
+    if row.inside_percent < INSIDE:
+        return f"{row.inside_percent:.0f} % inside three sigma, fewer than {INSIDE:g} %: the filter assumes too little"
+    if row.nees_ratio < LEAST_NEES:
+        return f"a mean NEES of {row.nees_ratio:.2f}, below {LEAST_NEES:g}: the filter assumes more error than there is"
+    return ""

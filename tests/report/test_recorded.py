@@ -1,0 +1,48 @@
+"""The page of a recorded log says what the filters of a campaign make of it, and where they fall short."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.recorded import Processed, summarised
+from lvnav_trade.engines.recorded.alignment import Alignment
+from lvnav_trade.report.build import html_page, markdown_page
+from lvnav_trade.report.recorded import page
+from lvnav_trade.world.user_file.navigation_log import NavigationLog
+
+
+def processed(inside: bool = True, square: float = 1.0, heading: str | None = None) -> Processed:
+    card = NavigationLog.model_validate(
+        {"name": "a drive", "source": "simulated", "epoch": "2026-01-01T00:00:00Z", "imu": {"file": "i"},
+         "gnss": {"file": "g"}, "still": ["0 s", "9 s"], "heading": heading}
+    )  # fmt: skip
+    rows = pd.DataFrame(
+        {"case": "base", "length_s": 15.0, "begin_s": [20.0, 25.0], "end_s": [35.0, 40.0], "position_error_m": 2.0,
+         "position_3sigma_m": 4.0, "velocity_error_m_per_s": 0.1, "velocity_3sigma_m_per_s": 0.3, "nees_ratio": square,
+         "inside": inside}
+    )  # fmt: skip
+    aligned = Alignment(9.0, np.eye(3), np.radians([0.1, 0.0, -0.2]), np.radians(-90.0), np.radians(0.5))
+    return Processed(card, aligned, pd.DataFrame(), rows, summarised(rows))
+
+
+def said(done: Processed) -> str:
+    return " ".join(markdown_page(*page(done, load("campaigns/smoke.yaml"))).split())
+
+
+def test_alignment_and_outages_stand_on_the_page():
+    text = said(processed())
+    assert "270.0 deg (from the motion, one sigma 0.5 deg); taken off the rates: 0.1, 0, -0.2 deg/s" in text
+    assert "2.00" in text
+    assert "figures/outages.png" in text
+    assert "assumes" not in text.partition("Outages by case")[2]
+    assert "(stated)" in said(processed(heading="1 rad"))
+    assert "uPlot" in html_page(*page(processed(), load("campaigns/smoke.yaml")))
+
+
+def test_a_filter_that_assumes_too_little_or_too_much_is_named():
+    assert "base, 15 s: 0 % inside three sigma, fewer than 95 %: the filter assumes too little" in said(
+        processed(False)
+    )
+    assert "a mean NEES of 0.10, below 0.3: the filter assumes more error than there is" in said(processed(square=0.1))
