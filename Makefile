@@ -14,11 +14,11 @@ from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
 wheels_needed := pip 'hatchling>=1.27,<2' editables
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint unit smoke slow bounds lowest bench docs study-conae study-dlr study-drdc study-gains recorded trade wheelhouse clean
+.PHONY: help demo test lint unit smoke slow bounds lowest test-lowest bench docs study-conae study-dlr study-drdc study-gains recorded test-s3 trade wheelhouse clean
 
 help:
 	@sed -n 's/^# //p' Makefile | head -4
-	@echo 'also: make slow | bounds | lowest | bench | docs | study-conae | study-dlr | study-drdc | study-gains | recorded | wheelhouse | clean'
+	@echo 'also: make slow | bounds | lowest | bench | docs | study-conae | study-dlr | study-drdc | study-gains | recorded | test-s3 | wheelhouse | clean'
 
 # A stamp stands for an installation and is older than pyproject.toml when that must be repeated.
 $(bin)/python:
@@ -84,7 +84,7 @@ bounds: $(VENV)/.installed-test
 
 # The tests with the lowest versions that pyproject.toml allows, in a folder of their own. All of them have wheels for
 # Python 3.11: make lowest PYTHON=python3.11
-lowest: | $(bin)/python
+lowest test-lowest: | $(bin)/python
 	@test -x "$(VENV)-lowest/bin/python" || $(PYTHON) -m venv "$(VENV)-lowest"
 	@$(bin)/python tests/lowest.py > "$(VENV)-lowest/constraints.txt"
 	@"$(VENV)-lowest/bin/python" -m pip --disable-pip-version-check -qq install $(from_wheels) \
@@ -103,6 +103,11 @@ bench: $(VENV)/.installed-bench
 # A published study again, every campaign of its folder: an hour or so; killed, the same command goes on.
 study-conae study-dlr study-drdc study-gains: study-%: $(VENV)/.installed
 	@$(bin)/lvnav-trade study $* --keep reports/$* --jobs $(JOBS)
+
+# Results on a server of S3 on this machine (the packages of both are installed for it).
+test-s3: $(VENV)/.installed-test
+	@$(bin)/pip install -q 's3fs>=2024.2' 'moto[server]>=5,<6'
+	@$(bin)/python -m pytest -q tests/store/test_remote.py
 
 # Recorded sets of others, from the folder that holds them: SETS=... make recorded
 recorded: $(VENV)/.installed

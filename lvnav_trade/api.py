@@ -25,6 +25,7 @@ from lvnav_trade.results import USAGE as USAGE
 from lvnav_trade.results import VIOLATED as VIOLATED
 from lvnav_trade.results import Results as Results
 from lvnav_trade.results import exit_code as exit_code
+from lvnav_trade.store import remote
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import load as read
 
@@ -90,6 +91,7 @@ def run(
     progress: Progress | None = None,
     on_answers: Callable[..., None] | None = None,
     shards: Sequence[Path] = (),
+    copy_to: str = "",
 ) -> Results:
     """Carry out a campaign and return its results.
 
@@ -103,6 +105,7 @@ def run(
     fail_fast : stop at the first failed run
     report : build the report too
     progress, on_answers, shards : see `campaign.execute.run`
+    copy_to : place that fsspec knows, such as ``s3://bucket/demo``, where results are copied when they are there
 
     Raises
     ------
@@ -119,6 +122,8 @@ def run(
         found = load_campaign(campaign, sets)
     place = place_of(found, folder)
     _check_sections(found)
+    if copy_to:
+        remote.refuse_foreign_place(copy_to)
     mode: execute.Mode = "fresh" if fresh else "resume"
     execute.run(found, place, jobs, mode, fail_fast, progress, on_answers, shards=shards)
     if report:
@@ -126,6 +131,8 @@ def run(
 
         with staged(progress, "report", len(found.report.sections or SECTIONS) + 1) as step:
             build(place, step=step)
+    if copy_to:
+        remote.copy_to(place, copy_to)
     return load(place)
 
 
@@ -144,8 +151,10 @@ def _check_sections(campaign: Campaign) -> None:
 
 
 def load(folder: str | Path) -> Results:
-    """Return the results in a folder; InputError where there are none."""
-    return Results(Path(folder))
+    """Return the results in a folder, or at a place that fsspec knows (``s3://bucket/demo``), from which they are
+    fetched; InputError where there are none.
+    """
+    return Results(remote.fetched(str(folder)) if remote.is_remote(folder) else Path(folder))
 
 
 def build_report(folder: Path, figures: Sequence[str] = (), brief: bool = False) -> Path:

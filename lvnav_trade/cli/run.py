@@ -47,6 +47,9 @@ def run(
         list[str] | None,
         typer.Option("--prefer", metavar="NAME", help="rank cases by cost, mass, power, volume or error; repeatable"),
     ] = None,
+    copy_to: Annotated[
+        str, typer.Option("--copy-to", metavar="URL", help="copy results to such as s3://bucket/demo (fsspec)")
+    ] = "",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
     as_json: Json = False,
 ) -> Answer:
@@ -64,12 +67,12 @@ def run(
     if shard is not None:
         from lvnav_trade.clusters import run_shard
 
-        if prefer or scheduler is not None or backend != Backend.PROCESSES:
-            raise InputError("--shard: goes without --prefer, --backend and --scheduler")
+        if prefer or copy_to or scheduler is not None or backend != Backend.PROCESSES:
+            raise InputError("--shard: goes without --prefer, --copy-to, --backend and --scheduler")
         return shared(run_shard(loaded, shard, (), folder, jobs, fresh, fail_fast, choose(quiet)))
     found, show = shown(as_json)
     with workers(backend, scheduler, folder, jobs) as (place, count):
-        results = api.run(loaded, (), place, count, fresh, fail_fast, report, choose(quiet), show)
+        results = api.run(loaded, (), place, count, fresh, fail_fast, report, choose(quiet), show, (), copy_to)
     answer = answer_of(results, found, report)
     return with_ranking(answer, results, prefer) if prefer else answer
 
