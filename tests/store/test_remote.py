@@ -1,4 +1,4 @@
-"""Results at places of fsspec: copied whole, fetched byte for byte; foreign places and unknown protocols are refused."""
+"""Results at places of fsspec: copied whole, fetched byte for byte; foreign places, unknown protocols are refused."""
 
 from __future__ import annotations
 
