@@ -115,6 +115,9 @@ recorded: $(VENV)/.installed
 	@$(bin)/lvnav-trade process-log campaigns/recorded/walk.yaml build/recorded/walk_log.yaml -o reports/recorded/walk
 	@$(bin)/lvnav-trade process-log campaigns/recorded/drive.yaml build/recorded/drive_log.yaml -o reports/recorded/drive \
 	    --outage '15 s' --outage '30 s' --first 10 --every 1
+	@$(bin)/lvnav-trade process-log campaigns/recorded/drive_tight.yaml build/recorded/drive_log.yaml \
+	    -o reports/recorded/drive_tight --outage '15 s' --outage '30 s' --first 10 --every 1 \
+	    --set "base.constellation={kind: rinex, rinex: $(CURDIR)/build/recorded/drive.nav}"
 
 # Searches over designs: their pages in reports/trade.
 trade: $(VENV)/.installed

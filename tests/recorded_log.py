@@ -7,9 +7,24 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, quaternions, rotation_i_n
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.frames import (
+    earth_angle,
+    earth_velocity,
+    ecef_from_eci,
+    ecef_from_geodetic,
+    eci_from_ecef,
+    geodetic_from_ecef,
+    gmst,
+    quaternions,
+    rotation_i_n,
+)  # fmt: skip
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import Reference
+from lvnav_trade.world.sky.satellites import satellites
 from lvnav_trade.world.truth import Phase, Trajectory, attitude_spline, position_spline, reference
+from lvnav_trade.world.user_file.navigation_log import later
 
 EPOCH = "2026-06-01T10:00:00+00:00"
 PLACE = np.array([np.radians(47.0), np.radians(9.0), 500.0])
@@ -17,6 +32,7 @@ REST, RATE, FIXES = 20.0, 100.0, 4.0
 ARW, VRW = 3e-5, 3e-4  # rad/sqrt(s), m/s/sqrt(s)
 GYRO_BIAS, ACCEL_BIAS = np.array([2e-4, -3e-4, 1e-4]), np.array([0.004, -0.003, 0.002])  # rad/s, m/s^2
 SIGMA_P, SIGMA_V = 0.3, 0.05
+SIGMA_RANGE, SIGMA_RATE = 1.0, 0.05
 
 CAMPAIGN = f"""\
 name: drive
@@ -37,8 +53,8 @@ base:
       gyro_bias_walk: "1e-7 rad/s/sqrt(s)"
       accel_bias: "5e-3 m/s**2"
       accel_bias_walk: "1e-6 m/s**2/sqrt(s)"
-    receiver: {{pseudorange_sigma: "1 m", range_rate_sigma: "0.1 m/s", position_sigma: "{SIGMA_P} m",
-      velocity_sigma: "{SIGMA_V} m/s", clock_h0: 0, clock_h_minus2: 0}}
+    receiver: {{pseudorange_sigma: "{SIGMA_RANGE} m", range_rate_sigma: "{SIGMA_RATE} m/s",
+      position_sigma: "{SIGMA_P} m", velocity_sigma: "{SIGMA_V} m/s", clock_h0: 0, clock_h_minus2: 0}}
   initial: {{tilt: "0.05 deg", heading: "2 deg", position: "{SIGMA_P} m", velocity: "{SIGMA_V} m/s"}}
 """
 
@@ -67,7 +83,9 @@ def driven(seconds: float = 140.0) -> tuple[Trajectory, Reference]:
     return flight, reference(flight, RATE)
 
 
-def write(folder: Path, seed: int = 1, uneven: bool = False, turned: bool = False) -> tuple[Path, Reference]:
+def write(
+    folder: Path, seed: int = 1, uneven: bool = False, turned: bool = False, ranges: bool = False
+) -> tuple[Path, Reference]:
     """Write a log and its card into a folder; return the card, and the truth."""
     _, ref = driven()
     rng = np.random.default_rng(seed)
@@ -85,8 +103,6 @@ def write(folder: Path, seed: int = 1, uneven: bool = False, turned: bool = Fals
         values[together + 1, 1:] += values[together, 1:]
         unit = pd.DataFrame(np.delete(values, together, axis=0), columns=unit.columns)
     unit.to_csv(folder / "imu.csv", index=False)
-    from lvnav_trade.frames import earth_velocity, ecef_from_eci, geodetic_from_ecef
-
     at = np.arange(0, n + 1, round(RATE / FIXES))
     theta = earth_angle(gmst(EPOCH), ref.t[at])
     r_e = ecef_from_eci(ref.r_i[at], theta) + SIGMA_P * rng.standard_normal((at.size, 3))
@@ -107,4 +123,40 @@ def write(folder: Path, seed: int = 1, uneven: bool = False, turned: bool = Fals
         'gnss: {file: gnss.csv}\nstill: ["0 s", "20 s"]\n'
     )
     (folder / "drive.yaml").write_text(CAMPAIGN)
+    if ranges:
+        card.write_text(card.read_text() + "ranges: {file: ranges.csv}\n")
+        _write_ranges(folder, ref, at, rng)
     return card, ref
+
+
+def _write_ranges(folder: Path, ref: Reference, at: np.ndarray, rng: np.random.Generator) -> None:
+    """Write pseudoranges and range rates to the nominal satellites, of a receiver whose clock is off and drifts."""
+    flown = load(folder / "drive.yaml").base
+    above = satellites(flown.constellation, later(EPOCH, REST))
+    theta0, rows = gmst(EPOCH), []
+    for k in at[ref.t[at] >= REST].tolist():
+        t = ref.t[k]
+        r_s, travel = np.zeros((len(above.names), 3)), np.full(len(above.names), 0.075)
+        r_e = ecef_from_eci(ref.r_i[k], earth_angle(theta0, t))
+        v_e = ecef_from_eci(earth_velocity(ref.r_i[k], ref.v_i[k]), earth_angle(theta0, t))
+        for _ in range(5):
+            r_s, v_s = _turned_back(above.ecef(t - REST - travel), travel)
+            travel = np.linalg.norm(r_s - r_e, axis=1) / SPEED_OF_LIGHT
+        towards = (r_s - r_e) / np.linalg.norm(r_s - r_e, axis=1)[:, None]
+        up = r_e / np.linalg.norm(r_e)
+        rate = np.einsum("ij,ij->i", towards, v_s - v_e)
+        rate = rate / (1.0 + np.einsum("ij,ij->i", towards, v_s) / SPEED_OF_LIGHT)
+        for s in np.flatnonzero(towards @ up > np.sin(np.radians(8.0))).tolist():
+            noise = rng.standard_normal(2)
+            pseudorange = SPEED_OF_LIGHT * travel[s] + 5e4 + 30.0 * t + SIGMA_RANGE * noise[0]
+            rows.append((1000.0 + t, above.names[s], pseudorange, rate[s] + 30.0 + SIGMA_RATE * noise[1]))
+    columns = ["t_s", "satellite", "pseudorange_m", "range_rate_m_s"]
+    pd.DataFrame(rows, columns=columns).to_csv(folder / "ranges.csv", index=False, float_format="%.13g")
+
+
+def _turned_back(state: tuple[np.ndarray, np.ndarray], travel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions and velocities (n_sat, 3) in the Earth-fixed axes of reception; velocities without the turn of
+    the axes meanwhile, some 5 mm/s of a range rate.
+    """
+    c, s = np.cos(OMEGA * travel), np.sin(OMEGA * travel)
+    return tuple(np.stack([c * a[:, 0] + s * a[:, 1], c * a[:, 1] - s * a[:, 0], a[:, 2]], axis=1) for a in state)

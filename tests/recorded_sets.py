@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from calendar import timegm
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,7 @@ _WALK = """\
 name: a walk of 134 s
 source: >-
   rtklibexplorer/GNSS_IMU, walk_0827: ICM45686 at 166 Hz, u-blox F9P with RTK at 4 Hz
-epoch: "2025-08-28T00:00:00+00:00"
+epoch: "2025-08-27T23:59:42+00:00"    # its times are those of GPS
 imu: {file: walk_imu.csv, axes: [x, -y, -z]}    # the log's z axis points up
 gnss: {file: walk_gnss.csv}
 still: ["1.5 s", "8 s"]
@@ -61,9 +61,10 @@ name: a drive of 136 s
 source: >-
   PSINS, insgpseo_tc: 200 Hz, GPS L1 at 1 Hz; solutions are least squares of its pseudoranges and Doppler shifts with
   its broadcast ephemerides
-epoch: "2021-11-07T00:00:00+00:00"
+epoch: "2021-11-06T23:59:42+00:00"    # its times are those of GPS
 imu: {file: drive_imu.csv, axes: [-x, y, -z]}    # the axes of the log point back, right and up
 gnss: {file: drive_gnss.csv}
+ranges: {file: drive_ranges.csv}
 still: ["1 s", "66 s"]
 heading_within: "15 s"
 """
@@ -86,9 +87,35 @@ def drive(folder: Path, shared: Path = SHARED) -> Path:
     fixes = solutions(found["obss"][found["obss"][:, 0] > zero], found["ephs"])
     columns = ["t_s", "latitude_deg", "longitude_deg", "height_m", "v_north_m_s", "v_east_m_s", "v_down_m_s"]
     pd.DataFrame(fixes, columns=columns).to_csv(folder / "drive_gnss.csv", index=False, float_format="%.12g")
+    seen = found["obss"][found["obss"][:, 0] > zero]
+    ranges = pd.DataFrame({"t_s": seen[:, 0], "satellite": [f"G{int(number):02d}" for number in seen[:, 1]],
+                           "pseudorange_m": seen[:, 2], "range_rate_m_s": -seen[:, 5]})  # fmt: skip
+    ranges.to_csv(folder / "drive_ranges.csv", index=False, float_format="%.13g")
+    (folder / "drive.nav").write_text(rinex(found["ephs"]))
     card = folder / "drive_log.yaml"
     card.write_text(_DRIVE)
     return card
+
+
+def rinex(stated: np.ndarray) -> str:
+    """Return ephemerides of the set as a navigation file of RINEX 2."""
+    lines = [f"{'     2.10           NAVIGATION DATA':60}RINEX VERSION / TYPE", f"{'':60}END OF HEADER"]
+    for row in np.nan_to_num(stated[stated[:, 12] > 5000.0]):
+        at = datetime(2021, 11, 7) + timedelta(seconds=float(row[1]))
+        values = [
+            row[2:5],
+            row[5:9],
+            row[9:13],
+            row[13:17],
+            row[17:21],
+            row[21:25],
+            row[25:29],
+            [*row[29:31], 0.0, 0.0],
+        ]
+        for number, part in enumerate(values):
+            head = f"{int(row[0]):2d} {at:%y %m %d %H %M} {at.second:4.1f}" if number == 0 else "   "
+            lines.append(head + "".join(f"{value:19.12E}".replace("E", "D") for value in part))
+    return "\n".join(lines) + "\n"
 
 
 def solutions(observed: np.ndarray, stated: np.ndarray) -> list[list[float]]:

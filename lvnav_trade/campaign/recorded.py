@@ -67,7 +67,7 @@ def process(campaign: Campaign, file: Path, asked: Asked) -> Processed:
     found = cases(campaign)
     for case in found:
         with _of(case):
-            refuse_unable(case.scenario)
+            refuse_unable(case.scenario, card)
     log = read_recording(card, file.parent)
     aligned = align(log, card)
     tracks, outages = [], []

@@ -78,3 +78,12 @@ def test_recorded_outages_end_inside_three_sigma_of_a_filter_with_enough_noise(t
     assert (found[enough].nees_ratio >= 0.3).all()
     assert (found[short].nees_ratio > found[enough].nees_ratio.to_numpy()).all()
     assert found[short].inside_percent.min() < 95.0  # what unit and receiver show at rest is not enough
+
+
+@pytest.mark.skipif(not recorded_sets.SHARED.is_dir(), reason="no recorded sets on this machine")
+def test_a_recorded_drive_by_ranges_and_broadcast_ephemerides(tmp_path):
+    card = recorded_sets.drive(tmp_path)
+    above = f"base.constellation={{kind: rinex, rinex: {tmp_path / 'drive.nav'}}}"
+    done = process(load("campaigns/recorded/drive_tight.yaml", [above]), card, Asked((15.0, 30.0), 10.0, 1.0))
+    assert (done.summary.inside_percent >= 95.0).all()
+    assert done.summary.nees_ratio.between(0.3, 1.5).all()

@@ -7,32 +7,37 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from lvnav_trade.engines.recorded.alignment import Alignment, increments_to
+from lvnav_trade.engines.recorded.ranges import with_ranges
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, quaternions, rotation_e_n
 from lvnav_trade.frames import matrices as matrices_of
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import Floats, Ints, Reference
-from lvnav_trade.scenario import Scenario, epoch_interval, measured
+from lvnav_trade.scenario import Scenario, epoch_interval, measured, solves
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.truth import Phase, Trajectory, attitude_spline
 from lvnav_trade.world.user_file.navigation_log import NavigationLog, Recording, later
 
-_TAKEN = {"position", "velocity"}
+_SOLUTION, _RANGES = {"position", "velocity"}, {"pseudorange", "range_rate"}
 _FEWEST = 10  # solutions that a filter gets at least
 _KNOTS = 0.1  # s between knots of the attitude that a reference is drawn with
 _SATELLITES = 4  # that stand for a solution
 
 
-def refuse_unable(scenario: Scenario) -> None:
-    """InputError where the filter of a case needs what a log of increments and solutions has not."""
-    others = [name for name in measured(scenario) if name not in _TAKEN]
+def refuse_unable(scenario: Scenario, card: NavigationLog) -> None:
+    """InputError where the filter of a case needs what a log has not."""
+    has = _SOLUTION | (_RANGES if card.ranges is not None else set())
+    others = [name for name in measured(scenario) if name not in has]
     if others or not measured(scenario):
-        raise InputError(
-            f"the filter takes {', '.join(others) or 'no measurement'}; a log has position and velocity of a receiver"
-        )
+        what = ", ".join(others) or "no measurement"
+        raise InputError(f"the filter takes {what}; the log has {', '.join(sorted(has))}")
     if not isinstance(scenario.imu, ImuCard):
         raise InputError("imu: several units; a log is of one")
+    if solves(scenario):
+        raise InputError("receiver.solution: solved from simulated ranges; a log has the solution (kind: direct)")
+    if scenario.receiver.antennas and len(scenario.receiver.antennas) > 1:
+        raise InputError("receiver: several antennas; a log is of one")
 
 
 def replayed(scenario: Scenario, log: Recording, card: NavigationLog, aligned: Alignment) -> Prepared:
@@ -43,7 +48,7 @@ def replayed(scenario: Scenario, log: Recording, card: NavigationLog, aligned: A
 
     InputError where the unit's rows do not carry the case's rate, or its epochs meet no solutions.
     """
-    refuse_unable(scenario)
+    refuse_unable(scenario, card)
     rate = scenario.imu.rate
     first = int(np.argmax(log.t_fix >= aligned.t))
     start, end = float(log.t_fix[first]), float(min(log.t_fix[-1], log.t[-1]))
@@ -57,7 +62,10 @@ def replayed(scenario: Scenario, log: Recording, card: NavigationLog, aligned: A
     fixes = _fixes(log, start, gmst(epoch))
     trajectory, reference = _reference(scenario, log, aligned, fixes, lever, (start, end), epoch)
     prepared = prepare(scenario, epoch_interval(scenario), flown=(trajectory, reference))
-    return _on_log(prepared, fixes, log, card, start)
+    prepared = _on_log(prepared, fixes, log, card)
+    if log.ranges is None or not scenario.filter.tight:
+        return prepared
+    return with_ranges(prepared, log.ranges, start, fixes)
 
 
 def _fixes(log: Recording, start: float, theta0: float) -> tuple[Floats, Floats, Floats]:
@@ -120,9 +128,7 @@ def _accumulated(C: Floats, dtheta: Floats) -> Floats:
     return matrices_of(quaternions(found))
 
 
-def _on_log(
-    prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: Recording, card: NavigationLog, start: float
-) -> Prepared:
+def _on_log(prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: Recording, card: NavigationLog) -> Prepared:
     """Return a prepared case whose unit and receiver put out what the log has, and which draws nothing."""
     rate, epochs = prepared.scenario.imu.rate, prepared.t_epoch
     at = _nearest(fixes[0], epochs)
@@ -135,7 +141,7 @@ def _on_log(
     signals, unit, ref = prepared.signals, prepared.unit, prepared.reference
     nothing = np.zeros_like
     variance = signals.variance.copy()
-    if card.gnss.noise == "log":
+    if card.gnss.noise == "log" and not prepared.scenario.filter.tight:
         variance[:, :6] = _variances(log, fixes, at, prepared.trajectory.theta0)
     n_used = np.where(met, _SATELLITES, 0)
     shared = signals.shared._replace(start=nothing(signals.shared.start), walk=nothing(signals.shared.walk))

@@ -8,6 +8,7 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.montecarlo import end_of_run
 from lvnav_trade.kernels.transition import VEL
 from lvnav_trade.records import Floats
+from lvnav_trade.scenario import filter_models
 
 _MOTION = 6  # velocity and position
 
@@ -62,5 +63,14 @@ def outage(prepared: Prepared, begin: float, length: float) -> Outage | None:
     error, covariance, failed = end_of_run(cut, at)
     turn, own = prepared.record.axes[at], slice(VEL, VEL + _MOTION)
     both = np.kron(np.eye(2), turn)
-    noise = np.roll(prepared.signals.variance[int(np.argmin(np.abs(prepared.t_epoch - end))), :6], 3)
-    return Outage(begin, end, error[own], both @ (covariance[own, own] + np.diag(noise)) @ both.T, failed)
+    return Outage(begin, end, error[own], both @ (covariance[own, own] + _noise(prepared, end)) @ both.T, failed)
+
+
+def _noise(prepared: Prepared, t: float) -> Floats:
+    """Return the covariance (6, 6) of velocity and position of the solution at an epoch, as the filter assumes it; one
+    that takes ranges by its card alone.
+    """
+    if prepared.scenario.filter.tight:
+        model = filter_models(prepared.scenario)[1]
+        return np.diag(np.repeat([model.velocity_sigma**2, model.position_sigma**2], 3))
+    return np.diag(np.roll(prepared.signals.variance[int(np.argmin(np.abs(prepared.t_epoch - t))), :6], 3))

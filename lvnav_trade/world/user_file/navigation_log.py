@@ -3,6 +3,7 @@
 The unit's file is that of `imu_log`, its rows perhaps uneven. The receiver's has the columns `t_s`, `latitude_deg`,
 `longitude_deg`, `height_m` above the ellipsoid (WGS-84), `v_north_m_s`, `v_east_m_s`, `v_down_m_s`, and perhaps
 one-sigma `sigma_north_m`, `sigma_east_m`, `sigma_down_m`, `sigma_v_north_m_s`, `sigma_v_east_m_s`, `sigma_v_down_m_s`.
+A file of ranges has `t_s`, `satellite` (as in RINEX, such as G05), `pseudorange_m`, `range_rate_m_s`, a row each.
 """
 
 import os
@@ -18,11 +19,12 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Angle, Card, Duration, Epoch, NamedCard, Pause
 from lvnav_trade.world.user_file.imu_log import read_log, time_column
-from lvnav_trade.world.user_file.rows import column_names, read_columns, refuse_first, refuse_unordered
+from lvnav_trade.world.user_file.rows import column_names, read_columns, read_texts, refuse_first, refuse_unordered
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 _SOLUTION = ("latitude_deg", "longitude_deg", "height_m", "v_north_m_s", "v_east_m_s", "v_down_m_s")
 _SIGMAS = tuple(f"sigma_{part}" for part in ("north_m", "east_m", "down_m", "v_north_m_s", "v_east_m_s", "v_down_m_s"))
+_RANGES = ("pseudorange_m", "range_rate_m_s")
 _GAP = 0.1  # s without rows of the unit that increments may bridge
 
 
@@ -51,12 +53,20 @@ class ReceiverFile(Card):
     )
 
 
+class RangesFile(Card):
+    """The file of pseudoranges and range rates, for filters that take them."""
+
+    file: str
+    delimiter: str = Field(",", min_length=1, max_length=1)
+
+
 class NavigationLog(NamedCard):
     """A recorded log, and how it is aligned."""
 
     epoch: Epoch = Field(description="UTC when the columns of time are zero")
     imu: UnitFile
     gnss: ReceiverFile
+    ranges: RangesFile | None = None
     still: tuple[Duration, Duration] = Field(description="where the vehicle rests, from the receiver's first row")
     heading: Angle | None = Field(
         None, description="of the body's x axis, or of its z axis where x stands upright; none: from the motion"
@@ -69,12 +79,22 @@ class NavigationLog(NamedCard):
             yield "still: should begin at the first row or later, and end after it begins"
 
 
+class Ranges(NamedTuple):
+    """Rows of ranges: t (n,) s from the receiver's first solution; satellites (n,) names; values (n, 2) pseudorange (m)
+    and range rate (m/s), as measured.
+    """
+
+    t: Floats
+    satellites: tuple[str, ...]
+    values: Floats
+
+
 class Recording(NamedTuple):
     """Rows of a log, times (s) from the receiver's first row.
 
     t (n,) s bounds of the unit's intervals; turned, pushed (n, 3) sums of its increments up to there, rad and m/s, body
     axes; t_fix (m,) s; place (m, 3) latitude, longitude (rad) and height (m); moving (m, 3) m/s north, east, down;
-    sigma (m, 6) of both, NaN without columns; epoch: UTC of time zero.
+    sigma (m, 6) of both, NaN without columns; epoch: UTC of time zero; ranges: None without a file of them.
     """
 
     t: Floats
@@ -85,6 +105,7 @@ class Recording(NamedTuple):
     moving: Floats
     sigma: Floats
     epoch: str
+    ranges: Ranges | None = None
 
 
 def turning(axes: tuple[str, ...]) -> Floats:
@@ -120,7 +141,18 @@ def read_recording(card: NavigationLog, folder: Path) -> Recording:
         t - t_fix[0], turned @ turn, pushed @ turn,
         t_fix - t_fix[0], table[:, 1:4], table[:, 4:7],
         table[:, 7:] if known else np.full((len(table), 6), np.nan), later(card.epoch, float(t_fix[0])),
+        _ranges(card.ranges, folder, float(t_fix[0])),
     )  # fmt: skip
+
+
+def _ranges(card: RangesFile | None, folder: Path, zero: float) -> Ranges | None:
+    if card is None:
+        return None
+    file = os.fspath(folder / card.file)
+    time, scale = time_column(file, column_names(file, card.delimiter))
+    table, _ = read_columns(file, [time, *_RANGES], card.delimiter, 4, "a log")
+    names = read_texts(file, "satellite", card.delimiter)
+    return Ranges(table[:, 0] * scale - zero, tuple(names), table[:, 1:])
 
 
 def later(epoch: str, seconds: float) -> str:

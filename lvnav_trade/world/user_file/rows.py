@@ -43,6 +43,21 @@ def read_columns(
     return table, places
 
 
+def read_texts(path: str, name: str, delimiter: str = ",") -> list[str]:
+    """Return a column of texts of a file that `read_columns` has read, row by row."""
+    if Path(path).suffix.lower() in (".parquet", ".pq"):
+        import pyarrow.parquet as pq
+
+        _refuse_missing(path, [name], list(pq.ParquetFile(path).schema_arrow.names))
+        return [str(value) for value in pq.read_table(path, columns=[name]).column(0).to_pylist()]
+    lines = text_lines(path, DATA_BYTES)
+    number, header = next(lines)
+    titles = [title.strip() for title in _fields(header, delimiter, f"{path}:{number}")]
+    _refuse_missing(f"{path}:{number}", [name], titles)
+    at = titles.index(name)
+    return [_fields(line, delimiter, f"{path}:{number}")[at].strip() for number, line in lines]
+
+
 def column_names(path: str, delimiter: str = ",") -> list[str]:
     """Return the names of the columns of a CSV or Parquet file; InputError where it cannot be read."""
     if Path(path).suffix.lower() not in (".parquet", ".pq"):

@@ -66,8 +66,8 @@ def test_what_a_log_lacks_is_refused(drive, tmp_path):
     tight = scenario.model_copy(
         update={"filter": scenario.filter.model_copy(update={"measurements": ("pseudorange",)})}
     )
-    with pytest.raises(InputError, match="the filter takes pseudorange; a log has position and velocity"):
-        refuse_unable(tight)
+    with pytest.raises(InputError, match="the filter takes pseudorange; the log has position, velocity"):
+        refuse_unable(tight, card)
     fast = scenario.model_copy(update={"imu": scenario.imu.model_copy(update={"rate": 400.0})})
     with pytest.raises(InputError, match=r"imu\.rate: 400 Hz; the log has 100 rows a second"):
         replayed(fast, log, card, aligned)

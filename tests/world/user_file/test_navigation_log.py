@@ -72,5 +72,20 @@ def test_missing_columns_and_latitudes_beyond_the_pole_are_named(tmp_path):
         read_recording(read_card(card), tmp_path)
 
 
+def test_ranges_have_names_of_satellites(tmp_path):
+    card, _ = recorded_log.write(tmp_path, ranges=True)
+    log = read_recording(read_card(card), tmp_path)
+    assert log.ranges.values.shape == (len(log.ranges.satellites), 2)
+    assert log.ranges.t[0] == pytest.approx(recorded_log.REST)
+    frame = pd.read_csv(tmp_path / "ranges.csv")
+    frame.to_parquet(tmp_path / "ranges.parquet")
+    other = read_card(card)
+    other = other.model_copy(update={"ranges": other.ranges.model_copy(update={"file": "ranges.parquet"})})
+    assert read_recording(other, tmp_path).ranges.satellites == log.ranges.satellites
+    frame.rename(columns={"satellite": "prn"}).to_csv(tmp_path / "ranges.csv", index=False)
+    with pytest.raises(InputError, match="no column 'satellite'"):
+        read_recording(read_card(card), tmp_path)
+
+
 def test_an_epoch_moves_on_by_seconds():
     assert later("2026-12-31T23:59:59+00:00", 1.5) == "2027-01-01T00:00:00.500000+00:00"

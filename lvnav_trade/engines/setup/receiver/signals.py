@@ -217,12 +217,14 @@ def families(
     return (*found, ErrorFamily("wild samples", "wild", "", labels, member, partial_of_wild, 1.0, 0.0))
 
 
-def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n_epoch, n_slot) satellite in each slot, -1 none, and how many there are, (n_epoch,)."""
-    n_used = seen.tracked.sum(axis=1).astype(np.int64)
-    used = np.full((seen.t.size, max(1, int(n_used.max(initial=0)))), -1, dtype=np.int64)
-    for epoch in range(seen.t.size):
-        found = np.flatnonzero(seen.tracked[epoch])
+def slots(tracked: Bools) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n_epoch, n_slot) satellite in each slot, -1 none, and how many there are, (n_epoch,); tracked: (n_epoch,
+    n_sat).
+    """
+    n_used = tracked.sum(axis=1).astype(np.int64)
+    used = np.full((len(tracked), max(1, int(n_used.max(initial=0)))), -1, dtype=np.int64)
+    for epoch in range(len(tracked)):
+        found = np.flatnonzero(tracked[epoch])
         used[epoch, : found.size] = found
     return used, n_used
 
@@ -277,7 +279,7 @@ def signals(
     6): errors of the solution that are the same in every run, frame i; devices: sensors beside the receiver.
     """
     clock = scenario.receiver.clock
-    used, n_used = _slots(seen)
+    used, n_used = slots(seen.tracked)
     sigma = by_channel(measured, seen.t.size, true_sigma(scenario, seen, line, measured), devices, "sigma")
     extra = [_extra_partial(block, geometry, channels, devices) for block in layout.extras]
     interval = epoch_interval(scenario)

@@ -1,0 +1,82 @@
+"""Recorded pseudoranges and range rates in place of simulated ones, for filters that take ranges."""
+
+import numpy as np
+
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.setup.receiver.signals import slots
+from lvnav_trade.errors import InputError
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.records import Bools, Floats
+from lvnav_trade.world.sky.satellites import satellites
+from lvnav_trade.world.user_file.navigation_log import Ranges
+
+_FLIGHT_TIME = 0.075  # s of a signal, where none was received: for a clock that is not used
+_START = 4  # satellites at which the receiver's clock is taken off
+
+
+def with_ranges(prepared: Prepared, ranges: Ranges, start: float, fixes: tuple[Floats, Floats, Floats]) -> Prepared:
+    """Return a prepared case whose receiver measures what a log has; start: s of its first solution in the log.
+
+    The clocks of the satellites (their ephemerides) and the delays that the filter models are taken off, as a receiver
+    does; so are bias and drift that its own clock has at the first epoch, against the solution there. What is not
+    tracked by the case, below the mask, is left out.
+
+    fixes: times (s since the start), positions and velocities (frame i) of solutions.
+    """
+    observed = _by_epoch(prepared, ranges, start)
+    sky = prepared.sky
+    tracked = np.isfinite(observed).all(axis=2) & sky.tracked
+    corrected = observed + _corrections(prepared, observed[:, :, 0])
+    if not (tracked.sum(axis=1) >= _START).any():
+        known, logged = (", ".join(sorted(set(names))[:8]) for names in (prepared.sky.names, ranges.satellites))
+        raise InputError(
+            f"ranges: at no epoch of the case {_START} satellites that it tracks; it has {known}, the log {logged}"
+        )
+    epoch = int(np.argmax(tracked.sum(axis=1) >= _START))
+    clock = _clock(prepared, corrected, tracked, epoch, fixes)
+    since = (prepared.t_epoch - prepared.t_epoch[epoch])[:, None]
+    signals = prepared.signals
+    used, n_used = slots(tracked)
+    return prepared._replace(
+        signals=signals._replace(
+            used=used, n_used=n_used,
+            range=np.where(tracked, corrected[:, :, 0] - clock[0] - clock[1] * since, signals.range),
+            rate=np.where(tracked, corrected[:, :, 1] - clock[1], signals.rate),
+        )
+    )  # fmt: skip
+
+
+def _by_epoch(prepared: Prepared, ranges: Ranges, start: float) -> Floats:
+    """Return the rows of a log by epoch and satellite of the case, (n_epoch, n_sat, 2) m and m/s, NaN where none."""
+    names, t = list(prepared.sky.names), prepared.t_epoch
+    found = np.full((t.size, len(names), 2), np.nan)
+    at = np.clip(np.rint((ranges.t - start - t[0]) / prepared.signals.interval).astype(int), 0, t.size - 1)
+    met = np.abs(ranges.t - start - t[at]) < 0.5 * prepared.unit.dt
+    for row in np.flatnonzero(met).tolist():
+        if ranges.satellites[row] in names:
+            found[at[row], names.index(ranges.satellites[row])] = ranges.values[row]
+    return found
+
+
+def _corrections(prepared: Prepared, pseudorange: Floats) -> Floats:
+    """Return what is added to ranges and rates (n_epoch, n_sat, 2): satellite clocks, less delays that are modelled."""
+    scenario = prepared.scenario
+    above = satellites(scenario.constellation, scenario.trajectory.epoch)
+    flown = np.where(np.isfinite(pseudorange), pseudorange / SPEED_OF_LIGHT, _FLIGHT_TIME)
+    sent = prepared.t_epoch[:, None] - flown
+    ahead, later = (above.clock(t) + above.relativity(t) for t in (sent, sent + 1.0))
+    modelled = prepared.delays.modelled_troposphere + prepared.delays.modelled_ionosphere
+    return np.stack([SPEED_OF_LIGHT * ahead, SPEED_OF_LIGHT * (later - ahead)], axis=2) - modelled
+
+
+def _clock(
+    prepared: Prepared, corrected: Floats, tracked: Bools, epoch: int, fixes: tuple[Floats, Floats, Floats]
+) -> Floats:
+    """Return bias (m) and drift (m/s) of the receiver's clock at an epoch: medians over its satellites."""
+    at = int(np.argmin(np.abs(fixes[0] - prepared.t_epoch[epoch])))
+    on = tracked[epoch]
+    line = prepared.sky.r_i[epoch, on] - fixes[1][at]
+    distance = np.linalg.norm(line, axis=1)
+    rate = np.einsum("ij,ij->i", line / distance[:, None], prepared.sky.v_i[epoch, on] - fixes[2][at])
+    expected = np.stack([distance, rate], axis=1)
+    return np.median(corrected[epoch, on] - expected, axis=0)

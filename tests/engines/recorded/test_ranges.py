@@ -1,0 +1,71 @@
+"""Recorded ranges: satellite clocks, modelled delays and the receiver's own clock at the start are taken off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.recorded import read_card
+from lvnav_trade.engines.recorded.alignment import align
+from lvnav_trade.engines.recorded.flight import replayed
+from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.errors import InputError
+from lvnav_trade.world.user_file.navigation_log import read_recording
+from tests import recorded_log
+
+TIGHT = (
+    "base.filter.measurements=[pseudorange, range_rate]", "base.filter.receiver.clock_h0=2e-21",
+    "base.filter.receiver.clock_h_minus2=3e-24",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drive")
+    file, _ = recorded_log.write(folder, ranges=True)
+    card = read_card(file)
+    log = read_recording(card, folder)
+    return cases(load(folder / "drive.yaml", TIGHT))[0].scenario, log, card, align(log, card)
+
+
+def test_what_is_left_of_ranges_is_their_noise(drive):
+    scenario, log, card, aligned = drive
+    prepared = replayed(scenario, log, card, aligned)
+    sky, signals = prepared.sky, prepared.signals
+    epoch = 100
+    on = signals.used[epoch, : signals.n_used[epoch]]
+    assert on.size >= 5
+    truth = prepared.signals.position[epoch]  # the log's solution: a third of a metre off
+    off = signals.range[epoch, on] - np.linalg.norm(sky.r_i[epoch, on] - truth, axis=1)
+    assert np.std(off) < 4.0 * recorded_log.SIGMA_RANGE
+    assert abs(np.mean(off)) < 4.0  # 50 km and 30 m/s of the clock are taken off at the start
+    line = sky.r_i[epoch, on] - truth
+    rate = np.einsum("ij,ij->i", line, sky.v_i[epoch, on] - signals.velocity[epoch]) / np.linalg.norm(line, axis=1)
+    assert np.max(np.abs(signals.rate[epoch, on] - rate)) < 0.5
+
+
+def test_a_tight_filter_follows_the_drive_by_ranges_alone(drive):
+    scenario, log, card, aligned = drive
+    prepared = replayed(scenario, log, card, aligned)
+    assert prepared.signals.sigma.max() == 0.0
+    run = run_block(prepared, 0, 0, 1)
+    late = run.t > 30.0
+    error, sigma = run.err[0, late, 6:9], np.hypot(run.sigma[0, late, 6:9], recorded_log.SIGMA_P)
+    assert np.mean(error**2 / sigma**2) < 2.0
+    assert 0.7 < run.nis[0, 50:].sum() / run.n_row[0, 50:].sum() < 1.3
+    assert run.failed[0] == 0
+
+
+def test_satellites_that_the_case_does_not_know_are_named(drive):
+    scenario, log, card, aligned = drive
+    other = log.ranges._replace(satellites=tuple(f"E{name}" for name in log.ranges.satellites))
+    with pytest.raises(InputError, match="at no epoch of the case 4 satellites that it tracks; it has A1, "):
+        replayed(scenario, log._replace(ranges=other), card, aligned)
+
+
+def test_a_tight_filter_without_ranges_is_refused(drive):
+    scenario, log, card, aligned = drive
+    with pytest.raises(InputError, match="the filter takes pseudorange, range_rate; the log has position, velocity"):
+        replayed(scenario, log, card.model_copy(update={"ranges": None}), aligned)
