@@ -75,6 +75,14 @@ def test_the_overlapping_deviations_are_those_that_nist_prints():
     np.testing.assert_allclose(found, [2.922319e-01, 9.159953e-02, 3.241343e-02], rtol=5e-7)
 
 
+def test_the_overlapping_deviations_are_those_of_allantools():
+    allantools = pytest.importorskip("allantools")
+    rates, factors = np.random.default_rng(1).standard_normal(5000), [1, 2, 5, 13, 40, 200, 500]
+    times, theirs, _, _ = allantools.oadev(rates, rate=10.0, data_type="freq", taus=[0.1 * m for m in factors])
+    np.testing.assert_allclose(times, 0.1 * np.array(factors))
+    np.testing.assert_allclose(allan.overlapping(rates, 0.1, factors), theirs, rtol=1e-12)
+
+
 def test_averaging_times_are_six_a_decade_up_to_a_ninth_of_the_stream():
     factors = ladder(90_000, 0.01)
     assert (factors[0], factors[-1]) == (1, 10_000)
