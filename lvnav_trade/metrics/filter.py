@@ -144,7 +144,7 @@ def logic(tables: Tables) -> pd.DataFrame:
 
 
 def _with_logic(tables: Tables) -> pd.DataFrame:
-    return tables.cases[tables.cases.logic.fillna(False).astype(bool)]
+    return tables.cases[tables.cases.logic.eq(True)]
 
 
 def modes(tables: Tables) -> pd.DataFrame:

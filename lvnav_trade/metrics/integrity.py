@@ -118,7 +118,7 @@ def integrity(tables: Tables) -> pd.DataFrame:
     that case).
     """
     found: list[tuple[Any, ...]] = []
-    chosen = tables.cases[tables.cases.integrity.fillna(False).astype(bool) & (tables.cases.run_count > 0)]
+    chosen = tables.cases[tables.cases.integrity.eq(True) & (tables.cases.run_count > 0)]
     for case in chosen.itertuples():
         faults, runs = applied_faults(tables, case.case), int(case.run_count)
         rows, nominal = (
@@ -153,7 +153,12 @@ def _found(
     first, own = (one.groupby("run_number").t_s.min() - faults.start for one in (rows, nominal))
     how, nominally = (outcomes(one, faults) if len(one) else pd.Series(dtype=object) for one in (rows, nominal))
     parts = [
-        (name, int((how == name).sum()), float(first[how.index[how == name]].median()), float(own[mine].median()))
+        (
+            name,
+            int((how == name).sum()),
+            float(first.loc[how.index[how == name]].median()),
+            float(own.loc[mine].median()),
+        )
         for name in (ISOLATED, IN_PART, WRONG)
         for mine in (nominally.index[nominally == name],)
     ]
@@ -203,7 +208,8 @@ def decisions(tables: Tables) -> pd.DataFrame:
     counted, nominal = (
         _by_epoch(table).groupby(keys, sort=False).size() for table in (tables.integrity, tables.nominal_integrity)
     )
-    frame = pd.DataFrame({"run_count": counted, "lincov": nominal > 0}).fillna({"run_count": 0, "lincov": False})
+    frame = pd.DataFrame({"run_count": counted, "lincov": nominal}).fillna(0)
+    frame = frame.assign(lincov=frame.lincov > 0)
     frame = frame.reset_index().sort_values(["t_s", "isolated", "satellites"], kind="stable")
     runs = frame.case.map(tables.cases.set_index("case").run_count)
     frame = frame.assign(run_count=frame.run_count.astype(int), run_ratio=frame.run_count / runs.where(runs > 0))
@@ -228,7 +234,7 @@ def tested_errors(tables: Tables) -> pd.DataFrame:
 
     Columns: case, fault, event, metric, unit, without, with_tests, ratio. Of the runs, or of linear covariance without.
     """
-    rows, tested = [], tables.cases.set_index("case").integrity.fillna(False).astype(bool)
+    rows, tested = [], tables.cases.set_index("case").integrity.eq(True)
     for case, label in tables.labels.items():
         other = _alike(tables, case, tested) if tested[case] else ""
         event = final_event(tables, case)

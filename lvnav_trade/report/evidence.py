@@ -330,7 +330,7 @@ def _changes(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 def logic(tables: Tables) -> list[Block]:
     """Return what filters with a logic did, in tables, and their modes over time."""
-    cases = tables.cases.case[tables.cases.logic.fillna(False).astype(bool)]
+    cases = tables.cases.case[tables.cases.logic.eq(True)]
     columns = [name for name in tables.logic.columns if name != "case"]
     group, more = few(distinct(tables, "logic", columns, cases))
     return [*logic_tables(tables), *figures(tables, "logic", group), *more]

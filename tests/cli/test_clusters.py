@@ -17,8 +17,14 @@ SMOKE = "campaigns/smoke.yaml"
     ("options", "said"),
     [
         (["--shard", "3/2"], "--shard 3/2: should be NUMBER/TOTAL, such as 1/4, with a number from 1 to the total"),
-        (["--shard", "1/2", "--prefer", "cost"], "--shard: goes without --prefer, --backend and --scheduler"),
-        (["--shard", "1/2", "--backend", "dask"], "--shard: goes without --prefer, --backend and --scheduler"),
+        (
+            ["--shard", "1/2", "--prefer", "cost"],
+            "--shard: goes without --prefer, --copy-to, --backend and --scheduler",
+        ),
+        (
+            ["--shard", "1/2", "--backend", "dask"],
+            "--shard: goes without --prefer, --copy-to, --backend and --scheduler",
+        ),
         (["--scheduler", "tcp://a:1"], "--scheduler: goes with --backend dask"),
         (
             ["--backend", "dask", "--scheduler", "tcp://a:1", "--jobs", "2"],

@@ -184,6 +184,7 @@ OF_TESTS = (
     },
     {"constellation": {"kind": "almanac", "almanac": "current.alm"}},
     {"constellation": {"kind": "rinex", "rinex": "brdc.nav"}},
+    {"constellation": {"kind": "sp3", "sp3": "orbits.sp3"}},
     {"receiver.antennas": [PATCH]},
     {"filter.measurements": ["pseudorange", "carrier_phase"], "receiver.cycle_slips": {"rate": "2 1/h"}},
     {

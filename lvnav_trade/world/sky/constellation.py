@@ -138,7 +138,27 @@ class RinexConstellation(SignalErrors):
         return value
 
 
-Part = NominalConstellation | AlmanacConstellation | RinexConstellation
+class PreciseConstellation(SignalErrors):
+    """Precise orbits in SP3 files of the user's: what analysis centres publish days later, good to centimetres."""
+
+    kind: Literal["sp3"] = "sp3"
+    sp3: str | tuple[str, ...] = Field(
+        description="path of an SP3 file, gzip or plain, or a list of such that follow one another",
+        json_schema_extra={"path": True},
+    )
+    systems: tuple[System, ...] | None = Field(
+        default=None, description="systems to take; those of the four that the files hold if absent"
+    )
+
+    @field_validator("sp3", "systems")
+    @classmethod
+    def _some(cls, value: Any) -> Any:
+        if value == ():
+            raise ValueError("is an empty list")
+        return value
+
+
+Part = NominalConstellation | AlmanacConstellation | RinexConstellation | PreciseConstellation
 
 
 class CombinedConstellation(Card):

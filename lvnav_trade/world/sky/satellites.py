@@ -19,11 +19,13 @@ from lvnav_trade.world.sky.constellation import (
     Constellation,
     Orbits,
     Part,
+    PreciseConstellation,
     RinexConstellation,
     orbits,
     parts_of,
 )
 from lvnav_trade.world.sky.gps_time import gps_seconds
+from lvnav_trade.world.sky.precise import Precise, precise, read_positions
 from lvnav_trade.world.sky.rinex import Ephemeris, Navigation, StateVector, read_navigation
 
 # Half the fit interval of GPS, the longest use of a Galileo ephemeris, two updates of BeiDou's, the interval of GLONASS
@@ -71,7 +73,7 @@ class Combined(NamedTuple):
         return list(zip(self.parts, np.split(times, np.cumsum(sizes)[:-1], axis=-1), strict=True))
 
 
-Satellites = Orbits | Broadcast | Integrated | Combined
+Satellites = Orbits | Broadcast | Integrated | Precise | Combined
 
 
 def satellites(constellation: Constellation, epoch: str) -> Satellites:
@@ -108,11 +110,26 @@ def content(constellation: Constellation) -> str:
 def _files(card: Part) -> tuple[str, ...]:
     if isinstance(card, RinexConstellation):
         return (card.rinex,) if isinstance(card.rinex, str) else card.rinex
+    if isinstance(card, PreciseConstellation):
+        return (card.sp3,) if isinstance(card.sp3, str) else card.sp3
     return (card.almanac,) if isinstance(card, AlmanacConstellation) else ()
 
 
 def _part(card: Part, epoch: str) -> Satellites:
+    if isinstance(card, PreciseConstellation):
+        return _precise_part(card, epoch)
     return _broadcast_part(card, epoch) if isinstance(card, RinexConstellation) else orbits(card, epoch)
+
+
+def _precise_part(card: PreciseConstellation, epoch: str) -> Satellites:
+    """Return the satellites of files of precise orbits, in the order of their names."""
+    files = [read_positions(file) for file in _files(card)]
+    letters = [LETTERS[system] for system in card.systems or LETTERS]
+    names = sorted({name for file in files for name in file.r_e if name[0] in letters})
+    try:
+        return precise(files, names, gps_seconds(epoch))
+    except InputError as error:
+        raise InputError(f"{', '.join(_files(card))}: {error}") from None
 
 
 def _contents(card: RinexConstellation) -> tuple[str, list[Navigation], list[Ephemeris | StateVector], list[str]]:

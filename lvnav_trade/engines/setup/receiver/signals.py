@@ -36,7 +36,7 @@ from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.receiver.dynamics import factors
 from lvnav_trade.world.receiver.receiver import ReceiverCard
 from lvnav_trade.world.receiver.visibility import point_of
-from lvnav_trade.world.sky.constellation import LETTERS, Part, RinexConstellation, parts_of
+from lvnav_trade.world.sky.constellation import LETTERS, Part, PreciseConstellation, RinexConstellation, parts_of
 
 _DRAWS = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)
 
@@ -116,7 +116,7 @@ def geometry_of(line: Line, tracked: Bools, troposphere: Floats, ionosphere: Flo
 
 def letters(part: Part) -> tuple[str, ...]:
     """Return the letters of the systems of a part."""
-    if isinstance(part, RinexConstellation):
+    if isinstance(part, RinexConstellation | PreciseConstellation):
         return tuple(LETTERS[system] for system in part.systems or LETTERS)
     return (LETTERS[part.system],)
 
