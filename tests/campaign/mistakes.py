@@ -142,13 +142,13 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "campaign.yaml",
         "constellations/two",
         "{kind: nominall}",
-        "campaign.yaml:6:18: base.constellation: kind 'nominall' is not one of nominal, almanac, rinex, combined (did you mean 'nominal'?)",
+        "campaign.yaml:6:18: base.constellation: kind 'nominall' is not one of nominal, almanac, rinex, sp3, combined (did you mean 'nominal'?)",
     ),
     "a_constellation_of_no_kind_is_refused": (
         "campaign.yaml",
         "constellations/two",
         "{almanack: my.alm}",
-        "campaign.yaml:6:18: base.constellation: needs a kind: nominal, almanac, rinex, combined (did you mean 'almanac'?)",
+        "campaign.yaml:6:18: base.constellation: needs a kind: nominal, almanac, rinex, sp3, combined (did you mean 'almanac'?)",
     ),
     "a_file_that_is_not_there_is_refused": (
         "campaign.yaml",

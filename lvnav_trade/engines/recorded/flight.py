@@ -130,7 +130,7 @@ def _accumulated(C: Floats, dtheta: Floats) -> Floats:
 
 def _on_log(prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: Recording, card: NavigationLog) -> Prepared:
     """Return a prepared case whose unit and receiver put out what the log has, and which draws nothing."""
-    rate, epochs = prepared.scenario.imu.rate, prepared.t_epoch
+    rate, epochs = prepared.scenario.imu.rate, prepared.sky.t  # when what arrives at an epoch was valid
     at = _nearest(fixes[0], epochs)
     met = np.abs(fixes[0][at] - epochs) < 0.5 / rate
     if np.count_nonzero(met) < _FEWEST:

@@ -34,7 +34,7 @@ def with_ranges(prepared: Prepared, ranges: Ranges, start: float, fixes: tuple[F
         )
     epoch = int(np.argmax(tracked.sum(axis=1) >= _START))
     clock = _clock(prepared, corrected, tracked, epoch, fixes)
-    since = (prepared.t_epoch - prepared.t_epoch[epoch])[:, None]
+    since = (prepared.sky.t - prepared.sky.t[epoch])[:, None]
     signals = prepared.signals
     used, n_used = slots(tracked)
     return prepared._replace(
@@ -48,7 +48,7 @@ def with_ranges(prepared: Prepared, ranges: Ranges, start: float, fixes: tuple[F
 
 def _by_epoch(prepared: Prepared, ranges: Ranges, start: float) -> Floats:
     """Return the rows of a log by epoch and satellite of the case, (n_epoch, n_sat, 2) m and m/s, NaN where none."""
-    names, t = list(prepared.sky.names), prepared.t_epoch
+    names, t = list(prepared.sky.names), prepared.sky.t  # when what arrives at an epoch was valid
     found = np.full((t.size, len(names), 2), np.nan)
     at = np.clip(np.rint((ranges.t - start - t[0]) / prepared.signals.interval).astype(int), 0, t.size - 1)
     met = np.abs(ranges.t - start - t[at]) < 0.5 * prepared.unit.dt
@@ -63,7 +63,7 @@ def _corrections(prepared: Prepared, pseudorange: Floats) -> Floats:
     scenario = prepared.scenario
     above = satellites(scenario.constellation, scenario.trajectory.epoch)
     flown = np.where(np.isfinite(pseudorange), pseudorange / SPEED_OF_LIGHT, _FLIGHT_TIME)
-    sent = prepared.t_epoch[:, None] - flown
+    sent = prepared.sky.t[:, None] - flown
     ahead, later = (above.clock(t) + above.relativity(t) for t in (sent, sent + 1.0))
     modelled = prepared.delays.modelled_troposphere + prepared.delays.modelled_ionosphere
     return np.stack([SPEED_OF_LIGHT * ahead, SPEED_OF_LIGHT * (later - ahead)], axis=2) - modelled
@@ -73,7 +73,7 @@ def _clock(
     prepared: Prepared, corrected: Floats, tracked: Bools, epoch: int, fixes: tuple[Floats, Floats, Floats]
 ) -> Floats:
     """Return bias (m) and drift (m/s) of the receiver's clock at an epoch: medians over its satellites."""
-    at = int(np.argmin(np.abs(fixes[0] - prepared.t_epoch[epoch])))
+    at = int(np.argmin(np.abs(fixes[0] - prepared.sky.t[epoch])))
     on = tracked[epoch]
     line = prepared.sky.r_i[epoch, on] - fixes[1][at]
     distance = np.linalg.norm(line, axis=1)

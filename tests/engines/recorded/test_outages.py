@@ -8,6 +8,7 @@ import pytest
 from lvnav_trade.engines.recorded.flight import replayed
 from lvnav_trade.engines.recorded.outages import outage, with_outage
 from lvnav_trade.engines.simulate.montecarlo import run_block
+from tests.building import with_fields
 from tests.engines.recorded.test_flight import drive
 
 __all__ = ["drive"]
@@ -35,6 +36,28 @@ def test_the_error_at_the_end_is_that_of_the_run_and_its_covariance_has_the_solu
     np.testing.assert_allclose(found.sigma**2, own, rtol=1e-6)
     assert found.square == pytest.approx(float(found.error @ np.linalg.inv(found.covariance) @ found.error) / 6.0)
     assert not found.failed
+
+
+@pytest.mark.parametrize("changes", [
+    {"feedback": "open"},
+    {"delay_compensation": {"kind": "buffered", "delay": "0.5 s"}},
+    {"logic": {}},
+    {"update": "joseph", "feedback": "direct"},
+])  # fmt: skip
+def test_the_policies_of_a_filter_hold_on_a_log(drive, changes):
+    scenario, log, card, aligned, _ = drive
+    if "delay_compensation" in changes:
+        late = scenario.receiver.model_copy(update={"latency": 0.5})
+        scenario = scenario.model_copy(update={"receiver": late})
+    fields = {f"filter.{key}": value for key, value in changes.items()}
+    prepared = replayed(with_fields(scenario, **fields), log, card, aligned)
+    run = run_block(prepared, 0, 0, 1)
+    late = run.t > 30.0
+    assert run.failed[0] == 0
+    sigma = np.hypot(run.sigma[0, late, 6:9], 0.3)
+    assert np.mean(run.err[0, late, 6:9] ** 2 / sigma**2) < 2.0
+    found = outage(prepared, 30.0, 15.0)
+    assert found.square < 4.0
 
 
 def test_an_outage_beyond_the_log_is_none(prepared):
