@@ -289,7 +289,7 @@ def estimate_q(
     from lvnav_trade.plots.raster import written
     from lvnav_trade.report.escape import csv_text
 
-    found = process_noise(*_case_of(campaign, sets, case), runs, step)
+    found = process_noise(*case_of(campaign, sets, case), runs, step)
     card = Path(file)
     files = (card, card.with_suffix(".csv"), card.with_suffix(".png"))
     write_card(card, found.card)
@@ -313,7 +313,7 @@ def schedule_gains(
     from lvnav_trade.campaign.derived import gain_schedule
     from lvnav_trade.campaign.syntax.cards import write_card
 
-    found = gain_schedule(*_case_of(campaign, sets, case), by, tolerance)
+    found = gain_schedule(*case_of(campaign, sets, case), by, tolerance)
     write_card(Path(file), found)
     return found
 
@@ -333,10 +333,10 @@ def export_trajectory(
         if sets or case:
             raise InputError(f"{source}: is a trajectory card; assignments and cases are those of a campaign")
         return write_flight(read_card(str(source), Path.cwd()), Path(file), rate)
-    return write_flight(_case_of(source, sets, case)[1].scenario.trajectory, Path(file), rate)
+    return write_flight(case_of(source, sets, case)[1].scenario.trajectory, Path(file), rate)
 
 
-def _case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | None) -> tuple[Campaign, Case]:
+def case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | None) -> tuple[Campaign, Case]:
     """Return a campaign and the case that is named; its first where none is."""
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
     every = cases(loaded)

@@ -197,3 +197,40 @@ def init(
     guessed = {one.part: one.content for one in found.guesses}
     content = {"campaign": str(found.campaign), "card": str(found.card), "guesses": guessed, "events": found.events}
     return Answer("\n".join(lines), content)
+
+
+@verb("demo --case 'imu=tactical_mems, filter=tight' -o my_filter --runs 10")
+def export_filter(
+    campaign: CampaignFile,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="folder of the C files and the runs")],
+    sets: Sets = None,
+    case: CaseOf = None,
+    runs: Annotated[int, typer.Option("--runs", help="runs that are recorded and replayed; 0: the C alone")] = 10,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+) -> Answer:
+    """Write the filter of a case as C99, without allocation.
+
+    Runs are recorded beside it and replayed, where this machine has a C compiler (CC, cc, gcc, clang). Each estimate
+    should be that of the simulation to 1e-9 of its size.
+    """
+    import sys
+
+    from lvnav_trade.campaign.filter_code import build_line
+    from lvnav_trade.exports import export_filter as export
+
+    def progress(what: str) -> None:
+        if not quiet:
+            print(what, file=sys.stderr)
+
+    found = export(campaign, out, case, runs, sets or (), progress)
+    lines = [f"files: {out}"]
+    if found.replayed is not None:
+        worst = found.replayed.groupby("estimate", sort=False).agg(runs=("run", "nunique"), worst=("difference", "max"))
+        rows = [[row.Index, row.runs, f"{row.worst:.1e}"] for row in worst.itertuples()]
+        lines.insert(0, table(["estimate", "runs", "largest difference"], rows))
+        lines.append(f"replayed: {'agrees' if found.agrees else 'an estimate differs by more than 1e-9 of its size'}")
+    elif runs:
+        lines.append(f"no C compiler is here; where one is: {build_line()} && ./replay flight.bin run_*.bin")
+    content = {"folder": str(out), "compiler": found.compiler, "agrees": found.agrees}
+    rows_of = [] if found.replayed is None else found.replayed.to_dict(orient="records")
+    return Answer("\n".join(lines), content | {"replayed": rows_of}, 0 if found.agrees else 1)

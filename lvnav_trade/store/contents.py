@@ -22,12 +22,13 @@ _CASE_TABLES = (CASE_TABLE, ".parquet")  # and how earlier versions ended their 
 _CASE = re.compile(r"\w[\w.-]*")
 _TEMPORARY = re.compile(r"^\.(.+)\.\d+$")
 _GIVE_ANOTHER = "nothing was changed; give another folder"
-Kind = Literal["results", "report", "study", "base"]
+Kind = Literal["results", "report", "study", "base", "code"]
 _KINDS: dict[str, str] = {
     "results": "the results of a campaign",
     "report": "a kept report",
     "study": "the kept report of a study",
     "base": "a kept base",
+    "code": "the code of a filter",
 }
 
 

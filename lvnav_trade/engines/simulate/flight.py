@@ -1,51 +1,10 @@
 """One simulated flight, of one run or of eight at once: truth and filter meet in measurements only."""
 
 from lvnav_trade.engines.simulate.recording import hold_solution, record
-from lvnav_trade.engines.simulate.redundancy import inform
 from lvnav_trade.engines.simulate.sensing import begin, begin_solver, measure_sensors, observe, sense
-from lvnav_trade.filters.backup import advance_backup, begin_backup, predict_backup
-from lvnav_trade.filters.delayed import begin_transition, clone_formal, clone_open_loop, follow, store_estimate
-from lvnav_trade.filters.ekf import clear_epoch
-from lvnav_trade.filters.feedforward import apply_feedback, process_measurements, propagate_open_loop
-from lvnav_trade.filters.integrity.state import begin_monitor
-from lvnav_trade.filters.late import keep
-from lvnav_trade.filters.monitor import begin_watch
-from lvnav_trade.filters.samples import begin_motion, correct_vehicle, last_sample, sample_window
-from lvnav_trade.filters.unscented import hold_window, predict
-from lvnav_trade.kernels import processes
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import sqrt
-from lvnav_trade.kernels.strapdown import mechanise
-from lvnav_trade.kernels.transition import linearise, linearised_sums
-from lvnav_trade.kernels.vehicle import N_SAMPLE
-
-
-@inlined
-def _advance(work, motion, earlier, open_loop, delayed, unit, model, vehicle, samples, first, n_tick, dt):
-    """Let the filter propagate its motion over a window: by the compensated increments, or by its model of the vehicle
-    with every sample as a measurement.
-    """
-    last_sample(work, motion, samples, n_tick, unit.dt)
-    if vehicle is not None:
-        sample_window(work, motion, earlier, open_loop, delayed, unit, model, vehicle, first, n_tick)
-    else:
-        processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, unit.dt)
-        how = model.strapdown
-        mechanise(
-            work.nav, work.sums, work.previous, work.increments, n_tick // how.subsamples, dt, how, unit.dt * first
-        )
-
-
-@jit
-def _count_samples(work, motion, vehicle, model, epoch):
-    """Count the samples of the last tick before an epoch among its innovations, behind the channels of sensors."""
-    if vehicle is not None:
-        at = model.n_entry.shape[0]
-        for i in range(N_SAMPLE):
-            normalised = motion.residual[i] * sqrt(motion.weight[i])
-            work.innovation[epoch, at + i] = normalised
-            work.nis[epoch] = work.nis[epoch] + normalised * normalised
-            work.n_row[epoch] = work.n_row[epoch] + 1.0
+from lvnav_trade.engines.simulate.steps import begin_epoch, begin_filter, propagate, update
+from lvnav_trade.engines.simulate.tape import tape_epoch, tape_increments, tape_start, tape_state
+from lvnav_trade.kernels.jit import inlined
 
 
 @inlined
@@ -60,48 +19,24 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
     """
     begin(work, parts.units, unit, options.units, signals, start, model, k0, k1)
     begin_solver(work, parts.rx, options.solver)
-    begin_watch(parts.watch)
-    begin_monitor(parts.monitor)
-    begin_backup(parts.backup, work)
-    begin_motion(parts.motion, options.samples)
-    begin_transition(parts.earlier, options.delayed)
-    dt = unit.dt * model.strapdown.subsamples
+    tape_start(parts.tape, work)
+    begin_filter(work, parts, options)
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
-            linearise(work.rates, work.nav, schedule.linearised[w])
             sense(work, parts.units, unit, options.units, first, n_tick, k0, k1)
-            advance_backup(parts.backup, work, model, n_tick, dt, unit.dt * first)
-            hold_window(parts.points, work, n_tick)
-            _advance(
-                work, parts.motion, parts.earlier, parts.open_loop, options.delayed, unit, model, options.vehicle,
-                options.samples, first, n_tick, dt,
-            )  # fmt: skip
-            linearised_sums(work.rates, work.sums, model.seconds[schedule.length[w]], schedule.linearised[w])
-            predict(work, parts.points, parts.open_loop, model, unit, schedule, w, dt)
-            inform(work.P, parts.units, options.units, model, model.seconds[schedule.length[w]])
-            follow(parts.earlier, options.delayed, work.D, model, schedule.length[w], schedule.injection[w])
-            predict_backup(parts.backup, work, model, schedule.length[w], schedule.injection[w])
-            propagate_open_loop(work, parts.points, parts.open_loop, model, schedule.length[w])
-            keep(parts.past, work.nav, work.previous, work.x, options.late, w, dt, model.strapdown.gravity)
+            tape_increments(parts.tape, work, first, n_tick)
+            propagate(work, parts, schedule, unit, model, options, w)
         epoch = schedule.epoch[w]
         if epoch >= 0:
-            clear_epoch(work, epoch)
-            _count_samples(work, parts.motion, options.vehicle, model, epoch)
+            begin_epoch(work, parts, model, options, epoch)
         if epoch >= 0 and model.aided:
             observe(work, parts.rx, parts.last, options.solver, options.further, signals, model, epoch, k0, k1)
             hold_solution(work, parts.rx, parts.held, options.solver, options.report, epoch)
             measure_sensors(work, parts.units, sensors, options.units, signals, epoch, k0, k1)
-            process_measurements(
-                work, parts.points, parts.again, parts.rx, parts.past, parts.earlier, parts.watch, parts.monitor,
-                parts.open_loop, options.direct, options.iterated, options.rules, options.integrity, options.late,
-                options.delayed, options.gains, sensors, model, signals, epoch, dt,
-            )  # fmt: skip
-            correct_vehicle(work, parts.motion, model, options.vehicle)
-            apply_feedback(work, parts.past, parts.open_loop, options.late, model)
-            store_estimate(work, parts.earlier, parts.past, options.late, options.delayed, model, epoch)
-            clone_formal(work.P, parts.earlier, options.delayed)
-            clone_open_loop(work.x, parts.past, parts.open_loop, options.late, options.delayed, epoch)
+            tape_epoch(parts.tape, work, parts.rx, epoch)
+            update(work, parts, unit, sensors, signals, model, options, epoch)
+        tape_state(parts.tape, work, w)
         if schedule.hist[w] >= 0:
             tick = max(0, first + n_tick - 1)
             record(

@@ -12,6 +12,7 @@ from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.receiver.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly
 from lvnav_trade.engines.simulate.redundancy import RedundantWork
+from lvnav_trade.engines.simulate.tape import Tape, new_tape
 from lvnav_trade.engines.simulate.units import new_units
 from lvnav_trade.filters.backup import new_backup
 from lvnav_trade.filters.delayed import new_earlier
@@ -59,8 +60,8 @@ Work = namedtuple(
 
 Parts = namedtuple(
     "Parts", "rx open_loop watch past motion held missed units backup earlier last points monitor "
-    "again",
-    defaults=(None, None, None, None, None, None, None, None, None, None, None, None, None, None),
+    "again tape",
+    defaults=(None, None, None, None, None, None, None, None, None, None, None, None, None, None, None),
 )  # fmt: skip
 """Arrays that belong to options and are None without them; whatever does without is compiled once for all options.
 
@@ -68,7 +69,7 @@ rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (f
 (n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses), units (UnitWork),
 backup (filters.backup.Backup), earlier (filters.delayed.Earlier) and last (n_sat, n_kind) what differences are formed
 with, points (filters.unscented.Points), monitor (filters.integrity.state.Monitor), again
-(filters.iterated.Again).
+(filters.iterated.Again), tape (engines.simulate.tape.Tape) of one run that is recorded.
 """
 
 
@@ -153,9 +154,12 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
     return Parts(**found)
 
 
-def _fly(prepared: Prepared, seed: int, first: int, lanes: bool) -> tuple[Work, Parts]:
-    """Fly a run, or eight from `first` on."""
+def _fly(prepared: Prepared, seed: int, first: int, lanes: bool, taped: bool = False) -> tuple[Work, Parts]:
+    """Fly a run, or eight from `first` on; taped: one run, with a tape."""
     work, parts = new_work(prepared, lanes)
+    if taped:
+        n_window = prepared.schedule.n_tick.size
+        parts = parts._replace(tape=new_tape(work, len(prepared.unit.dtheta), prepared.t_epoch.size, n_window))
     runs = np.arange(first, first + (WIDTH if lanes else 1), dtype=np.uint64)
     work.run[0] = runs if lanes else runs[0]
     chosen = np.flatnonzero(prepared.signals.shared.given)
@@ -166,6 +170,12 @@ def _fly(prepared: Prepared, seed: int, first: int, lanes: bool) -> tuple[Work, 
     fixed = (p.schedule, p.unit, p.signals, p.sensors, p.start, p.record, p.model, p.options)
     (fly_lanes if lanes else fly)(work, parts, *fixed, *seed_words(seed))
     return work, parts
+
+
+def taped(prepared: Prepared, seed: int, run: int) -> Tape:
+    """Return the tape of a run."""
+    found: Tape = _fly(prepared, seed, run, lanes=False, taped=True)[1].tape
+    return found
 
 
 def compile_kernels(prepared: Prepared) -> None:

@@ -1,0 +1,246 @@
+"""Runs of a case, written for its filter in C to be replayed, and the program that does it."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.simulate.montecarlo import taped
+from lvnav_trade.export.code import NAME, Exported
+from lvnav_trade.export.storage import BY_TICK
+from lvnav_trade.export.translation.values import INT, ONLY, Array, size_of
+
+LIMIT = 1e-9
+"""Largest difference of a replay from the runs, as a share of the state's size."""
+# Names on the tape of what the struct has by other ones.
+_MEASURED = {"ranges": "ranges", "solution": "solution", "rx_covariance": "covariance", "observed": "observed"}
+_COMPARED = {"nav": "nav", "x": "x", "par": "par", "clock_hat": "clock", "extra": "extra"}
+
+
+def flight_bytes(prepared: Prepared, made: Exported) -> bytes:
+    """Return what every window and epoch of a flight tells a filter, the same in all runs, as doubles."""
+    found: list[Any] = [prepared.schedule.n_tick.size]
+    for w, epoch in enumerate(prepared.schedule.epoch):
+        found += [prepared.schedule.n_tick[w], epoch, _is_compared(prepared, w)]
+        found += [_of_window(prepared, w, value, axis) for _, value, axis in made.inputs["window"].values()]
+        if epoch >= 0:
+            found += [np.take(value, epoch, axis=axis) for _, value, axis in made.inputs["epoch"].values()]
+    return _bytes(found)
+
+
+def _of_window(prepared: Prepared, w: int, value: Any, axis: int) -> Any:
+    """Return what a window has of a field: a row, or those of its ticks behind the number of the first."""
+    if axis != BY_TICK:
+        return np.take(value, w, axis=axis)
+    first, count = prepared.schedule.first_tick[w], prepared.schedule.n_tick[w]
+    return np.concatenate([[float(first)], np.ravel(value[first : first + count])])
+
+
+def run_bytes(prepared: Prepared, made: Exported, seed: int, run: int) -> bytes:
+    """Return what a run has sensed and measured, and what the filter has made of it, as doubles."""
+    # a disturbance of gravity acts on the estimate, which stands for what it does to the vehicle
+    tape = taped(prepared._replace(unit=prepared.unit._replace(gravity=-1)), seed, run)
+    schedule, found = prepared.schedule, list[Any]([tape.start])
+    for w, (first, count, epoch) in enumerate(zip(schedule.first_tick, schedule.n_tick, schedule.epoch, strict=True)):
+        found.append(tape.increments[first : first + count])
+        if epoch >= 0:
+            found += [getattr(tape, _MEASURED[name])[epoch] for name in _measured(made)]
+        if _is_compared(prepared, w):
+            found += [*(getattr(tape, _COMPARED[name])[w] for name in _compared(made)), tape.variance[w]]
+    return _bytes(found)
+
+
+def _bytes(values: list[Any]) -> bytes:
+    return np.concatenate([np.ravel(np.asarray(value, dtype=float)) for value in values]).tobytes()
+
+
+def _is_compared(prepared: Prepared, w: int) -> bool:
+    return bool(prepared.schedule.epoch[w] >= 0 or w == prepared.schedule.n_tick.size - 1)
+
+
+def _measured(made: Exported) -> list[str]:
+    return [name for name in _MEASURED if name in made.state]
+
+
+def _compared(made: Exported) -> list[str]:
+    return [name for name in _COMPARED if name in made.state]
+
+
+def _reading(array: Array, place: str, file: str, depth: int) -> list[str]:
+    """Return the C that reads an array of the struct from a file of doubles."""
+    lines, text = list[str](), place
+    for axis in range(len(array.shape)):
+        if array.ring(axis) == ONLY:
+            continue
+        if array.ring(axis) > 1:
+            text += f"[epoch % {depth}]"
+            continue
+        name = f"i{axis}"
+        lines.append(f"{_STEP * len(lines)}for (int {name} = 0; {name} < {size_of(array.shape[axis])}; {name}++)")
+        text += f"[{name}]"
+    return [*lines, f"{_STEP * len(lines)}{text} = {'(int)' if array.kind == INT else ''}next({file});"]
+
+
+def _reading_ticks(array: Array, place: str) -> list[str]:
+    """Return the C that reads the rows of a window's ticks; before them stands the number of the first."""
+    head = "for (int k = 0, first = (int)next(flight); k < n_tick; k++)"
+    each = f"{_STEP}for (int i = 0; i < {size_of(array.shape[1])}; i++)"
+    return [head, each, f"{_STEP * 2}{place}[(first + k) % {array.ring(0)}][i] = next(flight);"]
+
+
+def _read_into(
+    fields: dict[str, Array], prefix: str, file: str, depth: int, level: int, ticks: Set[str] = frozenset()
+) -> str:
+    lines = [
+        line
+        for name, array in fields.items()
+        if 0 not in array.shape
+        for line in (
+            _reading_ticks(array, f"{prefix}{name}")
+            if name in ticks
+            else _reading(array, f"{prefix}{name}", file, depth)
+        )
+    ]
+    return "\n".join(f"{_STEP * level}{line}" for line in lines)
+
+
+def replay_text(made: Exported, n_state: int) -> str:
+    """Return the program that replays runs: `replay flight.bin run_0.bin run_1.bin ...`.
+
+    It prints of each run the largest difference of every estimate, as a share of its block's size, and that of velocity
+    and position in sigmas; it returns 1 where a share is beyond `LIMIT`.
+    """
+    inputs = {struct: {name: found[0] for name, found in fields.items()} for struct, fields in made.inputs.items()}
+    ticks = {name for name, (_, _, axis) in made.inputs["window"].items() if axis == BY_TICK}
+    blocks = [("attitude", "self.nav", 0, 4), ("velocity", "self.nav", 4, 3), ("position", "self.nav", 7, 3)]
+    blocks += [
+        (name, f"(const double *)self.{name}", 0, int(np.prod([size_of(size) for size in made.state[name].sizes])))
+        for name in _compared(made)[1:]
+    ]
+    compared = [
+        f"            difference({text} + {first}, {count}, file, worst + {at}, {_SIGMAS.get(label, '-1')}, &sigmas);"
+        for at, (label, text, first, count) in enumerate(blocks)
+    ]
+    return _REPLAY.format(
+        name=NAME,
+        limit=LIMIT,
+        n_state=n_state,
+        n_block=len(blocks) + 1,
+        labels=", ".join(f'"{label}"' for label, *_ in blocks),
+        window=_read_into(inputs["window"], "self.window.", "flight", made.depth, 2, ticks),
+        epoch=_read_into(inputs["epoch"], "self.epoch.", "flight", made.depth, 3),
+        measured=_read_into({name: made.state[name] for name in _measured(made)}, "self.", "file", made.depth, 3),
+        compared="\n".join(compared),
+        epoch_argument=", epoch" if made.counts_epochs else "",
+    )
+
+
+_STEP = " " * 4
+_SIGMAS = {"velocity": "3", "position": "6"}
+_REPLAY = r"""/* Replays runs that were recorded with the filter of the simulation: replay flight.bin run_0.bin ... */
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "{name}.h"
+
+enum {{ N_STATE = {n_state}, N_BLOCK = {n_block} }};
+static const char *labels[N_BLOCK] = {{{labels}, "variance"}};
+static struct {name} self;
+
+static double next(FILE *file)
+{{
+    double value;
+    if (fread(&value, sizeof value, 1, file) != 1) {{
+        fprintf(stderr, "a recording ends too early\n");
+        exit(2);
+    }}
+    return value;
+}}
+
+static FILE *opened(const char *path)
+{{
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) {{
+        fprintf(stderr, "%s: cannot be read\n", path);
+        exit(2);
+    }}
+    return file;
+}}
+
+/* Find the largest difference of values from those of a recording, as a share of the largest of them; of states from
+   first_state on, unless that is negative, in sigmas too. */
+static void difference(const double *values, int n, FILE *file, double *worst, int first_state, double *sigmas)
+{{
+    double size = 0.0, largest = 0.0;
+    for (int i = 0; i < n; i++) {{
+        double expected = next(file), off = fabs(values[i] - expected);
+        if (isnan(expected) && isnan(values[i]))
+            continue;
+        size = fmax(size, fabs(expected));
+        largest = off <= largest ? largest : off;
+        if (first_state >= 0)
+            *sigmas = fmax(*sigmas, off / sqrt(self.P[first_state + i][first_state + i]));
+    }}
+    if (largest != 0.0)
+        *worst = largest / size <= *worst ? *worst : largest / size;
+}}
+
+static int replayed(const char *flight_path, const char *path)
+{{
+    FILE *flight = opened(flight_path), *file = opened(path);
+    double worst[N_BLOCK] = {{0.0}}, sigmas = 0.0, nav[10];
+    int n_window = (int)next(flight), n_compared = 0, fails = 0;
+    for (int i = 0; i < 10; i++)
+        nav[i] = next(file);
+    {name}_begin(&self, nav);
+    for (int w = 0; w < n_window; w++) {{
+        int n_tick = (int)next(flight), epoch = (int)next(flight), compares = (int)next(flight);
+{window}
+        for (int k = 0; k < n_tick; k++)
+            for (int i = 0; i < 6; i++)
+                self.increments[k][i] = next(file);
+        if (n_tick > 0)
+            {name}_propagate(&self);
+        if (epoch >= 0) {{
+{epoch}
+{measured}
+            {name}_update(&self{epoch_argument});
+        }}
+        if (compares) {{
+            n_compared++;
+{compared}
+            for (int i = 0; i < N_STATE; i++) {{
+                double expected = next(file), off = fabs(self.P[i][i] - expected);
+                if (off != 0.0 && !(off / fabs(expected) <= worst[N_BLOCK - 1]))
+                    worst[N_BLOCK - 1] = off / fabs(expected);
+            }}
+        }}
+    }}
+    for (int b = 0; b < N_BLOCK; b++) {{
+        printf("%s,%s,%d,%.3e\n", path, labels[b], n_compared, worst[b]);
+        fails |= !(worst[b] <= {limit});
+    }}
+    printf("%s,sigmas,%d,%.3e\n", path, n_compared, sigmas);
+    fclose(flight);
+    fclose(file);
+    return fails;
+}}
+
+int main(int argc, char **argv)
+{{
+    int fails = 0;
+    if (argc < 3) {{
+        fprintf(stderr, "replay flight.bin run_0.bin ...\n");
+        return 2;
+    }}
+    printf("run,estimate,times,difference\n");
+    for (int i = 2; i < argc; i++)
+        fails |= replayed(argv[1], argv[i]);
+    return fails;
+}}
+"""

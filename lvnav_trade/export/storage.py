@@ -1,0 +1,156 @@
+"""Where the numbers of a filter stand in its C: the arrays of a run in a struct, what does not change in tables.
+
+What varies from window to window or epoch to epoch, and is no state, is an input that the caller sets. What is the
+same at all of them is a table.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.simulate.montecarlo import new_work
+from lvnav_trade.export.translation.program import Program
+from lvnav_trade.export.translation.values import DOUBLE, INT, ONLY, SAME, Array, Fields, Known, Value, table_of
+
+# Axes along which epochs or windows count, of what is read of signals, sensors and options.
+EPOCHS = {
+    "signals": {"used": 0, "n_used": 0, "antenna": 0, "satellite": 0, "satellite_velocity": 0, "variance": 0,
+                "scale": 0, "beta": 0, "partial": 1, "reference": 0},
+    "sensors": {"on": 1, "known": 1, "theta": 1},
+    "late": {"delay": 0, "base": 0},
+    "rules": {"good": 0},
+    "delayed": {"present": 0, "renewed": 0},
+}  # fmt: skip
+WINDOWS = {
+    "schedule": {"first_tick": 0, "n_tick": 0, "length": 0, "injection": 0, "linearised": 0},
+    "late": {"valid": 1, "early": 1},
+}
+# Of a table of the whole flight: constant where no row differs from another, else read by the number of the row.
+ROWS = {"model": {"seconds": 0, "decay": 0, "noise": 0, "inflation": 0}, "late": {"offset": 1}, "gains": {"gain": 0}}
+# By ticks of the unit: those of a window are set before it.
+TICKS, BY_TICK = {"vehicle": {"walk"}}, -1
+# What a receiver, a sensor or a clock says at an epoch, whatever it has said on this flight.
+SAID = {"used", "n_used", "satellite", "satellite_velocity", "on", "known", "theta", "good", "present", "renewed"}
+COUNTED = {"work": ("innovation", "nis", "n_row", "n_reject"), "watch": ("mode", "reason"),
+           "monitor": ("isolated", "excluded")}  # fmt: skip
+# What is true of a flight and no part of its filter.
+_UNREAD = ("rate", "force")
+
+
+class Storage:
+    """The arguments of a filter's steps as values of a program. inputs: by struct ("window", "epoch"), the arrays that
+    the caller sets, and the axis along which they count, `BY_TICK` of ticks; depth: of how many epochs they are held.
+    """
+
+    def __init__(self, prepared: Prepared, program: Program, depth: int = 1) -> None:
+        self.program, self.depth = program, depth
+        self.state: dict[str, Array] = {}
+        self.inputs: dict[str, dict[str, tuple[Array, Any, int]]] = {"window": {}, "epoch": {}}
+        self.n_tick = int(prepared.schedule.n_tick.max(initial=0))
+        work, parts = new_work(prepared, lanes=False)
+        self.work = self._arrays("work", work, "")
+        self.parts = Fields("parts", {name: self._part(name, part) for name, part in parts._asdict().items()})
+        self.unit = Fields("unit", {"dt": Known(prepared.unit.dt)})
+        self.model = self._record("model", prepared.model)
+        self.schedule = self._record("schedule", prepared.schedule)
+        self.signals = self._record("signals", prepared.signals, only=EPOCHS["signals"])
+        self.sensors: Value = Known(None)
+        if prepared.sensors is not None:
+            kept = {*EPOCHS["sensors"], "code", "channel", "scalars"}
+            self.sensors = self._record("sensors", prepared.sensors, only=kept)
+        options = {name: self._option(name, one) for name, one in prepared.options._asdict().items()}
+        self.options = Fields("options", options)
+        self.start = Fields("start", {"P": self._table("start_P", np.asarray(prepared.start.P))})
+
+    # ---------------------------------------------------------------------------------- arrays of a run
+
+    def _part(self, name: str, part: Any) -> Value:
+        if part is None or name in ("tape", "held", "missed", "last"):
+            return Known(None)
+        if name == "units":
+            return Fields("units", {"redundant": Known(None)})
+        if isinstance(part, np.ndarray):
+            return self._stored(name, part)
+        return self._arrays(name, part, f"{name}_")
+
+    def _arrays(self, owner: str, record: Any, prefix: str) -> Fields:
+        found = {
+            name: self._stored(f"{prefix}{name}", array, name in COUNTED.get(owner, ()))
+            for name, array in record._asdict().items()
+            if isinstance(array, np.ndarray)
+        }
+        return Fields(owner, dict(found))
+
+    def _stored(self, name: str, array: np.ndarray, counts: bool = False) -> Array:
+        shape, rings = array.shape, (0,) * array.ndim
+        if counts:
+            shape, rings = (self.depth, *shape[1:]), (self.depth, *rings[1:])
+        self.state[name] = Array(f"self->{name}", shape, DOUBLE if array.dtype.kind == "f" else INT, rings=rings)
+        return self.state[name]
+
+    # ------------------------------------------------------------------------------- settings, inputs
+
+    def _option(self, name: str, option: Any) -> Value:
+        if option is None or name in ("samples", "report", "solver", "further", "backup", "misses"):
+            return Known(None)
+        if name == "units":
+            return Fields("units", {"redundant": Known(None)})
+        return self._record(name, option) if hasattr(option, "_asdict") else Known(option)
+
+    def _record(self, owner: str, record: Any, only: Any = None) -> Fields:
+        found = {
+            name: self._field(owner, name, value)
+            for name, value in record._asdict().items()
+            if (only is None or name in only) and not (owner == "vehicle" and name in _UNREAD)
+        }
+        return Fields(owner, found)
+
+    def _field(self, owner: str, name: str, value: Any) -> Value:
+        if hasattr(value, "_asdict"):
+            return self._record(name, value)
+        if not isinstance(value, np.ndarray):
+            return Known(value.item() if isinstance(value, np.generic) else value)
+        label = name if owner in ("signals", "schedule") else f"{owner}_{name}"
+        for struct, axes, depth in (("epoch", EPOCHS, self.depth), ("window", WINDOWS, ONLY)):
+            if name in axes.get(owner, {}):
+                axis = axes[owner][name]
+                same = None if name in SAID else self._constant(label, value, axis)
+                return same or self._input(struct, label, value, axis, depth)
+        if name in TICKS.get(owner, ()):
+            return self._constant(label, value, 0) or self._of_ticks(label, value)
+        if name in ROWS.get(owner, {}):
+            return self._constant(label, value, ROWS[owner][name]) or self._table(label, value)
+        return self._table(label, value)
+
+    def _table(self, label: str, content: np.ndarray) -> Array:
+        return self.program.table(label, content)
+
+    def _constant(self, label: str, value: np.ndarray, axis: int) -> Array | None:
+        """Return a table without an axis along which nothing changes."""
+        if not value.shape[axis]:
+            return None
+        every = np.broadcast_to(np.take(value, [0], axis=axis), value.shape)
+        if not np.array_equal(value, every, equal_nan=value.dtype.kind == "f"):
+            return None
+        rings = tuple(SAME if a == axis else 0 for a in range(value.ndim))
+        shape = tuple(1 if a == axis else size for a, size in enumerate(value.shape))
+        made = self._table(label, np.take(value, 0, axis=axis))
+        return table_of(made.text, made.value, rings, shape)
+
+    def _input(self, struct: str, label: str, value: np.ndarray, axis: int, depth: int) -> Array:
+        rings = tuple(depth if a == axis else 0 for a in range(value.ndim))
+        shape = tuple(depth if a == axis else size for a, size in enumerate(value.shape))
+        kind = DOUBLE if value.dtype.kind == "f" else INT
+        found = Array(f"self->{struct}.{label}", shape, kind, rings=rings)
+        self.inputs[struct][label] = (found, value, axis)
+        return found
+
+    def _of_ticks(self, label: str, value: np.ndarray) -> Array:
+        places = max(2, self.n_tick)  # of one place the index would have to be the present one
+        rings = (places, *(0 for _ in value.shape[1:]))
+        found = Array(f"self->window.{label}", (places, *value.shape[1:]), DOUBLE, rings=rings)
+        self.inputs["window"][label] = (found, value, BY_TICK)
+        return found

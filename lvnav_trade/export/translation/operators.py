@@ -1,0 +1,199 @@
+"""Operators and functions of numbers: done at once where both sides are known, else as C writes them."""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.export.translation.values import (
+    ATOM,
+    BIT_AND,
+    BIT_OR,
+    CHOICE,
+    DOUBLE,
+    EQUAL,
+    INT,
+    OR,
+    ORDER,
+    PRODUCT,
+    SUM,
+    UNARY,
+    Known,
+    Scalar,
+    TranslationError,
+    Value,
+    as_scalar,
+    held,
+)
+from lvnav_trade.kernels import lanes
+
+_BINARY: dict[type, tuple[Callable[[Any, Any], Any], str, int]] = {
+    ast.Add: (operator.add, "+", SUM),
+    ast.Sub: (operator.sub, "-", SUM),
+    ast.Mult: (operator.mul, "*", PRODUCT),
+    ast.Div: (operator.truediv, "/", PRODUCT),
+    ast.FloorDiv: (operator.floordiv, "", ATOM),
+    ast.Mod: (operator.mod, "", ATOM),
+    ast.BitAnd: (operator.and_, "&", BIT_AND),
+    ast.BitOr: (operator.or_, "|", BIT_OR),
+}
+_COMPARED: dict[type, tuple[Callable[[Any, Any], Any], str, int]] = {
+    ast.Lt: (operator.lt, "<", ORDER),
+    ast.LtE: (operator.le, "<=", ORDER),
+    ast.Gt: (operator.gt, ">", ORDER),
+    ast.GtE: (operator.ge, ">=", ORDER),
+    ast.Eq: (operator.eq, "==", EQUAL),
+    ast.NotEq: (operator.ne, "!=", EQUAL),
+}
+# Functions of numbers by what kernels call them: as C names them, and what does them at once.
+FUNCTIONS: dict[Any, tuple[str, Callable[..., Any]]] = {
+    getattr(math, name): (c, getattr(math, name))
+    for name, c in {
+        **{n: n for n in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "tanh", "sinh")},
+        **{n: n for n in ("cosh", "floor", "ceil", "hypot", "log10", "log1p", "expm1", "pow", "fabs")},
+    }.items()
+} | {
+    abs: ("fabs", abs),
+    np.sqrt: ("sqrt", math.sqrt),
+    np.exp: ("exp", math.exp),
+    np.sin: ("sin", math.sin),
+    np.cos: ("cos", math.cos),
+    min: ("fmin", min),
+    max: ("fmax", max),
+}
+
+
+def binary(kind: ast.operator, a: Value, b: Value) -> Value:
+    """Return what an operator makes of two numbers."""
+    if isinstance(a, Known) and isinstance(b, Known) and not (isinstance(kind, ast.Div) and b.value == 0):
+        at_once = operator.pow if isinstance(kind, ast.Pow) else _BINARY[type(kind)][0]
+        return Known(at_once(a.value, b.value))
+    if isinstance(kind, ast.Pow):
+        return _power(as_scalar(a), b)
+    if type(kind) not in _BINARY:
+        raise TranslationError(f"the operator {type(kind).__name__} is not translated")
+    _, sign, level = _BINARY[type(kind)]
+    left, right = as_scalar(a), as_scalar(b)
+    found = DOUBLE if DOUBLE in (left.kind, right.kind) else INT
+    if isinstance(kind, ast.FloorDiv | ast.Mod):
+        if found != INT:
+            raise TranslationError("// and % of numbers that are no integers")
+        name = "floor_divided" if isinstance(kind, ast.FloorDiv) else "remainder_of"  # C rounds towards zero
+        return Scalar(f"{name}({left.text}, {right.text})", INT)
+    if isinstance(kind, ast.Div) and found == INT:
+        return Scalar(f"(double){held(left, UNARY)} / {held(right, UNARY)}", DOUBLE, PRODUCT)
+    # what C and Python would take together from the left; & and | beside comparisons in brackets, as compilers ask for
+    limit = UNARY if level in (BIT_AND, BIT_OR) else level
+    return Scalar(f"{held(left, limit)} {sign} {held(right, min(limit, level - 1))}", found, level)
+
+
+def _power(base: Scalar, exponent: Value) -> Scalar:
+    if isinstance(exponent, Known) and exponent.value == 2 and base.level == ATOM:
+        return Scalar(f"{base.text} * {base.text}", base.kind, PRODUCT)
+    return Scalar(f"pow({base.text}, {as_scalar(exponent).text})", DOUBLE)
+
+
+def unary(kind: ast.unaryop, a: Value) -> Value:
+    """Return what a sign or `not` makes of a number."""
+    if isinstance(kind, ast.UAdd):
+        return a
+    if isinstance(a, Known):
+        return Known(-a.value if isinstance(kind, ast.USub) else not a.value)
+    found = as_scalar(a)
+    if isinstance(kind, ast.USub):
+        return Scalar(f"-{held(found, ATOM)}", found.kind, UNARY)
+    return Scalar(f"!{held(found, ATOM)}", INT, UNARY)
+
+
+def compared(kind: ast.cmpop, a: Value, b: Value) -> Value:
+    """Return whether two values compare so; `is` is answered at once: None is known."""
+    if isinstance(kind, ast.Is | ast.IsNot):
+        if not (isinstance(b, Known) and b.value is None):
+            raise TranslationError("is: with None only")
+        same = isinstance(a, Known) and a.value is None
+        return Known(same == isinstance(kind, ast.Is))
+    if isinstance(kind, ast.In | ast.NotIn):
+        return _among(kind, a, b)
+    if isinstance(a, Known) and isinstance(b, Known):
+        return Known(bool(_COMPARED[type(kind)][0](a.value, b.value)))
+    _, sign, level = _COMPARED[type(kind)]
+    return Scalar(f"{held(as_scalar(a), SUM)} {sign} {held(as_scalar(b), SUM)}", INT, level)
+
+
+def _among(kind: ast.cmpop, a: Value, b: Value) -> Value:
+    if not isinstance(b, Known):
+        raise TranslationError("in: a tuple of known numbers only")
+    if isinstance(a, Known):
+        return Known((a.value in b.value) == isinstance(kind, ast.In))
+    found: Value = joined([compared(ast.Eq(), a, Known(one)) for one in b.value], any_of=True)
+    return found if isinstance(kind, ast.In) else unary(ast.Not(), found)
+
+
+def joined(parts: list[Value], any_of: bool) -> Value:
+    """Return `and`, or `or` (any_of), of truth values."""
+    left: list[Scalar] = []
+    for part in parts:
+        if isinstance(part, Known):
+            if bool(part.value) == any_of:
+                return Known(any_of)
+        else:
+            left.append(as_scalar(part))
+    return _chain(left, any_of) if left else Known(not any_of)
+
+
+def _chain(parts: list[Scalar], any_of: bool) -> Scalar:
+    if len(parts) == 1:
+        return parts[0]
+    sign = " || " if any_of else " && "
+    return Scalar(sign.join(held(part, EQUAL) for part in parts), INT, OR)
+
+
+def chosen(condition: Value, a: Value, b: Value) -> Value:
+    """Return one of two numbers by a condition."""
+    if isinstance(condition, Known):
+        return a if condition.value else b
+    first, second = as_scalar(a), as_scalar(b)
+    kind = DOUBLE if DOUBLE in (first.kind, second.kind) else INT
+    tests = held(as_scalar(condition), OR)
+    return Scalar(f"{tests} ? {held(first, OR)} : {held(second, OR)}", kind, CHOICE)
+
+
+def called(function: Any, arguments: list[Value]) -> Value | None:
+    """Return what a function of numbers makes of its arguments, None where it is none of these."""
+    if function is lanes.where:
+        return chosen(*arguments)
+    if function is lanes.like:
+        return as_double(arguments[1])
+    if function is float:
+        return as_double(arguments[0])
+    if function is int:
+        return _as_int(arguments[0])
+    if function not in FUNCTIONS:
+        return None
+    name, at_once = FUNCTIONS[function]
+    if all(isinstance(one, Known) for one in arguments):
+        return Known(at_once(*(one.value for one in arguments if isinstance(one, Known))))
+    parts = [as_scalar(one) for one in arguments]
+    if name in ("fmin", "fmax") and all(part.kind == INT for part in parts):
+        return Scalar(f"{'smaller' if name == 'fmin' else 'larger'}({', '.join(p.text for p in parts)})", INT)
+    return Scalar(f"{name}({', '.join(part.text for part in parts)})", DOUBLE)
+
+
+def _as_int(value: Value) -> Value:
+    if isinstance(value, Known):
+        return Known(int(value.value))
+    found = as_scalar(value)
+    return found if found.kind == INT else Scalar(f"(int){held(found, ATOM)}", INT, UNARY)
+
+
+def as_double(value: Value) -> Value:
+    """Return a number as a double."""
+    if isinstance(value, Known):
+        return Known(float(value.value))
+    found = as_scalar(value)
+    return found if found.kind == DOUBLE else Scalar(f"(double){held(found, ATOM)}", DOUBLE, UNARY)

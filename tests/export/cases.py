@@ -1,0 +1,62 @@
+"""Cases of the combination matrix as C: made, compiled, replayed."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from lvnav_trade.campaign.filter_code import FLAGS
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.export.code import Exported, exported
+from lvnav_trade.export.replay import flight_bytes, replay_text, run_bytes
+from tests.building import prepare_hop
+from tests.engines.combinations import scenario_of, with_stored_gains
+from tests.engines.covering import DIMENSIONS
+from tests.engines.flown import flight
+
+FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}
+
+
+def prepared_of(levels: Mapping[str, str]) -> Prepared:
+    """Return a case of the matrix, made ready; levels that are not named are the first ones."""
+    case = FIRST | levels
+    scenario, kind, stored = scenario_of(case)
+    return prepare_hop(with_stored_gains(case, scenario) if stored else scenario, flight(kind))
+
+
+def write(folder: Path, prepared: Prepared, made: Exported, runs: int) -> None:
+    """Write header, source and replay of a filter, and runs."""
+    (folder / "nav_filter.h").write_text(made.header)
+    (folder / "nav_filter.c").write_text(made.source)
+    (folder / "replay.c").write_text(replay_text(made, prepared.layout.n_state))
+    (folder / "flight.bin").write_bytes(flight_bytes(prepared, made))
+    for run in range(runs):
+        (folder / f"run_{run}.bin").write_bytes(run_bytes(prepared, made, 4, run))
+
+
+def build(folder: Path) -> None:
+    """Compile the replay; a warning is an error."""
+    flags = [*FLAGS, "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    command = ["cc", *flags, "-o", "replay", "nav_filter.c", "replay.c", "-lm"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def replay(folder: Path, runs: int) -> tuple[int, pd.DataFrame]:
+    """Replay runs; return the exit code and the table."""
+    command = ["./replay", "flight.bin", *(f"run_{run}.bin" for run in range(runs))]
+    with (folder / "replay.csv").open("w") as table:
+        done = subprocess.run(command, cwd=folder, stdout=table, stderr=subprocess.PIPE, text=True, check=False)
+    assert not done.stderr, done.stderr
+    return done.returncode, pd.read_csv(folder / "replay.csv")
+
+
+def compiled(folder: Path, levels: Mapping[str, str], runs: int = 1) -> tuple[int, pd.DataFrame]:
+    """Return exit code and table of a case's replay."""
+    prepared = prepared_of(levels)
+    write(folder, prepared, exported(prepared, "A case of the matrix."), runs)
+    build(folder)
+    return replay(folder, runs)

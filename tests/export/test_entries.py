@@ -1,0 +1,21 @@
+"""What the C of a filter has as functions of its own does what the flight does."""
+
+from __future__ import annotations
+
+import inspect
+
+from lvnav_trade.engines.simulate import flight, steps
+from lvnav_trade.export import entries
+
+
+def test_the_steps_are_those_of_the_flight():
+    flown = inspect.getsource(getattr(flight.fly, "py_func", flight.fly))
+    for entry, called in (
+        (entries.begin, "begin_filter"),
+        (entries.propagate, "propagate"),
+        (entries.update, "begin_epoch"),
+        (entries.update, "update"),
+    ):
+        assert f"steps.{called}(" in inspect.getsource(entry)
+        assert f"{called}(work, parts" in flown
+        assert hasattr(steps, called)

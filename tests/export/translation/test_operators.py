@@ -1,0 +1,46 @@
+"""Operators of the translator: done at once where both sides are known."""
+
+import ast
+
+import pytest
+
+from lvnav_trade.export.translation.operators import binary, called, chosen, compared, joined, unary
+from lvnav_trade.export.translation.values import Known, Scalar, TranslationError
+from lvnav_trade.kernels.lanes import like, where
+
+A, B, N = Scalar("a", "double"), Scalar("b", "double"), Scalar("n", "int")
+
+
+def test_known_numbers_are_computed_at_once():
+    assert binary(ast.Div(), Known(1), Known(8)) == Known(0.125)
+    assert unary(ast.Not(), Known(0)) == Known(True)
+    assert compared(ast.NotIn(), Known(3), Known((1, 2))) == Known(True)
+    assert chosen(Known(False), A, B) is B
+    assert called(where, [Known(True), A, B]) is A
+    assert called(like, [A, Known(1)]) == Known(1.0)
+
+
+@pytest.mark.parametrize(("kind", "text"), [
+    (ast.Sub(), "a - (a - b)"), (ast.Mult(), "a * (a - b)"), (ast.Div(), "a / (a - b)"),
+])  # fmt: skip
+def test_what_would_be_taken_from_the_left_stands_in_brackets(kind, text):
+    assert binary(kind, A, binary(ast.Sub(), A, B)).text == text
+
+
+def test_integers_divide_as_in_python():
+    assert binary(ast.Div(), N, Known(4)).text == "(double)n / 4"
+    assert binary(ast.FloorDiv(), N, Scalar("m", "int")).text == "floor_divided(n, m)"
+    with pytest.raises(TranslationError, match="no integers"):
+        binary(ast.Mod(), A, Known(2))
+
+
+def test_a_part_of_and_or_that_decides_leaves_nothing_else():
+    assert joined([A, Known(False)], any_of=False) == Known(False)
+    assert joined([A, Known(False), B], any_of=True).text == "a || b"
+    assert joined([Known(True)], any_of=False) == Known(True)
+
+
+def test_is_is_about_none_and_known():
+    assert compared(ast.Is(), A, Known(None)) == Known(False)
+    with pytest.raises(TranslationError, match="with None only"):
+        compared(ast.Is(), A, B)
