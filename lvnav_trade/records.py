@@ -1,4 +1,4 @@
-"""The arrays that cross rooms: Motion, Reference, Sky, RunBlock, CovHistory; and what is asked of the last."""
+"""Records that several packages use: Motion, Reference, Sky, RunBlock, CovHistory, and requests to the last."""
 
 from typing import NamedTuple
 

@@ -59,7 +59,7 @@ def process_log(
 ) -> Answer:
     """Run a recorded log through the filters of a campaign.
 
-    Receiver solutions are withheld for some seconds, again and again; the error at the end stands against the sigma.
+    Receiver solutions are withheld repeatedly for some seconds; the error at the end is compared with the sigma.
     """
     from lvnav_trade import logs
     from lvnav_trade.units import parse

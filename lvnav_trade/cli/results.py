@@ -28,7 +28,7 @@ def estimate_q(
 ) -> Answer:
     """Estimate process noise from runs; write a filter card.
 
-    The runs are perturbed as the unit's errors say. Beside the card: the error per step as CSV and PNG.
+    The runs are perturbed by the IMU's errors. Beside the card: the error per step as CSV and PNG.
     """
     from lvnav_trade import api
 
@@ -130,7 +130,7 @@ def keep_base(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
     target: Annotated[Path, typer.Argument(metavar="FOLDER", help="where, such as a folder of the repository")],
 ) -> Answer:
-    """Copy of results what `compare` needs of a base.
+    """Copy what `compare` needs from results.
 
     Runs and events, some hundred kilobytes.
     """
@@ -157,15 +157,15 @@ def kml(
 @verb("trajectories/two_stage_leo -o my_flight.csv")
 def export_trajectory(
     source: Annotated[str, typer.Argument(metavar="CARD|CAMPAIGN", help="trajectory card, or campaign")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="CSV file; its card stands beside it")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="CSV file; its card is beside it")],
     sets: Sets = None,
     case: CaseOf = None,
     rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="rows per second")] = 10.0,
 ) -> Answer:
     """Write a flight as a CSV file and its card.
 
-    The columns are those of trajectories/example_table; the events stand in the card. It is flown again to say by how
-    much it differs.
+    The columns are those of trajectories/example_table; the events are in the card. The file is flown again and the
+    difference printed.
     """
     from lvnav_trade import api
 

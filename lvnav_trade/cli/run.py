@@ -284,7 +284,7 @@ def study(
 ) -> Answer:
     """Run every campaign of a folder and write one report.
 
-    Published numbers stand beside ours. What a campaign answers (requirements violated or undecided) is no failure
+    Published numbers are compared with ours. What a campaign answers (requirements violated or undecided) is no failure
     here; exit code 4 where runs failed.
     """
     from lvnav_trade import api

@@ -1,1 +1,1 @@
-"""Position and velocity solutions that a receiver hands out."""
+"""Position and velocity solutions that a receiver outputs."""

@@ -257,8 +257,8 @@ def fix(rx, model, satellite, satellite_velocity, used, n_used, ranges):
 
 @jit
 def solution(rx, model, satellite, satellite_velocity, used, n_used, ranges):
-    """Hand out the point solution of an epoch: solution and covariance are set, not-a-number where the quality is below
-    the least that is handed out; `near` moves to the fix. Parameters as of `fix`; returns its quality.
+    """Output the point solution of an epoch: solution and covariance are set, not-a-number where the quality is below
+    the least that is output; `near` moves to the fix. Parameters as of `fix`; returns its quality.
     """
     quality = fix(rx, model, satellite, satellite_velocity, used, n_used, ranges)
     good = quality >= model.least_quality

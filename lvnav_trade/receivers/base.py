@@ -43,7 +43,7 @@ class ReportedCovariance(NamedTuple):
 
 class PointModel(NamedTuple):
     """Settings of the point solution: Newton steps after the closed form; limits (n,) of the sum of squared normalised
-    residuals by number of satellites; variances that the receiver assumes (m^2, m^2/s^2); least quality handed out.
+    residuals by number of satellites; variances that the receiver assumes (m^2, m^2/s^2); least quality that is output.
     """
 
     refinements: int
@@ -107,7 +107,7 @@ class Receiver(NamedTuple):
     matrix; verdict (2,) its quality and number of satellites; nav (11,), P (11, 11) state and covariance of the filter;
     innovation (2 n_sat,) normalised, by satellite (range and range rate in turn), not-a-number where there is none;
     average (n_sat,) m of code minus carrier, by satellite; memory (10,); used (2,) quality of the filtered solution and
-    rows accepted; solution (6,) position and velocity handed out, not-a-number where there is none, covariance (6, 6)
+    rows accepted; solution (6,) position and velocity output, not-a-number where there is none, covariance (6, 6)
     reported with it; the rest is work.
     """
 

@@ -208,7 +208,7 @@ def _hand_out(rx, model, satellites):
 
 @jit
 def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
-    """Carry the filter from the epoch before to this one, take its measurements, hand out its solution.
+    """Propagate the filter from the previous epoch to this one, process its measurements, output its solution.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def solve(rx, point, filtering, satellite, satellite_velocity, used, n_used, ran
 
     Parameters
     ----------
-    point : PointModel; filtering : ReceiverFilter, or None where the point solution itself is handed out
+    point : PointModel; filtering : ReceiverFilter, or None where the point solution itself is output
     satellite, satellite_velocity, used, n_used, ranges : as of `bancroft.fix`
     """
     if filtering is None:

@@ -1,4 +1,4 @@
-"""Worker processes: units of work handed out one by one, their results taken as they come."""
+"""Worker processes: work items are given to them one by one, results are taken as they come."""
 
 import threading
 from collections.abc import Callable, Iterable, Iterator

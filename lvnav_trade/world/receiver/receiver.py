@@ -107,7 +107,7 @@ class BancroftSolution(_Solver):
         1e-3, gt=0.0, lt=1.0, description="probability that residuals of good measurements are called inconsistent"
     )
     least_quality: Literal[1, 2, 3] = Field(
-        1, description="handed out from: 1 inconsistent residuals, 2 four satellites (no test), 3 consistent residuals"
+        1, description="output from: 1 inconsistent residuals, 2 four satellites (no test), 3 consistent residuals"
     )
     smoothing: Smoothing = None
     reported_covariance: ReportedCovariance = OwnCovariance()

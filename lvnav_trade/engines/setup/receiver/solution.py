@@ -100,7 +100,7 @@ _NOTHING = Gains(
 
 
 def _coasts(model: ReceiverFilter, n_used: Ints, begun: int) -> Bools:
-    """Return whether the receiver's filter hands out a solution at each epoch: begun, not coasted too long."""
+    """Return whether the receiver's filter outputs a solution at each epoch: begun, not coasted too long."""
     found, idle = np.zeros(n_used.size, dtype=bool), 0.0
     for k in range(begun, n_used.size):
         idle = 0.0 if n_used[k] > 0 else idle + model.interval
