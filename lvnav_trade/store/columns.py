@@ -30,6 +30,9 @@ class Coded(Sequence[str]):
     def texts(self) -> pa.StringArray:
         """Return the texts as an Arrow array."""
         encoded = [value.encode() for value in self.distinct]
+        if len(encoded) == 1:
+            ends = np.arange(len(self) + 1, dtype=np.int32) * np.int32(len(encoded[0]))
+            return pa.StringArray.from_buffers(len(self), pa.py_buffer(ends), pa.py_buffer(encoded[0] * len(self)))
         ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
         distinct = pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
         return distinct.take(pa.Array.from_buffers(pa.int32(), len(self), [None, pa.py_buffer(self.numbers)]))
