@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -98,12 +99,21 @@ def dask(folder: Path, scheduler: str | None = None, jobs: int = -1) -> Iterator
         ):
             yield from _connected(client, folder)
         return
-    try:
-        client = Client(scheduler, timeout=_CONNECT_S)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise InputError(f"--scheduler {scheduler}: cannot be reached: {_first_line(error)}") from None
-    with client:
+    with _client(Client, scheduler) as client:
         yield from _connected(client, folder)
+
+
+def _client(kind: Any, scheduler: str) -> Any:
+    """Return a client of a scheduler; InputError where it cannot be reached."""
+    try:
+        return kind(scheduler, timeout=_CONNECT_S)
+    except (OSError, ValueError, TimeoutError) as error:
+        fault = _first_line(error)
+    # The client of a failed attempt closes itself when it is collected, which waits for a lock of all clients. If that
+    # happened while the next one starts, which holds the lock, it would wait forever; so it is collected here, when the
+    # error no longer refers to it.
+    gc.collect()
+    raise InputError(f"--scheduler {scheduler}: cannot be reached: {fault}")
 
 
 def _connected(client: Any, folder: Path) -> Iterator[int]:
