@@ -15,6 +15,7 @@ from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.campaign.running.provenance import manifest
+from lvnav_trade.campaign.running.whole import whole
 from lvnav_trade.store.write import open_results
 
 BLOCKS, RUNS, CASES = 12, 40, 8
@@ -54,12 +55,12 @@ def _sweep(folder: Path, *sets: str) -> float:
     """Return processor time of cases of linear covariance, tables and all, over that of their covariance."""
     job, found = _opened("sweep.yaml", sets, folder, 2 + 2 * CASES)
     for case in found[:2]:
-        work.whole(job, case)
-    whole = _seconds(lambda: [work.whole(job, case) for case in found[2 : 2 + CASES]])
+        whole(job, case)
+    flown = _seconds(lambda: [whole(job, case) for case in found[2 : 2 + CASES]])
     engine, history = job.engine, job.history
     alone = _seconds(lambda: [engine.covariance(engine.prepare(case.scenario, history)) for case in found[2 + CASES :]])
     done = [case.id for case in found[: 2 + CASES]]
-    return (whole + _seconds(lambda: job.results.finish({"cases": done})) * CASES / len(done)) / alone
+    return (flown + _seconds(lambda: job.results.finish({"cases": done})) * CASES / len(done)) / alone
 
 
 def measure() -> dict[str, float]:

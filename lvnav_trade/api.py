@@ -168,14 +168,14 @@ def build_report(folder: Path, figures: Sequence[str] = (), brief: bool = False)
 
 
 class Studied(NamedTuple):
-    """What a study left: its page; how many statements are published and how many hold, by campaign and altogether;
-    failed runs as lines.
+    """What a study left: its page; how many published rows no input decides and how many of these hold, by campaign and
+    altogether; failed runs as lines.
     """
 
     page: Path
     campaigns: dict[str, tuple[int, int]]
     published: int
-    in_band: int
+    hold: int
     failures: list[str]
 
 
@@ -209,6 +209,7 @@ def study(
     """
     from lvnav_trade.campaign.derived import behind
     from lvnav_trade.campaign.reading.study import load_study
+    from lvnav_trade.metrics.held import evidence, held
     from lvnav_trade.metrics.published import references
     from lvnav_trade.report.study import Answered, build
 
@@ -227,15 +228,16 @@ def study(
             continue
         if not only_page:
             run(campaign, (), mine, jobs, fresh, report=False, progress=progress() if progress else None)
-        held = load(mine)
-        failures += held.failures
+        found_there = load(mine)
+        failures += found_there.failures
         if on_campaign is not None:
-            on_campaign(campaign.name, held)
-        answered.append(Answered(part, held.tables, campaign.model_dump(mode="json"), behind(part, campaign)))
-        verdicts = references(held.tables, answered[-1].stated)
-        counts[campaign.name] = (len(verdicts), int(verdicts.in_band.sum()))
-    stated, held_up = (sum(one[k] for one in counts.values()) for k in (0, 1))
-    return Studied(build(found, answered, Path(keep), unflown), counts, stated, held_up, failures)
+            on_campaign(campaign.name, found_there)
+        answered.append(Answered(part, found_there.tables, campaign.model_dump(mode="json"), behind(part, campaign)))
+        rows = references(found_there.tables, answered[-1].stated)
+        rows = rows[evidence(rows)]
+        counts[campaign.name] = (len(rows), int(held(rows).sum()))
+    stated, hold = (sum(one[k] for one in counts.values()) for k in (0, 1))
+    return Studied(build(found, answered, Path(keep), unflown), counts, stated, hold, failures)
 
 
 def compare(

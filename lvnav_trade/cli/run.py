@@ -298,7 +298,7 @@ def study(
     found = api.study(folder, keep, runs, place, jobs, fresh, only_page, lambda: choose(quiet), show)
     rows = [[name, *map(str, counts)] for name, counts in found.campaigns.items()]
     lines = [f"failed: {line}" for line in found.failures]
-    lines += [table(["campaign", "stated", "as published"], rows), f"kept: {found.page}"]
+    lines += [table(["campaign", "evidence", "as published"], rows), f"kept: {found.page}"]
     content: dict[str, Any] = {"page": str(found.page), "failures": found.failures, "campaigns": found.campaigns}
-    content |= {"published": found.published, "in_band": found.in_band}
+    content |= {"published": found.published, "hold": found.hold}
     return Answer("\n".join(lines), content, api.FAILED if found.failures else api.MET)

@@ -105,7 +105,7 @@ def _seen_by(K, h, columns, r, q, n_estimated):
         c = columns[r, k]
         if c < n_estimated:
             estimated = estimated + h[r, k] * K[q, c]
-        else:
+        elif n_estimated < K.shape[1]:
             considered = considered + h[r, k] * K[q, c]
     return estimated, estimated + considered
 

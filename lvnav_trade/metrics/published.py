@@ -17,7 +17,7 @@ from lvnav_trade.store.read import Tables
 
 COLUMNS = [
     "id", "source", "item", "case", "metric", "unit", "published", "formal", "true", "monte_carlo", "low", "high",
-    "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "verdict", "remark",
+    "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "repeats", "verdict", "remark",
 ]  # fmt: skip
 INTERPRETATIONS = ["during", "error", "case", "stated_percent", "raw_percent", "unbiased_percent"]
 _RAW, _UNBIASED = "raw_", "corrected_"
@@ -37,7 +37,7 @@ def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.Da
 
     formal, true, monte_carlo: the same by formal sigma, by the true error of linear covariance, and by the runs, whose
     95 % interval is low to high; verdict: whether they keep the bounds; percentile: part of our runs below a published
-    single run, in percent.
+    single run, in percent; repeats: the input that decides a number.
     """
     campaign = tables.campaign if stated is None else stated
     name = str(campaign.get("name") or tables.campaign.get("name") or "")
@@ -96,15 +96,16 @@ def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> d
     elif case is not None:
         found = ours(tables, case, published, unit) if against is None else _smaller(tables, case, published, against)
     words = ", how much smaller" if against is not None else f", how much below {than}" if than is not None else ""
-    ratio, below = found.value / value, _below_published(published, found)
+    ratio = found.value / value
     return _row(
         published,
-        (_single(below, found), found.remark),
+        (found.remark,),
         published.get("band", (0.5, 2.0)),
         ratio,
         _three(tables, case, published),
         value,
-        percentile=below,
+        percentile=_below_published(published, found),
+        repeats=str(published.get("repeats") or ""),
         case=tables.labels[case] if case is not None else "",
         metric=name_of(published) + words,
         unit=unit,
@@ -150,10 +151,6 @@ def _below_published(published: Mapping[str, Any], found: Ours) -> float:
     if not published.get("single") or not len(found.runs):
         return float("nan")
     return 100.0 * float(np.mean(found.runs < float(published["value"])))
-
-
-def _single(below: float, found: Ours) -> str:
-    return f"a single flight: {below:.0f} % of our {len(found.runs)} flights lie below it" if below == below else ""
 
 
 def _ordering(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:

@@ -15,6 +15,7 @@ from lvnav_trade.campaign.reading.study import Figure, Part, Study
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.errors.covariances import agreement, by_case
 from lvnav_trade.metrics.errors.rms import coverage, paired_levels
+from lvnav_trade.metrics.held import evidence, held
 from lvnav_trade.metrics.numbers import cases_of, ours
 from lvnav_trade.metrics.published import references
 from lvnav_trade.metrics.requirements.requirements import in_words
@@ -27,6 +28,7 @@ from lvnav_trade.report.diagnostics import error_bound
 from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.report.evidence import logic_tables
 from lvnav_trade.report.flight import control_tables, motion_summary, observed_table
+from lvnav_trade.report.headline import headline, those_that_fail
 from lvnav_trade.report.integrity import rates, worth
 from lvnav_trade.report.kml import flights, kml
 from lvnav_trade.report.statements import is_statement, verdicts, with_those_left_out
@@ -62,7 +64,7 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str, unflow
     agreed = _together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
     assumptions: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
     sections = [
-        _answer(answered, published),
+        _answer(study, answered, published),
         *[Section("assumptions", "Assumptions", assumptions)] * bool(assumptions),
         *map(_campaign, answered),
         _agreements(answered),
@@ -95,29 +97,19 @@ def _together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> p
     return pd.concat([frame for frame in named if len(frame)] or named[:1], ignore_index=True)
 
 
-def _answer(answered: Sequence[Answered], every: pd.DataFrame) -> Section:
+def _answer(study: Study, answered: Sequence[Answered], every: pd.DataFrame) -> Section:
     numbered = is_statement(every, [one.stated for one in answered])
     frame = every[~numbered]
-    numbers, orders = frame[frame.published.notna()], frame[frame.published.isna()]
-    counted = (
-        (numbers, "numbers lie in the band that their campaign states"),
-        (orders, "orderings and statements on innovations hold"),
-    )
-    blocks: list[Block] = [
-        Text(f"{int(rows.in_band.sum())} of {len(rows)} published {what}.") for rows, what in counted if len(rows)
-    ]
-    blocks += verdicts(every[numbered])
+    blocks = [*headline(frame, study.important), *verdicts(every[numbered])]
     blocks.append(table(pd.DataFrame([_line(one, every) for one in answered]), "The campaigns of this study."))
+    numbers = frame[frame.published.notna() & evidence(frame)]
     if len(numbers):
-        blocks.append(Picture("ratios", ratios(numbers), "All published numbers at once."))
-    outside = frame[~frame.in_band]
-    if len(outside):
-        blocks.append(stated("out_of_band", outside))
-    return Section("answer", "Answer", blocks)
+        blocks.append(Picture("ratios", ratios(numbers), "All published numbers that no input decides, at once."))
+    return Section("answer", "Answer", [*blocks, *those_that_fail(frame)])
 
 
 def _line(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
-    mine = frame[frame["case"].str.startswith(f"{one.part.campaign}: ")]
+    mine = frame[frame["case"].str.startswith(f"{one.part.campaign}: ") & evidence(frame)]
     counted, cases = by_case(one.tables), one.tables.cases
     tested = counted[counted.verdict.isin(["agree", "disagree"])]
     agree = int((tested.verdict == "agree").sum())
@@ -126,7 +118,7 @@ def _line(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
         "cases": len(cases),
         "runs": int(cases.run_count.sum()),
         "failed runs": int(cases.failed_count.sum()),
-        "as published": f"{int(mine.in_band.sum())} of {len(mine)}" if len(mine) else "–",
+        "as published": f"{int(held(mine).sum())} of {len(mine)}" if len(mine) else "–",
         "both engines agree": f"{agree} of {len(tested)} cases" if len(tested) else "–",
     }
 

@@ -7,7 +7,7 @@ import re
 import zipfile
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -30,7 +30,8 @@ _DAMAGE = (
 def write(file: Path, value: Any, identity: str) -> None:
     """Write a value in one step; each array of the archive has its checksum.
 
-    value : nested named tuples, tuples, numeric arrays, numbers, texts and None; TypeError for anything else
+    value : nested named tuples, tuples, sets and mappings of texts, numeric arrays, numbers, texts and None; TypeError
+        for anything else
     identity : what it was computed from; `read` asks for the same
     """
     arrays: list[Any] = []
@@ -89,6 +90,16 @@ def left(file: Path, root: type, identity: str) -> Any:
     return _at_hand[file, identity]
 
 
+def hold(file: Path, value: Any, identity: str) -> None:
+    """Keep a value at hand as `leave` does, without the file: it is of use to this unit of work alone."""
+    _keep(file, identity, value)
+
+
+def is_left(file: Path, identity: str) -> bool:
+    """Whether `left` has something to return."""
+    return (file, identity) in _at_hand or file.exists()
+
+
 def forget() -> None:
     """Keep nothing at hand."""
     _at_hand.clear()
@@ -105,7 +116,7 @@ def remove(folder: Path, cases: Iterable[str]) -> None:
     if folder.is_symlink() or not folder.is_dir():
         return
     for case in cases:
-        own = re.compile(rf"\.?{re.escape(case)}(\..*)?\.(covariance|explained)(\.\d+)?")  # half written ones too
+        own = re.compile(rf"\.?{re.escape(case)}(\..*)?\.(covariance|explained|whole)(\.\d+)?")  # half written ones too
         for path in [path for path in folder.iterdir() if own.fullmatch(path.name)]:
             path.unlink(missing_ok=True)
     with suppress(OSError):  # a file of the user's own is left in it
@@ -143,6 +154,10 @@ def _encode(value: Any, arrays: list[Any]) -> Any:
     if isinstance(value, tuple):
         fields = [_encode(one, arrays) for one in value]
         return {"record": type(value).__name__, "fields": fields} if hasattr(value, "_fields") else {"tuple": fields}
+    if isinstance(value, frozenset):
+        return {"set": sorted(value)}
+    if isinstance(value, Mapping):
+        return {"mapping": [[key, _encode(one, arrays)] for key, one in value.items()]}
     raise TypeError(f"a scratch file holds no {type(value).__name__}")
 
 
@@ -153,6 +168,10 @@ def _decode(tree: Any, arrays: Any, types: dict[str, type]) -> Any:
         return types[tree["record"]](*(_decode(one, arrays, types) for one in tree["fields"]))
     if "tuple" in tree:
         return tuple(_decode(one, arrays, types) for one in tree["tuple"])
+    if "set" in tree:
+        return frozenset(tree["set"])
+    if "mapping" in tree:
+        return {key: _decode(one, arrays, types) for key, one in tree["mapping"]}
     number = tree["scalar"] if "scalar" in tree else tree["array"]
     array = arrays[f"a{int(number)}"]
     if array.dtype.kind not in _NUMERIC:

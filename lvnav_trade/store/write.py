@@ -110,6 +110,11 @@ class Results:
             else:
                 file.unlink(missing_ok=True)
 
+    def sizes(self, case_id: str) -> tuple[tuple[str, int], ...]:
+        """Return name and size (bytes) of each table that is there of a case."""
+        found = (self.case_folder(case_id) / "tables").glob(f"*{CASE_TABLE}")
+        return tuple(sorted((path.name, path.stat().st_size) for path in found))
+
     def write_traces(self, case_id: str, prepared: Prepared, blocks: Iterable[RunBlock]) -> None:
         """Write what blocks of one run each leave of it over time, among the tables of the case."""
         table = traces_table(case_id, prepared.outputs, blocks)

@@ -177,6 +177,9 @@ class Kept:
         row = ((info.id, info.label, info.axes), covariance.sources, numbers, explained)
         (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))
 
+    def sizes(self, case: str) -> tuple[tuple[str, int], ...]:
+        return tuple((file.name, file.stat().st_size) for file in self.folder.glob(f"{case}.pcase"))
+
     def leave(self, extra: dict[str, Any]) -> None:
         (self.folder / "left").write_text(repr(extra["shard_finished"]))
 

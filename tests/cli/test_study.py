@@ -32,7 +32,7 @@ def test_the_page_is_made_of_results_that_are_there(folder: Path) -> None:
     assert result.stdout.splitlines()[-1] == "kept: kept/report.md"
     assert Path("kept/references.csv").exists()
     content = json.loads(call("study", "papers", "--keep", "kept", "--only-page", "--json").stdout)
-    assert (content["verb"], content["published"], content["in_band"]) == ("study", 2, 0)
+    assert (content["verb"], content["published"], content["hold"]) == ("study", 2, 0)
     assert content["campaigns"] == {"synthetic": [2, 0]}
 
 

@@ -97,9 +97,9 @@ def test_the_tables_hold_every_row_with_its_campaign(page, answered):
 def test_the_page_says_what_holds_and_what_does_not(page):
     text = page.read_text()
     assert text.startswith("# A paper again\n\nWhat a paper says, held against our runs.\n")
-    assert "1 of 3 published numbers lie in the band" in text
-    assert "1 of 1 published orderings and statements on innovations hold." in text
-    assert "Out of band, or not as published, and why." in text
+    assert "Of 4 published rows that no input decides, 2 hold: 1 of 3 numbers are in their band" in text
+    assert "1 of 1 orders and statements on innovations are as published." in text
+    assert "The most important rows that do not hold, and why." in text
     for words in (
         "1. The filter's noise is not published.",
         "Which grade?",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import pickle
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,6 +46,17 @@ def same(one, other) -> bool:
     if isinstance(one, np.ndarray):
         return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
     return type(one) is type(other) and (one == other or one != one)
+
+
+class Named(NamedTuple):
+    names: frozenset[str]
+    reasons: Mapping[str, float]
+
+
+def test_sets_and_mappings_come_back(tmp_path):
+    value = Named(frozenset({"b", "a"}), {"x": 1.0, "a": 2.0})
+    scratch.write(tmp_path / "a", value, "campaign a")
+    assert scratch.read(tmp_path / "a", Named, "campaign a") == value
 
 
 @pytest.mark.parametrize("value", [synthetic.covariance(), synthetic.explanation(synthetic.covariance())])
@@ -108,7 +120,7 @@ def test_another_identity_a_cut_and_a_flipped_byte_are_refused(tmp_path, caplog)
 
 
 def test_what_is_neither_a_record_nor_a_number_is_not_written(tmp_path):
-    for value in (Path("x"), {"a": 1}, np.array([None])):
+    for value in (Path("x"), {"a": Path("x")}, {"a"}, np.array([None])):
         with pytest.raises(TypeError):
             scratch.write(tmp_path / "a", Loose(value), "a")
     assert not list(tmp_path.iterdir())
@@ -129,7 +141,14 @@ def test_a_file_is_whole_or_not_there(tmp_path, monkeypatch):
 def test_only_scratch_files_of_the_cases_are_removed(tmp_path):
     folder = tmp_path / ".scratch"
     folder.mkdir()
-    names = ["c.1.0.covariance", "c.abcd.explained", "c.1.0.covariance.123", "c.notes.txt", "d.1.0.covariance"]
+    names = [
+        "c.1.0.covariance",
+        "c.abcd.explained",
+        "c.1.0.covariance.123",
+        "c.abcd.whole",
+        "c.notes.txt",
+        "d.1.0.covariance",
+    ]
     for name in names:
         (folder / name).write_text("")
     scratch.remove(folder, ["c"])

@@ -79,7 +79,7 @@ def test_tables_say_what_wrote_them_and_are_compressed(written):
         assert b"lvnav_trade.version" in metadata
         assert file.metadata.num_row_groups == 2 or file.metadata.num_rows == 0, name
         if file.metadata.num_row_groups:
-            assert file.metadata.row_group(0).column(0).compression == "ZSTD"
+            assert file.metadata.row_group(0).column(0).compression == "LZ4"
 
 
 def test_another_campaign_is_refused_and_fresh_starts_again(tmp_path):

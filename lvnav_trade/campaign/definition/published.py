@@ -205,6 +205,11 @@ class Published(Measured, Stated):
     single: bool = Field(
         False, description="of a single run: the page shows where it lies among our runs, each by itself"
     )
+    repeats: str = Field(
+        "",
+        max_length=200,
+        description="the input that decides the number: a study lists it apart and does not count it",
+    )
 
     @field_validator("value")
     @classmethod

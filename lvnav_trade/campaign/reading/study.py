@@ -110,6 +110,10 @@ class Study(Card):
     elsewhere: tuple[Elsewhere, ...] = Field(
         (), description="statements that a number from elsewhere answers, such as a measured time"
     )
+    important: tuple[str, ...] = Field(
+        (),
+        description="beginnings of items, the most important first: of those that do not hold, three are named first",
+    )
     campaigns: tuple[Part, ...] = Field((), description="in the order in which they stand; all of the folder if absent")
 
     @field_validator("campaigns")

@@ -24,6 +24,7 @@ from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.provenance import manifest, without_folders
 from lvnav_trade.campaign.running.shards import Shard
 from lvnav_trade.campaign.running.stopping import Stopping
+from lvnav_trade.campaign.running.whole import whole
 from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import InputError, refuse_all, system_message
 from lvnav_trade.store import scratch
@@ -274,7 +275,7 @@ class _Run:
         self.watch.stage("compilation and first case", 1)
         found: dict[str, work.Answer] = {}
         units: list[tuple[Any, ...]] = [(self.job, case) for case in self.cases]
-        function: Any = work.whole
+        function: Any = whole
         if self.campaign.monte_carlo or self.shard is not None:
             function, units = work.answer_or_ahead, [(*unit, None) for unit in units]
         if self.campaign.monte_carlo and self.jobs > 1:

@@ -41,6 +41,7 @@ from lvnav_trade.world.sky.satellites import satellites
 from lvnav_trade.world.truth import Remark
 from lvnav_trade.world.user_file.error_table import refuse_short
 
+Leave = Callable[[Path, Any, str], None]  # see `scratch.leave`, `scratch.hold`
 WHY = {1: "is not finite", 2: "diverged"}
 
 
@@ -186,26 +187,18 @@ def flown(engine: Engine, case: Case) -> Flown | InputError:
         return error
 
 
-def answer(job: Job, case: Case) -> Answer:
-    """Compute a case's linear covariance and leave it on the scratch disk for the workers that need it."""
+def answer(job: Job, case: Case, leave: Leave = scratch.leave) -> Answer:
+    """Compute a case's linear covariance and leave it for those that need it: on the scratch disk for all workers."""
     try:
         prepared, used = _whole(job, case)
         file, identity = _scratch_file(job, case), _identity(job, case)
         if not scratch.is_sound(file, CovHistory, identity):
-            scratch.leave(file, job.engine.covariance(prepared), identity)
+            leave(file, job.engine.covariance(prepared), identity)
         return _answer(case, prepared, _covariance(job, case))._replace(used=used)
     except InputError as error:
         return Answer(case.id, "", mistakes=error.records)
     except Exception as error:
         return Answer(case.id, "", error=message_of(error))
-
-
-def whole(job: Job, case: Case) -> Answer:
-    """Answer a case without runs, with diagnostics and tables; what fails of these is reported by their stage."""
-    found = answer(job, case)
-    if found.error or found.mistakes or explain(job, case).error:
-        return found
-    return found._replace(is_whole=not close(job, case, 0).error)
 
 
 def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | None) -> Answer | None:
@@ -222,13 +215,13 @@ def compile_kernels(job: Job, case: Case) -> None:
     job.engine.compile_kernels(prepared_of(job, case), job.asked)
 
 
-def explain(job: Job, case: Case) -> Done:
-    """Leave on the scratch disk what is behind a case's linear covariance."""
+def explain(job: Job, case: Case, leave: Leave = scratch.leave) -> Done:
+    """Leave what is behind a case's linear covariance, as `answer` does."""
     try:
-        file, identity = _explained_file(job, case)
+        file, identity = explained_file(job, case)
         if not scratch.is_sound(file, explained.Explanation, identity):
             covariance, prepared = _covariance(job, case), prepared_of(job, case)
-            scratch.leave(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
+            leave(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
         return Done(case.id, 0, 0)
     except Exception as error:
         return Done(case.id, 0, 0, error=message_of(error))
@@ -241,7 +234,7 @@ def fly(job: Job, block: Block) -> Done:
         prepared, covariance = prepared_of(job, block.case), _covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
         if job.asked.protection is not None and job.asked.protection.alarms:
-            runs = with_alarms(runs, prepared, _explanation(*_explained_file(job, block.case)).protected, job.seed)
+            runs = with_alarms(runs, prepared, _explanation(*explained_file(job, block.case)).protected, job.seed)
         summary = job.engine.summarise(runs, explained.flown_events(prepared), covariance.true_sigma, prepared.outputs)
         job.results.write_part(block.case.id, summary)
         beyond: stopping.Counts = ()
@@ -268,8 +261,8 @@ def close(job: Job, case: Case, runs: int) -> Done:
         if not job.asked.budget:
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
         parts = job.results.parts(case.id, runs) if runs else None
-        file, identity = _explained_file(job, case)
-        behind = scratch.left(file, explained.Explanation, identity) if file.exists() else None
+        file, identity = explained_file(job, case)
+        behind = scratch.left(file, explained.Explanation, identity) if scratch.is_left(file, identity) else None
         covariance = with_nominal_alarms(covariance, prepared, None if behind is None else behind.protected)
         draws = job.engine.starts(prepared, job.seed, runs) if runs else None
         control = job.engine.control(case.scenario, job.seed, runs) if runs else None
@@ -312,7 +305,7 @@ def _scratch_file(job: Job, case: Case) -> Path:
     return job.scratch / f"{case.id}.{job.history!r}.covariance"
 
 
-def _explained_file(job: Job, case: Case) -> tuple[Path, str]:
+def explained_file(job: Job, case: Case) -> tuple[Path, str]:
     """Return where a case's explanation is left (another question, another file), and its identity."""
     asked = repr((job.asked, job.history))
     question = hashlib.sha256(asked.encode()).hexdigest()[:8]

@@ -204,24 +204,3 @@ def test_a_worker_does_not_search_what_it_has_loaded_for_garbage_and_a_process_o
     work.begin_worker()
     assert gc.get_freeze_count() == before
     assert min(each(2, gc.get_freeze_count, [()] * 4)) > 50_000
-
-
-def test_a_case_without_runs_is_done_whole(job, case: Case) -> None:
-    fake, todo = job()
-    found = work.whole(todo, case)
-    assert found.is_whole
-    assert found._replace(is_whole=False) == work.answer(todo, case)
-    assert [call.what for call in fake.calls] == ["covariance", "explain"]
-    assert [file.stem for file in Path().glob("*.pcase")] == [case.id]
-
-
-def test_what_fails_beside_an_answer_is_left_to_its_stage(job, case: Case) -> None:
-    def broken(*_: Any) -> None:
-        raise ValueError("no diagnostics")
-
-    _, todo = job()
-    todo = todo._replace(engine=todo.engine._replace(explain=broken))
-    found = work.whole(todo, case)
-    assert not found.is_whole
-    assert not found.error
-    assert work.explain(todo, case).error == "ValueError: no diagnostics"

@@ -1,0 +1,43 @@
+"""Which published rows are evidence, and which of them hold."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+EDGES = (1.0, 99.0)
+"""Points (%) of our runs beyond which a published single flight is none of them."""
+
+
+def evidence(rows: pd.DataFrame) -> pd.Series:
+    """Whether each row of `metrics.published.references` says something that no input decides."""
+    return rows.repeats.fillna("") == ""
+
+
+def at_an_edge(rows: pd.DataFrame) -> pd.Series:
+    """Whether the published single flight of each row lies at or beyond the 1 % or 99 % point of our runs."""
+    return (rows.percentile <= EDGES[0]) | (rows.percentile >= EDGES[1])
+
+
+def held(rows: pd.DataFrame) -> pd.Series:
+    """Whether each row lies in its band, and its single flight, where it is of one, among ours."""
+    return rows.in_band.astype(bool) & ~at_an_edge(rows)
+
+
+def most_important(rows: pd.DataFrame, order: Sequence[str], n: int = 3) -> pd.DataFrame:
+    """Return n rows of different items: those whose item begins as `order` names them first, then the furthest from
+    their band, as the logarithm of a ratio.
+    """
+    place = [next((k for k, start in enumerate(order) if item.startswith(start)), len(order)) for item in rows["item"]]
+    ranked = rows.assign(place=place, distance=-_distance(rows)).sort_values(["place", "distance"], kind="stable")
+    return ranked.drop_duplicates("item").head(n)[list(rows.columns)]
+
+
+def _distance(rows: pd.DataFrame) -> pd.Series:
+    """Return the logarithm of how many times ours over published lies beyond its band; 0 inside, and infinite where
+    there is none.
+    """
+    ours = rows.ratio.fillna(rows.ours).astype(float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        beyond = np.maximum(np.log(rows.band_low.astype(float) / ours), np.log(ours / rows.band_high.astype(float)))
+    return pd.Series(np.where(ours.isna() | (ours <= 0.0), np.inf, np.maximum(beyond, 0.0)), index=rows.index)

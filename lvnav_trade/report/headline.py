@@ -1,0 +1,39 @@
+"""The first screen of a study: how many published rows are evidence, how many of them hold, what does not and why."""
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, held, most_important
+from lvnav_trade.report.blocks import Block, Text, stated
+
+
+def headline(frame: pd.DataFrame, important: Sequence[str]) -> list[Block]:
+    """Return the counts of rows, and the three most important that do not hold; nothing without rows."""
+    if frame.empty:
+        return []
+    rows = frame[evidence(frame)]
+    kinds = (
+        (rows.published.notna(), "numbers are in their band, and single flights of them among ours"),
+        (rows.published.isna(), "orders and statements on innovations are as published"),
+    )
+    each = [f"{int(held(rows[kind]).sum())} of {int(kind.sum())} {what}" for kind, what in kinds if kind.any()]
+    lines = [f"Of {len(rows)} published rows that no input decides, {int(held(rows).sum())} hold: {'; '.join(each)}."]
+    edge = int((rows.in_band.astype(bool) & at_an_edge(rows)).sum())
+    if edge:
+        points = " % or ".join(f"{point:g}" for point in EDGES)
+        lines.append(f"Rows in their band whose published flight is at or beyond the {points} % point of ours: {edge}.")
+    if repeated := len(frame) - len(rows):
+        lines.append(f"Rows that repeat an input, and are not counted: {repeated}.")
+    failing = rows[~held(rows)]
+    blocks: list[Block] = [Text(" ".join(lines))]
+    if len(failing):
+        blocks.append(stated("most_important", most_important(failing, important)))
+    return blocks
+
+
+def those_that_fail(frame: pd.DataFrame) -> list[Block]:
+    """Return the rows that do not hold, and those that repeat an input."""
+    counted = evidence(frame)
+    groups = (("out_of_band", frame[counted & ~held(frame)]), ("repeated", frame[~counted]))
+    return [stated(name, rows) for name, rows in groups if len(rows)]

@@ -1,0 +1,50 @@
+"""A row holds in its band, among our flights; what repeats an input is no evidence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from lvnav_trade.metrics.held import at_an_edge, evidence, held, most_important
+
+ROWS = pd.DataFrame(
+    {
+        "item": ["a", "b", "b", "c", "d", "e"],
+        "in_band": [True, True, False, False, False, False],
+        "percentile": [50.0, 99.5, 10.0, np.nan, np.nan, np.nan],
+        "ratio": [1.0, 1.5, 2.5, 20.0, np.nan, np.nan],
+        "ours": [1.0, 1.5, 2.5, 20.0, 1.2, np.nan],
+        "band_low": [0.5, 0.5, 0.5, 0.5, 0.0, 0.5],
+        "band_high": [2.0, 2.0, 2.0, 2.0, 1.0, 2.0],
+        "repeats": ["", "", None, "", "the noise", ""],
+    }
+)
+
+
+def test_a_flight_at_an_edge_of_ours_does_not_hold() -> None:
+    assert list(at_an_edge(ROWS)) == [False, True, False, False, False, False]
+    assert list(held(ROWS)) == [True, False, False, False, False, False]
+
+
+@pytest.mark.parametrize("percentile", [0.0, 1.0, 99.0, 100.0])
+def test_an_edge_is_the_point_itself_and_what_is_beyond(percentile: float) -> None:
+    assert at_an_edge(ROWS.assign(percentile=percentile)).all()
+
+
+def test_a_number_that_an_input_decides_is_no_evidence() -> None:
+    assert list(evidence(ROWS)) == [True, True, True, True, False, True]
+
+
+def test_what_a_study_calls_important_comes_first_then_the_furthest_from_its_band_once_an_item() -> None:
+    failing = ROWS[~held(ROWS)]
+    assert list(most_important(failing, ("d", "nothing"))["item"]) == ["d", "e", "c"]  # e: no number at all
+    found = most_important(failing, (), 9)
+    assert list(found["item"]) == ["e", "c", "b", "d"]
+    assert found.ratio[found["item"] == "b"].item() == 2.5  # of two rows of an item the further one
+    assert list(found.columns) == list(ROWS.columns)
+
+
+def test_a_number_below_its_band_is_as_far_as_one_above_it() -> None:
+    two = ROWS.iloc[[3, 3]].assign(item=["low", "high"], ratio=[0.5 / 8.0, 2.0 * 7.9])
+    assert list(most_important(two, ())["item"]) == ["low", "high"]

@@ -1,0 +1,56 @@
+"""What a reader of a study sees first."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.metrics.published import COLUMNS
+from lvnav_trade.report.blocks import Table, Text
+from lvnav_trade.report.headline import headline, those_that_fail
+
+
+def _row(item: str, ratio: float, percentile: float = np.nan, published: float = 1.0, **cells: object) -> dict:
+    row = dict.fromkeys(COLUMNS, "") | {"formal": np.nan, "true": np.nan, "monte_carlo": ratio, "low": 1.0, "high": 1.0}
+    bounds = {"band_low": 0.5, "band_high": 2.0, "in_band": 0.5 <= ratio <= 2.0}
+    return row | bounds | {"item": item, "ratio": ratio, "ours": ratio, "percentile": percentile} | {
+        "published": published, "case": "x: y", "remark": f"why {item}", **cells,
+    }  # fmt: skip
+
+
+ROWS = pd.DataFrame(
+    [
+        _row("in", 1.0, 40.0), _row("edge", 1.1, 99.5), _row("out", 9.0), _row("far", 90.0), _row("main", 2.5),
+        _row("input", 1.0, repeats="the noise"), _row("order", 0.9, published=np.nan),
+    ],
+    columns=COLUMNS,
+)  # fmt: skip
+
+
+def test_the_first_lines_count_evidence_edges_and_inputs() -> None:
+    text, important = headline(ROWS, ("main",))
+    assert isinstance(text, Text)
+    assert isinstance(important, Table)
+    assert text.text == (
+        "Of 6 published rows that no input decides, 2 hold: 1 of 5 numbers are in their band, and single flights of "
+        "them among ours; 1 of 1 orders and statements on innovations are as published. Rows in their band whose "
+        "published flight is at or beyond the 1 % or 99 % point of ours: 1. Rows that repeat an input, and are not "
+        "counted: 1."
+    )
+    assert [row[0] for row in important.rows] == ["main", "far", "out"]
+    assert [row[-1] for row in important.rows] == ["why main", "why far", "why out"]
+
+
+def test_every_row_that_fails_and_every_input_stands_in_a_table_of_its_own() -> None:
+    failing, repeated = those_that_fail(ROWS)
+    assert isinstance(failing, Table)
+    assert isinstance(repeated, Table)
+    assert [row[0] for row in failing.rows] == ["edge", "out", "far", "main"]
+    assert [row[0] for row in repeated.rows] == ["input"]
+    assert "the noise" in repeated.rows[0]
+
+
+def test_nothing_is_said_without_rows_and_no_table_where_all_hold() -> None:
+    assert headline(ROWS[:0], ()) == []
+    assert len(headline(ROWS[:1], ())) == 1
+    assert those_that_fail(ROWS[:1]) == []
