@@ -96,7 +96,8 @@ def geodetic_from_ecef(r_e: ArrayLike) -> tuple[Floats, Floats, Floats]:
     Bowring's iteration on the reduced latitude (Survey Review 23, 1976); good to 1e-9 m from 100 km below the surface
     to geostationary height and beyond. Longitude of a point on the polar axis is zero.
     """
-    x, y, z = np.moveaxis(np.asarray(r_e, dtype=float), -1, 0)
+    # contiguous: of strided columns numpy 2.0 gives arctan2 to another last bit, by where in memory they are
+    x, y, z = np.ascontiguousarray(np.moveaxis(np.asarray(r_e, dtype=float), -1, 0))
     p = np.hypot(x, y)
     reduced = np.arctan2(SEMI_MAJOR * z, SEMI_MINOR * p)
     lat = reduced

@@ -71,7 +71,7 @@ def field(r_e: Floats, year: float, degree: int = DEGREE) -> Floats:
     east = np.stack([-r_e[..., 1], r_e[..., 0], np.zeros_like(across)], axis=-1) / across[..., None]
     up = r_e / distance[..., None]
     south = np.cross(east, up)
-    longitude = np.arctan2(r_e[..., 1], r_e[..., 0])
+    longitude = np.arctan2(r_e[..., 1].copy(), r_e[..., 0].copy())  # contiguous, as in `frames.geodetic_from_ecef`
     P, dP = legendre(cosine, sine, degree)
     radial, southward, eastward = (np.zeros_like(distance) for _ in range(3))
     for n in range(1, degree + 1):

@@ -48,7 +48,7 @@ class AzimuthCard(StandingCard):
     def truth(self, flight: FlightView) -> Floats:
         """Return the azimuth of the mirror's normal (n_epoch, 1) in rad."""
         normal = self._normal(flight)
-        return np.arctan2(normal[:, 1], normal[:, 0])[:, None]
+        return np.arctan2(normal[:, 1].copy(), normal[:, 0].copy())[:, None]
 
     def available(self, flight: FlightView) -> Bools:
         """Return whether the vehicle stands and the mirror's normal is near enough to the horizon, (n_epoch,)."""

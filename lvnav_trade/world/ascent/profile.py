@@ -126,7 +126,7 @@ def _on_circle(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple
     up, downrange, _ = site_axes(site, math.atan2(ratio * math.sin(azimuth), math.cos(azimuth)))
     normal = np.cos(psi)[:, None] * up + np.sin(psi)[:, None] * downrange
     tangent = np.cos(psi)[:, None] * downrange - np.sin(psi)[:, None] * up
-    latitude, longitude = np.arcsin(normal[:, 2]), np.arctan2(normal[:, 1], normal[:, 0])
+    latitude, longitude = np.arcsin(normal[:, 2].copy()), np.arctan2(normal[:, 1].copy(), normal[:, 0].copy())
     north, east, _ = np.einsum("kij,kj->ik", rotation_e_n(latitude, longitude), tangent)
     across = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * normal[:, 2] ** 2)
     meridian = across**3 * (1.0 - ECCENTRICITY_2) / SEMI_MAJOR**2

@@ -44,7 +44,7 @@ def attitude(modes: Sequence[Mode], t: Floats, y: Floats) -> Floats:
         way = product(q[here] * [1.0, -1.0, -1.0, -1.0], frames.quaternions(mode.axes(t[here], y[here])))
         way *= np.where(way[0, 0] < 0.0, -1.0, 1.0)
         length = np.linalg.norm(way[:, 1:], axis=1)
-        angle = 2.0 * np.arctan2(length, way[:, 0])
+        angle = 2.0 * np.arctan2(length, way[:, 0].copy())
         done = smoothsteps((t[here] - mode.start) / mode.slew) if mode.slew > 0.0 else np.ones(t.size - first)
         axis = way[:, 1:] / np.where(length > 0.0, length, 1.0)[:, None]
         q[here] = product(q[here], rotation_quaternions((done * angle)[:, None] * axis))
