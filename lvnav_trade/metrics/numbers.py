@@ -121,10 +121,13 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     return Ours(value, "" if with_runs else "linear covariance", each)
 
 
+THREE = ("formal", "true", "monte_carlo")  # the numbers of a row
+
+
 class Columns(NamedTuple):
     """Our number three times: formal sigma, true error of linear covariance (sigma and mean), runs; NaN where there is
     none. runs (n_run,): what it is the mean of, in the order of the runs, squares if is_root, one or zero if is_share;
-    empty where not stored.
+    empty where not stored. levels (n_case,): the same mean of each of several cases that are taken together.
     """
 
     formal: float
@@ -134,6 +137,7 @@ class Columns(NamedTuple):
     runs: Floats = np.empty(0)
     is_root: bool = True
     is_share: bool = False
+    levels: Floats = np.empty(0)
 
 
 _NO_COLUMNS = Columns(np.nan, np.nan, np.nan)

@@ -10,7 +10,8 @@ import pandas as pd
 from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics.basics.select import pick
 from lvnav_trade.metrics.filter import whiteness
-from lvnav_trade.metrics.numbers import Ours, cases_of, columns, name_of, ours
+from lvnav_trade.metrics.numbers import Ours, name_of
+from lvnav_trade.metrics.pooled import axes_of, cases_of, columns, label_of, members, ours
 from lvnav_trade.metrics.statements import FAILS, HOLDS, NOT_SET_UP, NUMBERS, Value, value_of, verdict
 from lvnav_trade.metrics.statements import rows as statement_rows
 from lvnav_trade.store.read import Tables
@@ -54,7 +55,9 @@ def _of_cases(make: Callable[..., dict[str, Any]]) -> Callable[..., Iterator[dic
     """Return what makes a row for each case that a statement names; one without a case where there is none."""
 
     def rows(tables: Tables, one: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-        yield from (make(tables, case, one) for case in cases_of(tables, one.get("case") or {}) or (None,))
+        yield from (
+            make(tables, case, one) for case in cases_of(tables, one.get("case") or {}, axes_of(one)) or (None,)
+        )
 
     return rows
 
@@ -106,7 +109,7 @@ def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> d
         value,
         percentile=_below_published(published, found),
         repeats=str(published.get("repeats") or ""),
-        case=tables.labels[case] if case is not None else "",
+        case=label_of(tables, case, axes_of(published)) if case is not None else "",
         metric=name_of(published) + words,
         unit=unit,
         published=value,
@@ -116,7 +119,7 @@ def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> d
 
 
 def _smaller(tables: Tables, case: str, published: Mapping[str, Any], against: Mapping[str, str]) -> Ours:
-    others = cases_of(tables, against)
+    others = cases_of(tables, against, axes_of(published))
     if len(others) != 1:
         return Ours(np.nan, f"{len(others)} cases to hold it against")
     return _part(*(_in_si(tables, one, published) for one in (case, others[0])))
@@ -136,7 +139,7 @@ def _in_si(tables: Tables, case: str, stated: Mapping[str, Any]) -> Ours:
 def _three(tables: Tables, case: str | None, published: Mapping[str, Any]) -> Value | None:
     """Return our number three times; nothing where there is no case."""
     than, against = published.get("than"), published.get("against")
-    other = cases_of(tables, against) if against is not None else [case]
+    other = cases_of(tables, against, axes_of(published)) if against is not None else [case]
     if case is None or len(other) != 1:
         return None
     unit = str(published["unit"]) if than is None and against is None else "-"
@@ -155,7 +158,8 @@ def _below_published(published: Mapping[str, Any], found: Ours) -> float:
 
 def _ordering(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the largest ratio of a case to the next of an order, smallest first."""
-    groups = [cases_of(tables, wanted) for wanted in stated["cases"]]
+    pool = axes_of(stated)
+    groups = [cases_of(tables, wanted, pool) for wanted in stated["cases"]]
     alone = all(len(group) == 1 for group in groups)
     found = [_in_si(tables, group[0], stated) for group in groups] if alone else []
     values = np.array([one.value for one in found])
@@ -170,32 +174,42 @@ def _ordering(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, A
         (0.0, float(stated.get("factor") or 1.0)),
         worst,
         value_of(largest, terms) if terms else None,
-        case=_SMALLER.join(tables.labels[group[0]] if group else "?" for group in groups),
+        case=_SMALLER.join(label_of(tables, group[0], pool) if group else "?" for group in groups),
         metric=name_of(stated) + ", ratio to the next",
         ours=worst,
     )
 
 
 def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) -> dict[str, Any]:
-    label = tables.labels[case] if case is not None else ""
     words, bound, white = str(stated.get("channels") or ""), float(stated.get("largest", 0.15)), stated["white"]
-    rows = pick(whiteness(tables), case=label)
-    rows = rows[[_named(name, words) for name in rows.channel]]
+    together = members(tables, case, axes_of(stated)) if case is not None else []
+    found = [_most_correlated(tables, one, words) for one in together]
+    sizes = np.array([size for size, _ in found])
     largest, text = np.nan, "no runs" if case is not None else "no such case"
-    if len(rows):
-        worst = rows.loc[rows.largest_ratio.abs().idxmax()]
-        largest = abs(float(worst.largest_ratio))
-        text = f"{worst.channel} at lag {worst.largest_lag_number}, of {len(rows)} channels"
+    if len(sizes) and np.isfinite(sizes).any():
+        largest = float(np.nanmedian(sizes))  # the runs of one case are one number here
+        text = found[int(np.nanargmin(np.abs(sizes - largest)))][1]
     return _row(
         stated,
         (f"published: {'white' if white else 'correlated'}", text),
         (0.0, bound) if white else (bound, 1.0),
         largest,
-        case=label,
+        case=label_of(tables, case, axes_of(stated)) if case is not None else "",
         metric=f"{words} innovations, largest autocorrelation".strip(),
         monte_carlo=largest,
         ours=largest,
     )
+
+
+def _most_correlated(tables: Tables, case: str, words: str) -> tuple[float, str]:
+    """Return the largest autocorrelation of the channels of a case that `words` name, and where it is."""
+    rows = pick(whiteness(tables), case=tables.labels[case])
+    rows = rows[[_named(name, words) for name in rows.channel]]
+    if rows.empty:
+        return float("nan"), ""
+    worst = rows.loc[rows.largest_ratio.abs().idxmax()]
+    text = f"{worst.channel} at lag {worst.largest_lag_number}, of {len(rows)} channels"
+    return abs(float(worst.largest_ratio)), text
 
 
 _MADE: dict[str, Callable[[Tables, Mapping[str, Any]], Iterable[dict[str, Any]]]] = {
@@ -224,7 +238,7 @@ def interpretations(tables: Tables) -> pd.DataFrame:
         (str(one["during"]), str(one["metric"]), case): float(one["value"])
         for one in tables.campaign.get("references") or ()
         if str(one.get("than") or "").startswith(_RAW)
-        for case in cases_of(tables, one.get("case") or {})
+        for case in cases_of(tables, one.get("case") or {}, ())
     }
     phases, metrics, cases = ([*dict.fromkeys(names)] for names in (zip(*stated, strict=True) if stated else ((),) * 3))
     names, rows = short_names(tables, cases), []

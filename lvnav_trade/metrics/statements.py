@@ -11,7 +11,8 @@ from scipy import stats
 from lvnav_trade import expression
 from lvnav_trade.expression import matching, readings
 from lvnav_trade.metrics.integrity import share
-from lvnav_trade.metrics.numbers import Columns, cases_of, columns, difference, name_of
+from lvnav_trade.metrics.numbers import THREE, Columns, cases_of, difference, name_of
+from lvnav_trade.metrics.pooled import axes_of, columns, members
 from lvnav_trade.metrics.signals import REACQUIRED, reacquisition_times
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
@@ -19,11 +20,12 @@ from lvnav_trade.units import parse
 
 HOLDS, FAILS, UNDECIDED, NOT_SET_UP = "holds", "does not hold here", "undecided", "not set up"
 NOT_FLOWN = "not flown"
-NUMBERS = ("formal", "true", "monte_carlo")
+NUMBERS = THREE
 NOTHING = (np.nan, np.nan, np.nan, "no such case")
 _LEVEL = 0.95
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 _FEWEST = 8  # runs that give an interval
+_FEWEST_LEVELS = 4  # cases taken together that do
 
 
 class Value(NamedTuple):
@@ -64,10 +66,26 @@ def value_of(text: str, terms: Mapping[str, Columns]) -> Value:
             expression.evaluate(text, {name: _root(pair[k], one) for name, *pair, one in of_terms}) for k in (0, 1)
         )
         low, high = _interval(float(drawn), np.asarray(others), expression.is_product(text))
+        low, high = _with_levels(text, terms, float(drawn), (low, high))
         only = next(iter(terms.values()))
-        if only.is_share and len(terms) == 1 and text.strip() in terms:
+        if only.is_share and len(terms) == 1 and text.strip() in terms and set(np.unique(only.runs)) <= {0.0, 1.0}:
             low, high = share(int(only.runs.sum()), n)[1:]
     return Value(formal, true, float(drawn), low, high, n, tuple(dict.fromkeys(remarks)))
+
+
+def _with_levels(
+    text: str, terms: Mapping[str, Columns], centre: float, by_runs: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the interval by the runs, or that by the cases that are taken together where it reaches further."""
+    counts = {len(one.levels) for one in terms.values() if len(one.levels)}
+    if len(counts) != 1 or (n := counts.pop()) < _FEWEST_LEVELS:
+        return by_runs
+    others = {
+        name: _root(_without(one.levels[None])[0] if len(one.levels) else np.full(n, one.runs.mean()), one)
+        for name, one in terms.items()
+    }
+    by_levels = _interval(centre, np.asarray(expression.evaluate(text, others)), expression.is_product(text))
+    return float(np.fmin(by_runs[0], by_levels[0])), float(np.fmax(by_runs[1], by_levels[1]))
 
 
 def _without(each: Floats) -> Floats:
@@ -172,9 +190,9 @@ def _read(
 
 
 def _first(known: Sequence[Mapping[str, str]], term: Mapping[str, Any]) -> dict[str, str]:
-    """Return the first level of the axis over which a term takes the median, in whose place all levels stand."""
-    over = str(term.get("over") or "")
-    return {over: known[0][over]} if over and known else {}
+    """Return the first levels of the axes over which a term takes the median or all runs: they stand for all levels."""
+    axes = [axis for axis in (str(term.get("over") or ""), *axes_of(term)) if axis]
+    return {axis: known[0][axis] for axis in axes} if known else {}
 
 
 def _over(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -> Columns:
@@ -185,7 +203,10 @@ def _over(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -> Colu
         others = cases_of(tables, wanted)
         return difference(tables, case, others[0], term, unit) if others else Columns(*NOTHING)
     if not over:
-        return columns(tables, case, term, unit)
+        whole = columns(tables, case, term, unit)
+        together = len(members(tables, case, axes_of(term))) if axes_of(term) else 0
+        words = f"{together} cases of {', '.join(axes_of(term))} together" if together else ""
+        return whole._replace(remark="; ".join(text for text in (whole.remark, words) if text))
     mine = {axis: level for axis, level in tables.levels[case].items() if axis != over}
     cases = [other for other, levels in tables.levels.items() if mine.items() <= levels.items()]
     if term["metric"] == REACQUIRED:

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.numbers import cases_of, name_of, ours
+from lvnav_trade.metrics.numbers import name_of
+from lvnav_trade.metrics.pooled import axes_of, cases_of, label_of, ours
 from lvnav_trade.metrics.statements import NUMBERS, bounds
 from lvnav_trade.metrics.statements import locus as values_along
 from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
@@ -58,11 +59,12 @@ def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | 
     """
     rows = []
     for published in references:
-        for case in cases_of(tables, published.get("case") or {}) if published.get("single") else ():
+        pool = axes_of(published)
+        for case in cases_of(tables, published.get("case") or {}, pool) if published.get("single") else ():
             found = ours(tables, case, published, str(published["unit"])).runs / float(published["value"])
             found = found[np.isfinite(found)]
             if len(found) > 1:
-                name = f"{published.get('item') or name_of(published)}: {tables.labels[case]}"
+                name = f"{published.get('item') or name_of(published)}: {label_of(tables, case, pool)}"
                 rows.append((name, found, published.get("band") or (0.5, 2.0)))
     if not rows:
         return None
@@ -90,7 +92,7 @@ def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | Non
     panels = []
     for metric in dict.fromkeys(one["metric"] for one in flown):
         mine = [one for one in flown if one["metric"] == metric]
-        case = next(iter(cases_of(tables, mine[0].get("case") or {})), None)
+        case = next(iter(cases_of(tables, mine[0].get("case") or {}, axes_of(mine[0]))), None)
         found = np.empty(0) if case is None else ours(tables, case, mine[0], str(mine[0]["unit"])).runs
         if len(found) < 2:
             return None
@@ -154,7 +156,7 @@ def locus(
     axis: name of the axis in the labels of cases; stated: metric, at or during, statistic; one line for each choice of
     the other axes; cases: those drawn, all if empty.
     """
-    chosen = {case for wanted in cases for case in cases_of(tables, wanted)} or set(tables.labels)
+    chosen = {case for wanted in cases for case in cases_of(tables, wanted, ())} or set(tables.labels)
     rows = []
     for case, levels in tables.levels.items():
         if case in chosen and axis in levels:

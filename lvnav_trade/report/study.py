@@ -16,7 +16,7 @@ from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.errors.covariances import agreement, by_case
 from lvnav_trade.metrics.errors.rms import coverage, paired_levels
 from lvnav_trade.metrics.held import evidence, held
-from lvnav_trade.metrics.numbers import cases_of, ours
+from lvnav_trade.metrics.pooled import axes_of, cases_of, ours
 from lvnav_trade.metrics.published import references
 from lvnav_trade.metrics.requirements.requirements import in_words
 from lvnav_trade.plots import PLOTS
@@ -189,7 +189,7 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
 
 def _cases(one: Answered, case: Case) -> list[str]:
     """Return the digests of a case as study.yaml names it; InputError where there is none."""
-    found = list(cases_of(one.tables, case))
+    found = cases_of(one.tables, case, ())
     if not found:
         known = list(one.tables.labels.values())
         raise InputError(f"study.yaml: {one.part.campaign}: no case {case}; there are {known}")
@@ -299,7 +299,7 @@ def missions_table(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> list[B
     for one in flown:
         name, _, what = (part.strip() for part in str(one["item"]).partition(","))
         head, value = f"{what} ({one['unit']})", float(one["value"])
-        case = next(iter(cases_of(tables, one.get("case") or {})), None)
+        case = next(iter(cases_of(tables, one.get("case") or {}, axes_of(one))), None)
         found = np.empty(0) if case is None else ours(tables, case, one, str(one["unit"])).runs
         below = f"{100 * float(np.mean(found < value)):.0f}" if len(found) else "–"
         row = published.setdefault(name, {"mission": name})

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
@@ -127,7 +127,20 @@ class Stated(Card):
     remark: str = ""
 
 
-class Measured(Card):
+class Pooled(Card):
+    """What may be of several cases taken together."""
+
+    pool: tuple[str, ...] = Field(
+        (), description="axes whose levels are taken together: all their runs count as runs of one case"
+    )
+
+    @field_validator("pool", mode="before")
+    @classmethod
+    def _several(cls, axes: Any) -> Any:
+        return (axes,) if isinstance(axes, str) else axes
+
+
+class Measured(Pooled):
     """A metric at an event or during a phase."""
 
     metric: Annotated[str, AfterValidator(_metric)] = Field(
@@ -245,7 +258,7 @@ class Ordering(Measured, Stated):
     factor: float = Field(1.0, gt=0, description="largest ratio of a case to the next")
 
 
-class Innovations(Stated):
+class Innovations(Pooled, Stated):
     """A published statement on innovations: white, or correlated, as one flight can tell."""
 
     case: Case = Field({}, description="level of each axis, by its label")
@@ -273,6 +286,8 @@ class Term(Measured):
         yield from super()._faults()
         if self.minus is not None and (self.at is None or self.statistic != "rms" or "_error" not in self.metric):
             yield "minus is of an error at an event, without a statistic"
+        if self.pool and (self.over or self.minus is not None):
+            yield "pool takes the runs of all levels together, over their median and minus a difference; choose one"
         if self.statistic in ("formal", "lincov"):
             yield f"statistic {self.statistic} is a column of every statement; leave it out"
 

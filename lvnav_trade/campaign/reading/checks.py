@@ -12,6 +12,7 @@ from lvnav_trade.campaign.definition.axes import (
     chosen_levels,
     get,
 )
+from lvnav_trade.campaign.definition.published import Pooled
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
 from lvnav_trade.errors import Mistake, quoted
@@ -114,7 +115,12 @@ def statements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield what references, orderings and other statements name and the campaign does not have."""
     cases = named_cases(campaign)
     yield from _expressions(campaign, cases, root)
-    for path, wanted, single in _cases_wanted(campaign):
+    for key in ("references", "orderings", "innovations"):
+        for index, one in enumerate(getattr(campaign, key)):
+            named = getattr(one, "cases", None) or (one.case,)
+            levels = {axis: level for case in named for axis, level in case.items()}
+            yield from _pool(one, f"{key}.{index}", levels, cases, root)
+    for path, wanted, single in _cases_wanted(campaign, cases):
         if message := unknown_case(wanted, cases, single):
             yield mistake_at(root, path, message)
     frames = {str(v) for axis in campaign.axes if axis.path == "frame" for v in axis.values or ()}
@@ -150,6 +156,8 @@ def _expressions(campaign: Campaign, cases: Sequence[Mapping[str, str]], root: N
                 yield mistake_at(root, f"{path}.terms.{name}.over", message)
             elif term.over and cases:
                 wanted[name] |= {term.over: cases[0][term.over]}
+            yield from _pool(term, f"{path}.terms.{name}", one.case_of(name), cases, root)
+            wanted[name] |= _pooled(term, cases)
             for key, other in (("minus", term.minus), ("sigma_of", term.sigma_of)):
                 if other is not None and (message := unknown_case(wanted[name] | other, cases)):
                     yield mistake_at(root, f"{path}.terms.{name}.{key}", message)
@@ -163,14 +171,37 @@ def _expressions(campaign: Campaign, cases: Sequence[Mapping[str, str]], root: N
             yield mistake_at(root, f"{path}.terms.{name}.case", message)
 
 
-def _cases_wanted(campaign: Campaign) -> Iterator[tuple[str, Mapping[str, str], bool]]:
+def _pool(
+    one: Pooled, path: str, wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], root: Node
+) -> Iterator[Mistake]:
+    """Yield what is wrong with the axes whose levels a number takes together."""
+    for axis in one.pool:
+        if cases and axis not in cases[0]:
+            yield mistake_at(root, f"{path}.pool", f"no axis {quoted(axis)}{meant(axis, cases[0])}")
+        elif axis in wanted:
+            yield mistake_at(
+                root, f"{path}.pool", f"{axis} is taken together and has one level in the case; choose one"
+            )
+
+
+def _pooled(one: Pooled, cases: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """Return a level of each axis that is taken together, which stands for all of them."""
+    return {axis: cases[0][axis] for axis in one.pool if cases and axis in cases[0]}
+
+
+def _cases_wanted(
+    campaign: Campaign, cases: Sequence[Mapping[str, str]]
+) -> Iterator[tuple[str, Mapping[str, str], bool]]:
     """Yield path, levels by axis, and whether exactly one case is meant."""
     for index, one in enumerate(campaign.references):
         yield f"references.{index}.case", one.case, False
         if one.against is not None:
-            yield f"references.{index}.against", one.against, True
+            yield f"references.{index}.against", one.against | _pooled(one, cases), True
     for index, order in enumerate(campaign.orderings):
-        yield from ((f"orderings.{index}.cases.{place}", case, True) for place, case in enumerate(order.cases))
+        together = _pooled(order, cases)
+        yield from (
+            (f"orderings.{index}.cases.{place}", case | together, True) for place, case in enumerate(order.cases)
+        )
     for index, statement in enumerate(campaign.innovations):
         yield f"innovations.{index}.case", statement.case, False
 
@@ -190,7 +221,7 @@ def narrowed(campaign: Campaign) -> Campaign:
             "statements": tuple(
                 one
                 for one in campaign.statements
-                if readings(cases, {name: one.case_of(name) for name in one.terms})
+                if readings(cases, {name: one.case_of(name) | _pooled(one.terms[name], cases) for name in one.terms})
                 and (not one.along or one.along in cases[0])
             ),
         }

@@ -1,0 +1,95 @@
+"""Numbers of the cases of an axis taken together: their runs count as runs of one case."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.metrics import numbers
+from lvnav_trade.metrics.numbers import Columns, Ours
+from lvnav_trade.store.read import Tables
+
+_MEDIAN = ("satellites_tracked", "reacquisition_time")  # metrics that have no mean square
+
+
+def axes_of(stated: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the axes whose levels a number takes together."""
+    return tuple(stated.get("pool") or ())
+
+
+def cases_of(tables: Tables, wanted: Mapping[str, str], pool: Sequence[str]) -> list[str]:
+    """Return the digests of the cases whose axes have the levels wanted: the first of those that are taken together."""
+    found: dict[tuple[tuple[str, str], ...], str] = {}
+    for case in numbers.cases_of(tables, wanted):
+        found.setdefault(_others(tables, case, pool), case)
+    return list(found.values())
+
+
+def members(tables: Tables, case: str, pool: Sequence[str]) -> list[str]:
+    """Return the cases that differ from a case in levels of these axes alone, itself among them."""
+    mine = _others(tables, case, pool)
+    return [other for other in tables.levels if _others(tables, other, pool) == mine]
+
+
+def label_of(tables: Tables, case: str, pool: Sequence[str]) -> str:
+    """Return the label of a case, or of the cases that are taken together and how many they are."""
+    if not pool:
+        return tables.labels[case]
+    rest = ", ".join(f"{axis}={level}" for axis, level in _others(tables, case, pool) if level != "base")
+    return f"{rest or 'base'}; {len(members(tables, case, pool))} of {', '.join(pool)} together"
+
+
+def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
+    """Return our number of a case, or of the cases that are taken together, in `unit`.
+
+    The root mean square over the cases of a root mean square or a sigma, the median over all runs of a worst case, the
+    median over the cases of a count. runs: those of all cases.
+    """
+    if not axes_of(stated):
+        return numbers.ours(tables, case, stated, unit)
+    found = [numbers.ours(tables, one, stated, unit) for one in members(tables, case, axes_of(stated))]
+    remark = "; ".join(dict.fromkeys(one.remark for one in found if one.remark))
+    runs = np.sort(np.concatenate([one.runs for one in found]))
+    values = np.array([one.value for one in found])
+    if stated.get("statistic") == "worst" and len(runs):
+        return Ours(float(np.median(runs)), remark, runs)
+    value = np.median(values) if _counts(stated) else np.sqrt(np.mean(values**2))
+    return Ours(float(value), remark, runs)
+
+
+def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Columns:
+    """Return the three numbers of a case, or of the cases that are taken together, in `unit` ("-": SI).
+
+    Cases share the draws of runs of the same number, so these stay one run, whose square is the mean over the cases.
+    levels (n_case,): the mean over the runs of each case, for the part of the interval due to the choice of cases.
+    """
+    if not axes_of(stated):
+        return numbers.columns(tables, case, stated, unit)
+    found = [numbers.columns(tables, one, stated, unit) for one in members(tables, case, axes_of(stated))]
+    first, least = found[0], min(len(one.runs) for one in found)
+    remark = "; ".join(dict.fromkeys(one.remark for one in found if one.remark))
+    formal, true, drawn = (_mean([getattr(one, name) for one in found], first, stated) for name in numbers.THREE)
+    whole = Columns(formal, true, drawn, remark, np.empty(0), first.is_root, first.is_share)
+    if not least:
+        return whole
+    each = np.stack([one.runs[:least] for one in found])
+    sound = np.all(np.isfinite(each), axis=0)
+    levels = each[:, sound].mean(axis=1) if sound.any() else np.empty(0)
+    return whole._replace(runs=each.mean(axis=0), levels=levels)
+
+
+def _mean(values: Sequence[float], first: Columns, stated: Mapping[str, Any]) -> float:
+    if _counts(stated) or stated.get("statistic") in ("worst", "least"):
+        return float(np.median(values))
+    if first.is_root:
+        return float(np.sqrt(np.mean(np.square(values))))
+    return float(np.mean(values))
+
+
+def _counts(stated: Mapping[str, Any]) -> bool:
+    metric = str(stated["metric"])
+    return metric in _MEDIAN or metric.endswith(("_convergence_time", "_height", "_availability"))
+
+
+def _others(tables: Tables, case: str, pool: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    return tuple((axis, level) for axis, level in tables.levels[case].items() if axis not in pool)
