@@ -10,7 +10,7 @@ import pandas as pd
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.probability import rms_interval
 from lvnav_trade.metrics.basics.select import history_of, lincov_rms, phase, pick
-from lvnav_trade.metrics.errors.covariances import REJECTS_TOO_MUCH
+from lvnav_trade.metrics.errors.covariances import REJECTS_TOO_MUCH, by_case
 from lvnav_trade.metrics.numbers import cases_of
 from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.plots.integrity import mark_decisions
@@ -22,6 +22,7 @@ MOST_COMPARED = 12  # cases whose errors stand in one panel; of more the best an
 MOST_RANKED = 30  # cases of the ranking that are drawn
 _LEAST = 0.2  # autocorrelation that is always within the panels: chance is not blown up
 _ONE_FLIGHT = 600  # innovations of a channel in one flight, one a second
+_SLOW_FAST = "each range, position, attitude", "each range rate, velocity"  # channels in the first and second colour
 _OWN = "dots: filter's own sigma over its true error"
 Cases = Sequence[Mapping[str, str]]
 # Look of each mode: hatching tells them apart where there is no colour.
@@ -47,7 +48,7 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
     figure, grid = canvas(len(single), 1, 1.95, sharex=True)
     for ax, axis in zip(grid[:, 0], single, strict=True):
         rows = history_of(tables, case, quantity, axis)
-        _lines(ax, rows, factor)
+        _lines(ax, rows, factor, tables.labels[case] in _outside(tables))
         ax.set(ylabel=f"{axis}, RMS or\n1 sigma ({unit})")
         scale_up(ax, "y", pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
         mark_decisions(ax, tables, case)
@@ -76,13 +77,21 @@ def worst_run(tables: Tables, case: str, run: str) -> Figure:
     return figure
 
 
-def _lines(ax: Panel, rows: pd.DataFrame, factor: float) -> None:
+def _outside(tables: Tables) -> set[str]:
+    """Return the labels of the cases with runs that linear covariance does not describe."""
+    frame = by_case(tables)
+    return set(frame.case[frame.verdict == "not applicable"])
+
+
+def _lines(ax: Panel, rows: pd.DataFrame, factor: float, runs_alone: bool) -> None:
     n = int(rows.run_count.iloc[0])
     if n:
         low, high = rms_interval(rows.rms_si, rows.run_count * rows.dof_ratio)
         ax.fill_between(rows.t_s, low * factor, high * factor, color=PALETTE[0], alpha=0.2)
         ax.plot(rows.t_s, rows.rms_si * factor, color=PALETTE[0], label=f"Monte Carlo RMS, {n} runs (95 % band)")
         ax.plot(rows.t_s, rows.filter_sigma_si * factor, color=PALETTE[2], lw=1.0, label="filter's own sigma")
+    if runs_alone:
+        return
     ax.plot(rows.t_s, rows.lincov_formal_si * factor, color="black", ls=":", lw=1.1, label="LinCov, filter's own")
     ax.plot(rows.t_s, lincov_rms(rows) * factor, color=PALETTE[1], ls="--", lw=1.1, label="LinCov, true error")
 
@@ -169,13 +178,16 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
 
 
 def _frames(tables: Tables, quantity: str, cases: Cases, axis: str, during: str | None) -> dict[str, pd.DataFrame]:
-    """Return the history of an error of the chosen cases (all if none is) in a phase, with what LinCov expects."""
+    """Return the history of an error of the chosen cases (all if none is) in a phase, with what LinCov expects: nothing
+    where it does not describe the case.
+    """
     frames = {}
     for case in dict.fromkeys(case for wanted in cases for case in cases_of(tables, wanted)) or tables.labels:
         rows = history_of(tables, case, quantity, axis)
         if during is not None:
             rows = rows[rows.t_s.between(*phase(tables, case, during))]
-        frames[case] = rows.assign(expected_si=lincov_rms)
+        alone = tables.labels[case] in _outside(tables)
+        frames[case] = rows.assign(expected_si=np.nan if alone else lincov_rms(rows))
     return frames
 
 
@@ -219,11 +231,12 @@ def autocorrelation(tables: Tables, cases: Cases = (), channels: str = "") -> Fi
     found = [-_LEAST, _LEAST, *frame[frame.case.isin(shown) & (frame.lag_number > 0)].autocorrelation_ratio]
     limits = 1.1 * float(np.min(found)), 1.1 * float(np.max(found))
     for ax, label in zip(grid.ravel(), shown, strict=False):
-        ax.axhspan(-bound, bound, color=SHADE, alpha=0.35)
+        ax.axhspan(-bound, bound, color=SHADE, alpha=0.35, label="95 % of one flight, if white")
         for channel, rows in frame[frame.case == label].groupby("channel", sort=False):
             lags = rows[rows.lag_number > 0]
             colour = PALETTE[1] if "rate" in str(channel) or "vel" in str(channel) else PALETTE[0]
-            ax.plot(lags.lag_number, lags.autocorrelation_ratio, color=colour, lw=0.8, marker=".", ms=3)
+            what = _SLOW_FAST[colour == PALETTE[1]]
+            ax.plot(lags.lag_number, lags.autocorrelation_ratio, color=colour, lw=0.8, marker=".", ms=3, label=what)
         ax.set(title=label.replace(", ", "\n"), xlabel="lag (epochs)", ylim=limits)
     for ax in grid[:, 0]:
         ax.set(ylabel="autocorrelation (-)")

@@ -23,22 +23,28 @@ _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s")
 def ratios(references: pd.DataFrame) -> Figure:
     """Draw ours over published of every number, with its band; those outside stand out.
 
-    A ratio below 0.02 or above 50 is an arrow at that end.
+    A ratio below 0.02 or above 50 is an arrow at that end; a number that ours lack, or of the other sign, is a cross
+    there.
     """
-    frame = references[references.ratio.notna() & (references.ratio > 0)].reset_index(drop=True)
+    frame = references[references.published.notna()].reset_index(drop=True)
+    lacks = (frame.ratio.isna() | (frame.ratio <= 0.0)).to_numpy()
     alone = (frame["item"] != "") & ~frame["item"].duplicated(keep=False)
     names = [row.item if alone[row.Index] else f"{row.item or row.metric}: {row.case}" for row in frame.itertuples()]
     place = np.arange(len(frame))
-    low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, frame.ratio))
+    found = frame.ratio.mask(lacks, _DRAWN[0])
+    low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, found))
     figure, ax = panel(1.1 + 0.17 * len(frame))
     ax.hlines(place, low, high, color=SHADE, lw=5, alpha=0.6, label="band")
     for inside, colour, marker, label in ((True, PALETTE[0], "o", "in band"), (False, PALETTE[1], "D", "out of band")):
-        chosen = (frame.in_band == inside).to_numpy()
+        chosen = (frame.in_band == inside).to_numpy() & ~lacks
         for end, sign in ((0.0, marker), (-1.0, "<"), (1.0, ">")):
-            here = chosen & (np.sign(frame.ratio - ratio) == end).to_numpy()
+            here = chosen & (np.sign(found - ratio) == end).to_numpy()
             if end == 0.0 or here.any():
                 style = {"ls": "none", "marker": sign, "color": colour, "ms": 4.5, "label": "" if end else label}
                 ax.plot(ratio[here], place[here], **style)
+    if lacks.any():
+        style = {"ls": "none", "marker": "x", "color": "black", "ms": 4.5, "label": "no number of ours, or other sign"}
+        ax.plot(ratio[lacks], place[lacks], **style)
     ax.axvline(1.0, color=GREY, lw=0.8)
     _ratio_axes(ax, names, "ours / published (-)")
     return figure
@@ -106,7 +112,7 @@ def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | Non
         for one in mine:
             name = str(one["item"]).partition(",")[0]
             ax.axvline(float(one["value"]), lw=1.3, label=name, color=line_of(names.index(name))["color"])
-        ax.axvline(float(np.sqrt(np.mean(found**2))), color=PALETTE[0], lw=3.5, alpha=0.3, label="our RMS")
+        ax.axvline(float(np.sqrt(np.mean(found**2))), color=GREY, lw=4.0, alpha=0.5, label="our RMS")
         ax.set(
             xlim=(0.0, max(found[int(0.995 * (len(found) - 1))], 1.1 * max(float(one["value"]) for one in mine))),
             ylim=(0.0, 100.0),
@@ -150,11 +156,12 @@ def locus(
     published: float | None = None,
     band: tuple[float, float] = (0.5, 2.0),
     cases: Sequence[Mapping[str, str]] = (),
+    varied: str = "",
 ) -> Figure:
     """Draw a metric over the levels of an axis, with the published value and its band as lines.
 
     axis: name of the axis in the labels of cases; stated: metric, at or during, statistic; one line for each choice of
-    the other axes; cases: those drawn, all if empty.
+    the other axes; cases: those drawn, all if empty; varied: the quantity that the axis varies, its name if empty.
     """
     chosen = {case for wanted in cases for case in cases_of(tables, wanted, ())} or set(tables.labels)
     rows = []
@@ -177,7 +184,7 @@ def locus(
     _levels(ax, sizes, names, kind)
     scale_up(ax, "y", [*frame.value, *([published] if published else [])])
     ax.set(
-        xlabel=axis.replace("_", " ") + (f" ({kind})" if kind else ""),
+        xlabel=(varied or axis.replace("_", " ")) + (f" ({kind})" if kind else ""),
         ylabel=f"{name_of(stated).replace('_', ' ')}\n({unit})".replace(", ", ",\n"),
     )
     return figure

@@ -10,6 +10,7 @@ import pandas as pd
 
 from lvnav_trade.metrics.basics.select import pick
 from lvnav_trade.plots.figure import GREY, Figure, Panel, events_of, panel
+from lvnav_trade.plots.overlap import widen_covered
 from lvnav_trade.store.read import Tables, load
 
 # Every figure by name, as `drawing` finds them
@@ -25,11 +26,14 @@ _PAUSE = 5.0  # usual steps without a row
 def drawing(
     plot: Callable[Concatenate[Tables, _Options], _Drawn],
 ) -> Callable[Concatenate[Path | str | Tables, _Options], _Drawn]:
-    """Put a plot of tables among `PLOTS`; return it so that it takes a results folder too."""
+    """Put a plot of tables among `PLOTS`; return it so that it takes a results folder too, with no line hidden."""
 
     @wraps(plot)
     def drawn(results: Path | str | Tables, /, *args: _Options.args, **kwargs: _Options.kwargs) -> _Drawn:
-        return plot(load(results), *args, **kwargs)
+        found = plot(load(results), *args, **kwargs)
+        if isinstance(found, Figure):
+            widen_covered(found)
+        return found
 
     PLOTS[plot.__name__] = drawn
     return drawn

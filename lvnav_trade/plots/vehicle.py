@@ -54,7 +54,7 @@ def motion(tables: Tables, case: str, quantity: str) -> Figure:
         if runs:
             for rows, name, colour in ((raw, "raw", PALETTE[1]), (estimate, "filtered", PALETTE[0])):
                 label = f"{name}, RMS of {runs} runs"
-                ax.plot(rows.t_s, rows.rms_si * factor, color=colour, lw=0.7, alpha=0.7, label=label)
+                ax.plot(rows.t_s, rows.rms_si * factor, color=colour, lw=2.6, alpha=0.45, label=label)
         ax.plot(raw.t_s, raw.lincov_formal_si * factor, color=PALETTE[1], label="raw, formal")
         ax.plot(estimate.t_s, estimate.lincov_formal_si * factor, color="black", label="filtered, formal")
         ax.plot(estimate.t_s, lincov_rms(estimate) * factor, color=PALETTE[2], ls="--", label="filtered, LinCov true")

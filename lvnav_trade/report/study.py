@@ -172,7 +172,7 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
         "errors": over,
         "relative": over,
         "autocorrelation": (many, figure.channels),
-        "locus": (figure.axis, metric, figure.unit, figure.published, figure.band, many),
+        "locus": (figure.axis, metric, figure.unit, figure.published, figure.band, many, figure.varied),
         "missions": (one.flown,),
         "bound": (next((s for s in one.stated.get("statements") or () if s.get("id") == figure.statement), {}),),
         "sweep": (),

@@ -42,6 +42,9 @@ class Figure(Card):
     statistic: str = Field("rms", description="of locus, as in references")
     statement: str = Field("", description="of bound: id of the statement, drawn over the axis that it is along")
     unit: str = Field("m", description="of locus")
+    varied: str = Field(
+        "", description="of locus: the quantity that the axis varies, for its label; its name if absent"
+    )
     published: float | None = Field(None, description="of locus: the published value, in that unit")
     band: tuple[float, float] = Field((0.5, 2.0), description="of locus: of ours / published")
     channels: str = Field("", description="of autocorrelation: words that a channel's name holds")
