@@ -178,7 +178,7 @@ def spot_check(tables: Tables) -> list[Block]:
     outside = tested.verdict.eq("disagree").groupby(tested.case).sum()
     worst = cases.head(1)
     worst = worst.assign(rows=worst.case.map(cases.size()), outside=worst.case.map(outside))
-    runs = f"{frame.runs.min()}" if frame.runs.min() == frame.runs.max() else "some"
+    runs = " to ".join(dict.fromkeys(f"{count}" for count in (frame.runs.min(), frame.runs.max())))
     if worst.empty:
         return []
     found: list[Block] = [Text(note("spot_check", runs=runs)), stated("spot_check", worst)]

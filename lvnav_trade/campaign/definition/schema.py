@@ -203,7 +203,8 @@ class Covariance(units.Card):
         None, description="bounds on position and velocity: a further linear covariance for every satellite in use"
     )
     spot_check: int = Field(
-        limits.SPOT_CHECK, description="runs of each case that linear covariance is checked with; 0: no check"
+        limits.SPOT_CHECK,
+        description="runs of each case that linear covariance is checked with, half of them where these fit; 0: none",
     )
 
     @field_validator("spot_check")

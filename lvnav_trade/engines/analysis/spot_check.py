@@ -3,11 +3,14 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import erfc, gammainc, gammaincc
 
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.engines.simulate.statistics import BlockSummary, summarise
-from lvnav_trade.records import CovHistory
+from lvnav_trade.engines.simulate.statistics import BlockSummary, merge, summarise
+from lvnav_trade.kernels.covariance import N_NAV_ERROR
+from lvnav_trade.kernels.vector import WIDTH
+from lvnav_trade.records import CovHistory, Floats
 
 GAP = 5.0
 """Seconds without a measurement after which the next one is a moment of its own."""
@@ -15,14 +18,47 @@ AFTER_GAP = "first measurement at "
 """How the name of such a moment begins."""
 
 
-def spot_check(prepared: Prepared, history: CovHistory, events: dict[str, float], seed: int, runs: int) -> BlockSummary:
-    """Fly the first runs of a case and return their errors at the events and after every gap, as of any block.
+SUSPECT = 0.2
+"""Level, over all errors of a case at all its moments, at which its first runs call for the others."""
 
+
+def spot_check(prepared: Prepared, history: CovHistory, events: dict[str, float], seed: int, runs: int) -> BlockSummary:
+    """Fly runs of a case and return their errors at the events and after every gap, as of any block.
+
+    Half of the runs are flown first, the others only where an error of these is larger or smaller than expected.
     They have the draws of the campaign's own runs of these numbers.
     """
-    block = run_block(prepared, seed, 0, runs)
     times = {name: t for name, t in events.items() if prepared.t_hist[0] <= t <= prepared.t_hist[-1]}
-    return summarise(block, times | {gap.name: gap.end for gap in gaps(history)}, history.true_sigma, prepared.outputs)
+    times |= {gap.name: gap.end for gap in gaps(history)}
+
+    def flown(first: int, count: int) -> BlockSummary:
+        return summarise(run_block(prepared, seed, first, count), times, history.true_sigma, prepared.outputs)
+
+    half = WIDTH * -(-runs // (2 * WIDTH))
+    begun = flown(0, min(half, runs))
+    if half >= runs or not _suspect(begun, history):
+        return begun
+    return merge([begun, flown(half, runs - half)])
+
+
+def _suspect(found: BlockSummary, history: CovHistory) -> bool:
+    """Whether a navigation error of some runs is no draw of linear covariance's, at level `SUSPECT` for all together:
+    its mean square about the mean, by chi-square, or its largest one, by the Gaussian.
+    """
+    at = np.searchsorted(history.t, found.t_event - 1e-9)
+    sigma, mean = (each[at, :N_NAV_ERROR] for each in (history.true_sigma, history.mean))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z: Floats = (found.event_error[:, :, :N_NAV_ERROR] - mean) / sigma
+    z = z[:, sigma > 0.0]
+    if not z.size:
+        return False
+    if not np.isfinite(z).all():
+        return True  # a run failed
+    n, n_row = z.shape
+    half = 0.5 * np.sum(z**2, axis=0)
+    chances = 2.0 * np.minimum(gammainc(0.5 * n, half), gammaincc(0.5 * n, half))
+    largest = n * erfc(np.abs(z).max() / np.sqrt(2.0))
+    return bool(min(chances.min(), largest) < SUSPECT / n_row)
 
 
 class Gap(NamedTuple):
