@@ -242,8 +242,8 @@ class FilterCard(units.NamedCard):
     update_rate: units.Frequency = 1.0
     transition_rate: units.Frequency | None = Field(
         None,
-        description="how often the transition is linearised, at what is known by then; none: at every covariance step, "
-        "with the integrals of the strapdown over it",
+        description="how often the covariance's transition is linearised, at what is known by then; none: at every "
+        "step, with the integrals of the strapdown over it",
     )
     consider: tuple[ParameterState, ...] = Field((), description="not estimated, but their covariance counts (Schmidt)")
     as_noise: tuple[NoiseState, ...] = Field(

@@ -4,9 +4,10 @@ A direct filter has none: its update acts on the total state after every scalar 
 linearised there. A closed loop linearises all scalars of an epoch where the epoch begins.
 
 In an open loop the error state stays beside the inertial system: it is propagated with the transition of every window,
-measurements are linearised at the uncorrected state, and the sum of both goes into the records and nowhere else. For
-small errors that is the closed loop; a large error of the inertial system leaves its second order in the measurements
-and in the transition. A mode logic, if there is one, permits or stops the processing of measurements.
+also where the covariance's is linearised less often, measurements are linearised at the uncorrected state, and the sum
+of both goes into the records and nowhere else. For small errors that is the closed loop; a large error of the inertial
+system leaves its second order in the measurements and in the transition. A mode logic, if there is one, permits or
+stops the processing of measurements.
 """
 
 from typing import NamedTuple
@@ -26,6 +27,7 @@ from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, where, zeros_of
+from lvnav_trade.kernels.transition import EVERY_WINDOW
 from lvnav_trade.records import Floats
 
 
@@ -48,11 +50,18 @@ def new_open_loop(n_state: int, n_par: int, n_extra: int, lanes: int = 0) -> Ope
 
 
 @jit
-def propagate_open_loop(work, points, open_loop, model, length):
-    """Propagate the error state of an open loop over a window: by the blocks of the transition, the motion of an
+def propagate_open_loop(work, points, open_loop, model, length, linearised):
+    """Propagate the error state of an open loop over a window: by the blocks of its transition, the motion of an
     unscented filter by its points (Points, or None).
+
+    linearised : what the window does to the rates at which the covariance's transition is linearised; the error state
+        is propagated by the window's own in any case, as the strapdown is
     """
     if open_loop is not None:
+        if linearised != EVERY_WINDOW:
+            for i in range(work.sums.shape[0]):
+                work.sums[i] = work.rates[1, i] * model.seconds[length]
+            ekf.fill_transition(work, model, length)
         apply_phi(
             work.x, work.D, model.block_rows, model.block_columns, model.decay[length], model.clock,
             model.seconds[length],

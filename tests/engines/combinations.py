@@ -216,17 +216,6 @@ REPORT = Path("reports/combinations")
 _NUMBERS = ("lowest ratio", "highest ratio", "lower bound", "upper bound")
 
 
-_DIFFER = """\
-  A differing case is an open loop on a spinning vehicle with `transition_rate`: the estimate is propagated by a
-  transition that is linearised twice a second, between which the vehicle turns. What that does to the estimate is an
-  error of the filter that grows with the estimate; the runs have it, linear covariance does not."""
-
-
-def _by_transition(case: Case) -> bool:
-    """Return whether a case is one that the explanation is of."""
-    return (case["correction"], case["tuning"], case["vehicle"]) == ("open", "transition rate", "spinning")
-
-
 def main() -> int:
     """Run every case, or those whose numbers are given; write reports/combinations/ case by case."""
     cases = covering()
@@ -284,7 +273,6 @@ def write(verdicts: dict[int, Verdict], folder: Path) -> None:
         f"- Both engines agree: {agree} cases.",
         *([f"- Not run yet: {len(waiting)} ({', '.join(map(str, waiting))})."] if waiting else []),
         f"- They differ: {len(differ)}{' (' + ', '.join(map(str, differ)) + ')' if differ else ''}.",
-        *([_DIFFER] if differ and all(_by_transition(cases[number]) for number in differ) else []),
         f"- Refused: {sum(bool(v.refused) for v in verdicts.values())}, for these reasons:",
         *(f"  - {reason}" for reason in refusals),
         "",

@@ -47,6 +47,20 @@ def test_for_small_errors_open_and_closed_loop_are_the_same(coupling):
     assert np.abs(one[:, -1] / sigma[-1]).max() > 1.0
 
 
+def test_the_error_state_is_propagated_by_every_step_however_seldom_the_covariance_is_linearised():
+    """A transition of five seconds ago in the covariance alone: other gains, the same in both loops."""
+    small = {"tilt": "0.005 deg", "heading": "0.005 deg", "position": "1 m", "velocity": "0.01 m/s"}
+    unit = "base.imu=imu/navigation_matched"
+    closed, opened, often = (
+        flown(LOOSE, unit, initial=small, **fields)
+        for fields in ({"transition_rate": "0.2 Hz"}, {"transition_rate": "0.2 Hz", **OPEN}, OPEN)
+    )
+    sigma = covariance(closed).true_sigma[:, :9]
+    one, other = errors(closed), errors(opened)
+    assert np.max(np.abs(one - other) / sigma) < 2e-3
+    assert np.max(np.abs(errors(often) - other) / sigma) > 0.02
+
+
 def test_what_they_differ_by_is_of_second_order_in_the_initial_error():
     """Twice the tilt: four times the difference."""
     differences = []

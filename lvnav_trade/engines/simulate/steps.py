@@ -63,7 +63,7 @@ def propagate(work, parts, schedule, unit, model, options, w):
     inform(work.P, parts.units, options.units, model, model.seconds[schedule.length[w]])
     follow(parts.earlier, options.delayed, work.D, model, schedule.length[w], schedule.injection[w])
     predict_backup(parts.backup, work, model, schedule.length[w], schedule.injection[w])
-    propagate_open_loop(work, parts.points, parts.open_loop, model, schedule.length[w])
+    propagate_open_loop(work, parts.points, parts.open_loop, model, schedule.length[w], schedule.linearised[w])
     keep(parts.past, work.nav, work.previous, work.x, options.late, w, dt, model.strapdown.gravity)
 
 
