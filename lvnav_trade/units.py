@@ -160,6 +160,7 @@ _EXAMPLES = {
     "m**3": "volume (l, m^3, cm^3)",
     "N": "force (N, kN)",
     "rad/s**0.5": "angle random walk (deg/sqrt(h), deg/h/sqrt(Hz))",
+    "m/s**0.5": "position random walk (m/sqrt(s))",
     "m/s**1.5": "velocity random walk (m/s/sqrt(h), ug/sqrt(Hz))",
     "rad/s**1.5": "rate random walk (deg/h/sqrt(h))",
     "m/s**2.5": "acceleration random walk (mg/sqrt(h))",
@@ -316,6 +317,7 @@ SpeedSigma = quantity("m/s", minimum=0.0)
 AccelerationSigma = quantity("m/s**2", minimum=0.0)
 AngleRandomWalk = quantity("rad/s**0.5", minimum=0.0)
 VelocityRandomWalk = quantity("m/s**1.5", minimum=0.0)
+PositionRandomWalk = quantity("m/s**0.5", minimum=0.0)
 RateRandomWalk = quantity("rad/s**1.5", minimum=0.0)
 AccelerationRandomWalk = quantity("m/s**2.5", minimum=0.0)
 GSensitivity = quantity("rad*s/m", minimum=0.0)

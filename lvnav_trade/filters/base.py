@@ -289,10 +289,9 @@ class FilterCard(units.NamedCard):
         "white",
         description="of a difference, the noise of the earlier epoch: new in every difference, or a state",
     )
-    attitude_noise: units.AngleRandomWalk = Field(
-        0.0, description="process noise beyond the unit's own, root PSD per axis"
-    )
+    attitude_noise: units.AngleRandomWalk = Field(0.0, description="beyond the unit's own, root PSD per axis")
     velocity_noise: units.VelocityRandomWalk = 0.0
+    position_noise: units.PositionRandomWalk = Field(0.0, description="of the derivative of position beside velocity")
     backup: bool = Field(
         False, description="a second strapdown, never corrected, takes the same increments; its errors are reported too"
     )

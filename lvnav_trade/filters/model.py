@@ -226,6 +226,7 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
     by_window = layout.motion < 0
     found[ATT : ATT + 3] = by_window * np.array(squares(imu.gyro_random_walk)) + card.attitude_noise**2
     found[VEL : VEL + 3] = by_window * np.array(squares(imu.accel_random_walk)) + card.velocity_noise**2
+    found[POS : POS + 3] = card.position_noise**2
     for block in layout.parameters:
         found[block.offset : block.offset + 3] = _square(block.walk)
     for extra in layout.extras:

@@ -131,6 +131,7 @@ OTHER = {
         "consider": ["gyro_scale_factor"], "neglect": ["accel_bias"], "update": "joseph", "transition_order": 1,
         "algorithm": "unscented",
         "gate": 1.5, "gravity": "point", "attitude_noise": "0.1 deg/sqrt(h)", "velocity_noise": "1 mg/sqrt(Hz)",
+        "position_noise": "1 m/sqrt(s)",
         "imu.gyro_random_walk": "0.06 deg/sqrt(h)", "imu.accel_random_walk": "0.2 mg/sqrt(Hz)",
         "imu.gyro_bias": "3 deg/h", "imu.gyro_bias_walk": "2 deg/h/sqrt(h)", "imu.gyro_bias_time": "30 s",
         "imu.accel_bias": "4 mg", "imu.accel_bias_walk": "2 mg/sqrt(h)", "imu.accel_bias_time": "30 s",
