@@ -21,7 +21,13 @@ MODES = ("waiting", "converging", "aiding", "predicting", "stopped")
 REASONS = (
     "", "good samples in a row", "converged", "data lost", "data again", "data loss persists",
     "residual error persists", "covariance error persists",
+    # what in particular was lost: the check at the input that a sample with a solution fails
+    "checksum", "hardware", "time synchronisation", "no fresh solution", "dilution of precision",
 )  # fmt: skip
+# Flags that a receiver raises of its own output, in the order in which they are the reason, and where they begin.
+FLAGS = ("checksum", "hardware", "time_sync")
+FRESH = "fresh"
+FIRST_CHECK = 8
 NO_CHANGES = np.zeros((0, 5))
 
 # What a filter that tests for faults has isolated, by number and by name.

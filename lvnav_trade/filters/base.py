@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 from lvnav_trade import per_axis, units
 from lvnav_trade.delays.cards import CorrectionsCard
 from lvnav_trade.filters.integrity.card import IntegrityCard
+from lvnav_trade.filters.logic import LogicCard
 from lvnav_trade.filters.scheduled import GainSchedule
 from lvnav_trade.filters.strapdown import StrapdownCard
 from lvnav_trade.layout import BY_SATELLITE, EXTRAS, OF_OBSERVABLES, PARAMETERS, RELATIVE
@@ -176,32 +177,6 @@ class DelayCompensation(units.Card):
         0.0, description="extrapolated: one-sigma that it assumes of its own acceleration"
     )
     base: units.Pause = Field(0.1, gt=0.0, description="extrapolated: time over which the acceleration is taken")
-
-
-Persisting = Literal["data_loss", "residual", "covariance"]
-
-
-class LogicCard(units.Card):
-    """When a filter starts, what it accepts, when it gives up and starts again; a rule that is left out is off."""
-
-    check_flags: bool = Field(True, description="leave out what the receiver says is invalid, or put out before")
-    pdop_below: float | None = Field(None, gt=0, description="leave out solutions of a greater dilution of precision")
-    wild_position: Annotated[units.Length, Field(gt=0.0)] | None = Field(
-        None,
-        description="leave out a sample of which an axis is further from the prediction; before a start, further "
-        "from the sample before",
-    )
-    wild_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None
-    start_after: int = Field(1, ge=1, description="good samples in a row")
-    correct_after: units.Pause = Field(0.0, description="since its start the outputs are the inertial system's own")
-    stop_after: units.TimeConstant | None = Field(None, description="of any error: data loss, residual, covariance")
-    covariance_position: Annotated[units.Length, Field(gt=0.0)] | None = Field(
-        None, description="a one-sigma beyond is an error of the covariance; so is one that is no number"
-    )
-    covariance_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None
-    restart_after: tuple[Persisting, ...] = Field(
-        ("data_loss", "residual", "covariance"), description="errors after which it starts again with good samples"
-    )
 
 
 class FilterCard(units.NamedCard):

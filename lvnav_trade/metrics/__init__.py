@@ -9,7 +9,7 @@ import pandas as pd
 
 from lvnav_trade.metrics import filter, inertial, integrity, protection, published, resources, signals, vehicle
 from lvnav_trade.metrics.basics.select import once
-from lvnav_trade.metrics.errors import covariances, rms
+from lvnav_trade.metrics.errors import covariances, coverage, rms
 from lvnav_trade.metrics.mission import impact, orbit
 from lvnav_trade.metrics.requirements import confirmation, margins
 from lvnav_trade.metrics.requirements import curves as along
@@ -30,6 +30,7 @@ def _of_results(metric: Callable[[Tables], pd.DataFrame]) -> Callable[[Path | st
 # The metrics of each module that have the names of their functions
 _NAMED: dict[Any, tuple[str, ...]] = {
     rms: ("rms", "controlled", "ranking"),
+    coverage: ("coverage",),
     covariances: ("agreement", "budget", "contributions", "sensitivity", "observability", "nonlinearity", "observed"),
     filter: ("consistency", "nees", "nis", "whiteness", "autocorrelation", "logic", "modes", "stops"),
     integrity: ("integrity", "decisions", "tested_errors"),

@@ -30,6 +30,7 @@ from lvnav_trade.metrics.errors.covariances import (
     gaussian,
     observed,
 )
+from lvnav_trade.metrics.errors.coverage import covered
 from lvnav_trade.metrics.integrity import rate
 from lvnav_trade.metrics.protection import is_of_protection, value_of
 from lvnav_trade.metrics.signals import REACQUIRED, is_of_signals, reacquisition_times, values_of
@@ -38,6 +39,8 @@ from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column, rms_column
 
+# Metrics of numbers without a unit, which are means over the runs and no root of one.
+RATIOS = ("_nees", "_rate", "_coverage")
 # Columns of the history behind a statistic, with runs and without.
 _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
 # Metrics of a whole flight, and what they are.
@@ -81,6 +84,10 @@ def name_of(stated: Mapping[str, Any]) -> str:
 def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
     """Return our number for what is stated of a case, in `unit`; NaN with the reason where these results lack it."""
     metric = str(stated["metric"])
+    if metric.endswith(RATIOS):
+        ratio = columns(tables, case, stated, unit)
+        value = ratio.monte_carlo if ratio.monte_carlo == ratio.monte_carlo else ratio.true
+        return Ours(value, ratio.remark, np.sort(ratio.runs))
     if metric in MISSION:
         return _of_mission(tables, case, stated, unit)
     if metric.startswith("nozzle_movement_"):
@@ -155,6 +162,8 @@ def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
         return _convergence(tables, case, stated, unit)
     if metric.endswith("_rate"):
         return _rate(tables, case, stated)
+    if metric.endswith("_coverage"):
+        return _coverage(tables, case, stated)
     quantity, axis = split_metric(metric)
     rows = history_of(tables, case, quantity, axis)
     if rows.empty or statistic in ("worst", "least"):
@@ -246,6 +255,14 @@ def _rate(tables: Tables, case: str, stated: Mapping[str, Any]) -> Columns:
         return _NO_COLUMNS._replace(remark="no runs")
     each, nominal = rate(tables, case, str(stated["metric"]), phase(tables, case, str(stated["during"])))
     return Columns(np.nan, nominal, float(each.mean()), runs=each, is_root=False, is_share=True)
+
+
+def _coverage(tables: Tables, case: str, stated: Mapping[str, Any]) -> Columns:
+    """Return the share of runs with all axes within three sigmas at an event."""
+    event = str(stated.get("at") or "injection")
+    formal, true, runs = covered(tables, case, event, str(stated["metric"]).removesuffix("_coverage"))
+    remark = "" if len(runs) else "no runs at that event"
+    return Columns(formal, true, float(runs.mean()) if len(runs) else np.nan, remark, runs, False, True)
 
 
 def _beyond_linear(tables: Tables, case: str, stated: Mapping[str, Any], quantity: str, unit: str) -> str:

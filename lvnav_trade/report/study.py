@@ -14,7 +14,8 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.study import Figure, Part, Study
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.errors.covariances import agreement, by_case
-from lvnav_trade.metrics.errors.rms import coverage, paired_levels
+from lvnav_trade.metrics.errors.coverage import coverage
+from lvnav_trade.metrics.errors.rms import paired_levels
 from lvnav_trade.metrics.held import evidence, held
 from lvnav_trade.metrics.pooled import axes_of, cases_of, ours
 from lvnav_trade.metrics.published import references

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
+from lvnav_trade.records import FLAGS
 from lvnav_trade.units import (
     Acceleration,
     Angle,
@@ -22,6 +23,10 @@ from lvnav_trade.units import (
 from lvnav_trade.world.conditions import Conditions, SightConditions
 from lvnav_trade.world.patterns import Pattern
 
+if TYPE_CHECKING:
+    Flag = str
+else:
+    Flag = Literal[FLAGS]
 Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
 
 
@@ -145,11 +150,12 @@ class FrozenOutput(Timed):
 
 
 class InvalidOutput(Timed):
-    """The receiver's own checks (checksum, hardware, time synchronisation) mark its output as invalid; a filter whose
-    logic does not ask for them uses it all the same.
+    """One of the receiver's own checks marks its output as invalid; a filter whose logic does not ask for that flag
+    uses the output all the same.
     """
 
     kind: Literal["invalid_output"] = "invalid_output"
+    flag: Flag = Field("checksum", description="which: integrity or checksum, hardware, time synchronisation")
 
 
 class Spoofing(Timed):

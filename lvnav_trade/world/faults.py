@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.records import Floats
+from lvnav_trade.records import FLAGS, Floats
 from lvnav_trade.units import Card
 from lvnav_trade.world.conditions import ROUNDING, Course, Intervals, both, inside
 from lvnav_trade.world.fault_cards import (
@@ -34,7 +34,7 @@ class Failures(NamedTuple):
     """What faults do at the epochs. noise (n_epoch, n_sat) factor on white noise, solution_noise (n_epoch,); bias and
     drift (n_epoch, n_sat) m and m/s in range and its rate; slip (n_epoch, n_sat) cycles in the carrier phase; jump
     (n_epoch, 2) of the clock's bias (m) and drift (m/s) at this epoch; wild (n_epoch, n_sat) and solution_wild
-    (n_epoch,) sigma (m); frozen, invalid (n_epoch,).
+    (n_epoch,) sigma (m); frozen (n_epoch,); invalid (n_epoch, n_flag), by the flags of `records.FLAGS`.
     """
 
     noise: Floats
@@ -196,7 +196,7 @@ def failures(
     """
     n, shape = t.size, (t.size, len(names))
     bias, drift, slip, jump, wild, solution_wild = (np.zeros(size) for size in (shape, shape, shape, (n, 2), shape, n))
-    frozen, invalid = np.zeros((2, n), dtype=bool)
+    frozen, invalid = np.zeros(n, dtype=bool), np.zeros((n, len(FLAGS)), dtype=bool)
     out = Failures(np.ones(shape), np.ones(n), bias, drift, slip, jump, wild, solution_wild, frozen, invalid)
     for number, fault, within, *_ in active(faults, DegradedNoise, course, t):
         affected = _affected(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
@@ -227,8 +227,8 @@ def failures(
     for _, _, within, *_ in active(faults, FrozenOutput, course, t):
         frozen |= within
     frozen[:1] = False  # there is nothing yet to be held
-    for _, _, within, *_ in active(faults, InvalidOutput, course, t):
-        invalid |= within
+    for _, fault, within, *_ in active(faults, InvalidOutput, course, t):
+        invalid[within, FLAGS.index(fault.flag)] = True
     return out
 
 

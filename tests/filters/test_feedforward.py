@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.filters.logic import CHECKS
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import WIDTH, view
@@ -149,12 +150,21 @@ def test_undisturbed_it_starts_converges_and_aids():
     assert np.all(block.n_row[:, 3:] == 6)
 
 
-@pytest.mark.parametrize("kind", ["invalid_output", "frozen_output"])
-def test_flags_and_stale_samples_are_left_out_and_without_the_rule_assumed(kind):
-    changes, block = story(fault=fault(kind), wild_position=None, wild_velocity=None)
-    assert changes[2:] == [(12.0, "predicting", "data lost"), (15.0, "aiding", "data again")]
+@pytest.mark.parametrize(
+    ("failed", "check", "reason"),
+    [
+        (fault("invalid_output"), "checksum", "checksum"),
+        (fault("invalid_output", flag="hardware"), "hardware", "hardware"),
+        (fault("invalid_output", flag="time_sync"), "time_sync", "time synchronisation"),
+        (fault("frozen_output"), "fresh", "no fresh solution"),
+    ],
+)
+def test_flags_and_stale_samples_are_left_out_and_without_the_rule_assumed(failed, check, reason):
+    changes, block = story(fault=failed, wild_position=None, wild_velocity=None)
+    assert changes[2:] == [(12.0, "predicting", reason), (15.0, "aiding", "data again")]
     assert np.all(block.n_row[:, 11:14] == 0)
-    ignored, block = story(fault=fault(kind), check_flags=False, wild_position=None, wild_velocity=None)
+    others = tuple(name for name in CHECKS if name != check)
+    ignored, block = story(fault=failed, check_flags=others, wild_position=None, wild_velocity=None)
     assert ignored == NORMAL
     assert np.all(block.n_row[:, 11:14] == 6)
 
@@ -163,7 +173,7 @@ def test_bad_geometry_is_left_out_and_without_the_rule_assumed():
     """Four satellites that are the highest: a greater dilution of precision than with all."""
     few = fault("satellite_outage", keep=4)
     assert story(fault=few, pdop_below=2.0)[0][2:] == [
-        (12.0, "predicting", "data lost"), (15.0, "aiding", "data again"),
+        (12.0, "predicting", "dilution of precision"), (15.0, "aiding", "data again"),
     ]  # fmt: skip
     assert story(fault=few, pdop_below=None)[0] == NORMAL
 

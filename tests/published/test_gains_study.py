@@ -12,7 +12,8 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.study import load_study
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.errors.rms import coverage, paired_levels
+from lvnav_trade.metrics.errors.coverage import coverage
+from lvnav_trade.metrics.errors.rms import paired_levels
 from lvnav_trade.metrics.published import references
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "gains"

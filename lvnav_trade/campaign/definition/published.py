@@ -32,7 +32,9 @@ NEES = tuple(f"{quantity}_nees" for quantity in ("attitude", "velocity", "positi
 CONVERGENCE = tuple(f"{quantity}_convergence_time" for quantity in ("attitude", "velocity", "position"))
 # Shares of runs by what a filter that tests for faults decides during a phase
 RATES = ("false_alarm_rate", "detection_rate", "isolation_rate", "wrong_isolation_rate")
-_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES, *CONVERGENCE, *LEVELS, *AVAILABILITY, *RATES)
+# Share of runs with all three axes within three of the filter's own sigmas, at an event
+COVERAGE = tuple(f"{quantity}_coverage" for quantity in ("attitude", "velocity", "position"))
+_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES, *CONVERGENCE, *LEVELS, *AVAILABILITY, *RATES, *COVERAGE)
 # Metrics of a phase with a limit
 _LIMITED = (*CONVERGENCE, *AVAILABILITY)
 _SIGMA = re.compile(r"\d+(\.\d*)? (sigma|rms)$")  # limit of a convergence time in place of a size
@@ -60,7 +62,7 @@ def unit_of(metric: str) -> str:
         return MISSION[metric].unit
     if metric in COUNTED:
         return {COUNTED[0]: "-", COUNTED[-1]: "s"}.get(metric, "m")
-    if metric in STEERED or metric in (RANK, *RATES):
+    if metric in STEERED or metric in (RANK, *RATES, *COVERAGE):
         return "%" if metric in STEERED else "-"
     if metric in LEVELS:
         return PROTECTED[metric.partition("_")[0]]
@@ -190,6 +192,8 @@ class Measured(Pooled):
             yield f"{self.metric} is the same in every run; give no statistic"
         if self.metric in RATES and (self.during is None or self.statistic != "rms"):
             yield f"{self.metric} is of a phase; give during, and no statistic"
+        if self.metric in COVERAGE and (self.at is None or self.statistic != "rms"):
+            yield f"{self.metric} is of an event; give at, and no statistic"
         yield from self._limits()
 
     def _limits(self) -> Iterator[str]:

@@ -134,7 +134,7 @@ def statements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     ]
     for path, one in named:
         quantity, axis = split_metric(one.metric)
-        if quantity in axes and axis not in (*axes[quantity], "3d") and not one.metric.endswith("_nees"):
+        if quantity in axes and axis not in (*axes[quantity], "3d") and not one.metric.endswith(("_nees", "_coverage")):
             message = f"{quoted(one.metric)}: no such axis; {quantity} has {', '.join(axes[quantity])}"
             yield mistake_at(root, f"{path}.metric", message)
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from lvnav_trade.campaign.definition.published import (
     CONVERGENCE,
     COUNTED,
+    COVERAGE,
     NEES,
     RANK,
     STEERED,
@@ -54,6 +55,7 @@ _OTHERS = {
         name: f"share of time for which the protection level of {name.split('_')[0]} keeps a limit"
         for name in AVAILABILITY
     },
+    **{name: f"share of runs with {name.split('_')[0]} within three of the filter's sigmas" for name in COVERAGE},
 }
 
 

@@ -22,7 +22,7 @@ from lvnav_trade.engines.setup.times import epochs_of, times_of
 from lvnav_trade.engines.setup.tuning import underweighted, with_linearisation, with_regions
 from lvnav_trade.engines.setup.units import arriving, elements, fused, units_of, white_of
 from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
-from lvnav_trade.engines.setup.watching import integrity_of, left_out, pdop, watched
+from lvnav_trade.engines.setup.watching import failing, integrity_of, left_out, pdop, watched
 from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.filters.model import FilterModel, build_filter_model, initial_covariance
 from lvnav_trade.filters.strapdown import strapdown_of
@@ -67,7 +67,7 @@ class Prepared(NamedTuple):
     """A scenario and all that its runs share. sources: true error blocks of the unit; families: errors that
     measurements share; recorded: of a receiver; t_hist, t_epoch: s since lift-off of history and epochs; devices: the
     sensors beside the receiver, sensors the same in numbers; channels: of the filter; channel_names: of all
-    innovations.
+    innovations; failing (n_epoch,): which check at the input the receiver's sample fails, 0 where none.
     """
 
     scenario: Scenario
@@ -95,6 +95,7 @@ class Prepared(NamedTuple):
     sensors: Sensors | None
     channels: Channels
     channel_names: tuple[str, ...]
+    failing: Ints
 
     @property
     def n_row(self) -> int:
@@ -256,7 +257,8 @@ def prepare(
     units = redundant_of(scenario.imu, units, ref, _profiles(scenario.imu, scenario.faults, trajectory.course))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
-    rules = watched(card, failed, truth, channels, lambda: pdop(line.direction, seen.tracked), P)
+    check = failing(card, failed, truth, channels, lambda: pdop(line.direction, seen.tracked))
+    rules = watched(card, check, channels, P)
     smoothing = smoothing_numbers(scenario, gain, seen, line, shared_errors)
     solver = solver_of(scenario, receiver, truth.used.shape[1], smoothing)
     chain = chain_of(solver, has_covariance(scenario), truth, line)
@@ -313,6 +315,7 @@ def prepare(
         sensors=for_kernels(devices, channels, t_epoch.size),
         channels=channels,
         channel_names=_channel_names(scenario, channels, report),
+        failing=check,
     )
 
 

@@ -7,17 +7,18 @@ import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Signals
 from lvnav_trade.engines.setup.receiver.solution import Chain
-from lvnav_trade.filters.base import FilterCard, LogicCard
+from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.filters.integrity.card import IntegrityCard, thresholds_of
 from lvnav_trade.filters.integrity.state import Tests
+from lvnav_trade.filters.logic import CHECKS, LogicCard
 from lvnav_trade.filters.model import FilterModel
-from lvnav_trade.filters.monitor import Rules
+from lvnav_trade.filters.monitor import DATA_LOST, Rules
 from lvnav_trade.observables.partials import Channels
-from lvnav_trade.records import Bools, Floats
+from lvnav_trade.records import FIRST_CHECK, Bools, Floats, Ints
 from lvnav_trade.world.faults import Failures
 
 _ERRORS = ("data_loss", "residual", "covariance")
-_UNGUARDED = LogicCard(check_flags=False)
+_UNGUARDED = LogicCard(check_flags=())
 
 
 def pdop(direction: Floats, tracked: Bools) -> Floats:
@@ -35,29 +36,43 @@ def pdop(direction: Floats, tracked: Bools) -> Floats:
     return found
 
 
-def watched(
-    card: FilterCard, failed: Failures, signals: Signals, channels: Channels, dilution: Callable[[], Floats], P: Floats
-) -> Rules | None:
-    """Return the rules of a filter card, None where it has no logic and starts as its card says.
+def failing(
+    card: FilterCard, failed: Failures, signals: Signals, channels: Channels, dilution: Callable[[], Floats]
+) -> Ints:
+    """Return which check at the input the receiver's samples fail, by its number in `records.REASONS`, (n_epoch,): the
+    first that they fail, 0 where none.
 
     Parameters
     ----------
     failed : what faults do to flags and freshness
     dilution : of precision (n_epoch,); called where a rule is about it
+    """
+    logic = card.logic or _UNGUARDED
+    wrong = [*failed.invalid.T, failed.frozen]
+    checks = [(FIRST_CHECK + k, wrong[k]) for k, name in enumerate(CHECKS) if name in logic.check_flags]
+    if logic.pdop_below is not None:
+        checks.append((FIRST_CHECK + len(CHECKS), ~(dilution() < logic.pdop_below)))
+    found = np.where(signals.n_used >= (1 if channels.tight else 4), 0, DATA_LOST)
+    for number, fails in checks:
+        found[(found == 0) & fails] = number
+    return found
+
+
+def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> Rules | None:
+    """Return the rules of a filter card, None where it has no logic and starts as its card says.
+
+    Parameters
+    ----------
+    failing : (n_epoch,) which check at the input fails, 0 where none
     P : (n_state, n_state) the filter's covariance at a start
     """
     if card.logic is None and card.init == "from_card":
         return None
     logic = card.logic or _UNGUARDED
-    good = signals.n_used >= (1 if channels.tight else 4)
-    if logic.check_flags:
-        good &= ~failed.frozen & ~failed.invalid
-    if logic.pdop_below is not None:
-        good &= dilution() < logic.pdop_below
     position, velocity = logic.wild_position or math.inf, logic.wild_velocity or math.inf
     return Rules(
         interval=1.0 / card.update_rate,
-        good=good,
+        good=failing == 0,
         limits=np.tile([position, velocity, *[math.inf] * len(channels.further)], len(channels.satellites))
         if channels.tight
         else np.repeat([position, velocity], 3),

@@ -20,7 +20,7 @@ from lvnav_trade.filters.feedforward import new_open_loop
 from lvnav_trade.filters.integrity.state import decisions_of, new_monitor
 from lvnav_trade.filters.iterated import new_again
 from lvnav_trade.filters.late import N_PAST
-from lvnav_trade.filters.monitor import Watch, new_watch
+from lvnav_trade.filters.monitor import DATA_LOST, Watch, new_watch
 from lvnav_trade.filters.samples import new_motion
 from lvnav_trade.filters.unscented import new_points
 from lvnav_trade.kernels import processes
@@ -253,6 +253,8 @@ def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes
     mode, reason = (_by_run(array, lanes)[:n_run] for array in (watch.mode, watch.reason))
     before = np.hstack([np.full((n_run, 1), WAITING), mode[:, :-1]])
     run, at = np.nonzero(reason)
+    check = prepared.failing[None, :]
+    reason = np.where((reason == DATA_LOST) & (check > 0), check, reason)
     return np.stack([first_run + run, prepared.t_epoch[at], before[run, at], mode[run, at], reason[run, at]], axis=1)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from lvnav_trade.metrics.basics.probability import rms_interval, success_bounds
+from lvnav_trade.metrics.basics.probability import rms_interval
 from lvnav_trade.metrics.basics.select import (
     NAVIGATION,
     SAME_TIME,
@@ -29,9 +29,6 @@ from lvnav_trade.store.read import Tables
 COLUMNS = [
     "case", "phase_or_event", "metric", "axis", "unit", "rms", "low", "high", "formal_sigma", "lincov_true_sigma",
 ]  # fmt: skip
-SIGMAS = 3.0
-# Part of a Gaussian that lies within three sigmas.
-GAUSSIAN = 0.9973
 _TAIL = 0.025  # of each side of the interval
 CONTROLLED = [
     "case", "event", "metric", "unit", "runs", "rms", "low", "high", "controlled_rms", "controlled_low",
@@ -134,46 +131,6 @@ def ranking(tables: Tables) -> pd.DataFrame:
     frame = pd.DataFrame(list(found.values()))
     by = next((name for name in ("velocity", "position", "attitude") if name in frame), None)
     return frame.sort_values(by, kind="stable", ignore_index=True) if by else frame.replace({None: np.nan})
-
-
-def coverage(tables: Tables) -> pd.DataFrame:
-    """Return the part of runs within three sigmas, axis by axis, of attitude, velocity and position at the events.
-
-    Columns: case, event, t_s, quantity, run_count, inside_ratio (of runs, axes), all_inside_ratio (runs with all axes
-    within), low_ratio, high_ratio (its 95 % interval, Clopper and Pearson), honest (whether the interval reaches what
-    three independent Gaussian axes have, 0.9919). Sigma is the filter's own, root mean square over the runs.
-    """
-    rows = [
-        {"case": label, "event": event} | inside
-        for case, label in tables.labels.items()
-        for event in flight_events(tables, case).event
-        for quantity in NAVIGATION
-        if (inside := _inside(tables, case, event, quantity))
-    ]
-    return pd.DataFrame(rows)
-
-
-def _inside(tables: Tables, case: str, event: str, quantity: str) -> dict[str, Any]:
-    runs = errors_by_axis(tables, case, event, quantity)
-    axes = [row.axis for row in pick(tables.outputs, case=case, quantity=quantity).itertuples() if row.axis != "3d"]
-    if runs.empty or not axes:
-        return {}
-    t = float(pick(tables.runs, case=case, event=event).t_s.iloc[0])
-    sigma = [at_time(history_of(tables, case, quantity, axis), t).filter_sigma_si for axis in axes]
-    small = runs.drop(columns="failure").abs() <= SIGMAS * np.array(sigma)
-    within = small.to_numpy() & (runs.failure == "").to_numpy()[:, None]
-    whole, n = within.all(axis=1), len(within)
-    low, high = success_bounds(n, int(n - whole.sum()), 1.0 - _TAIL)
-    return {
-        "t_s": t,
-        "quantity": quantity,
-        "run_count": n,
-        "inside_ratio": float(within.mean()),
-        "all_inside_ratio": float(whole.mean()),
-        "low_ratio": low,
-        "high_ratio": high,
-        "honest": bool(high >= GAUSSIAN**3),
-    }
 
 
 def paired_levels(tables: Tables, axis: str) -> pd.DataFrame:

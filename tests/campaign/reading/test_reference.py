@@ -30,7 +30,9 @@ def test_a_field_has_its_units_its_default_and_its_meaning() -> None:
         "stellar_attitude, magnetic_field, pressure_altitude, ground_tracking, zero_rotation, imu", "required",
     )  # fmt: skip
     assert row("filter.logic", "restart_after")[1] == "[data_loss, residual, covariance]"
-    assert row("filter.logic", "check_flags")[:2] == ("true or false", "true")
+    checks = "checksum, hardware, time_sync, fresh"
+    assert row("filter.logic", "check_flags")[:2] == (f"list of {checks}", f"[{checks}]")
+    assert row("filter", "backup")[:2] == ("true or false", "false")
     assert row("", "axes")[:2] == ("list of settings", "[]")
 
 

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.watching import left_out, pdop, watched
+from lvnav_trade.engines.setup.watching import failing, left_out, pdop, watched
+from lvnav_trade.records import REASONS
 from tests.building import LOOSE, case, loaded, prepare_hop, with_fields
 
 
@@ -63,8 +64,10 @@ def test_where_a_sample_fails_the_checks_linear_covariance_has_no_row():
     prepared = case(LOOSE)
     card = with_fields(prepared.scenario.filter, logic={"pdop_below": 2.0})
     dilution = np.where(np.arange(prepared.t_epoch.size) % 2, 1.5, 3.0)
-    failed = type("Failed", (), {"frozen": np.zeros(30, dtype=bool), "invalid": np.zeros(30, dtype=bool)})
-    rules = watched(card, failed, prepared.signals, prepared.channels, lambda: dilution, prepared.start.P)
+    failed = type("Failed", (), {"frozen": np.zeros(30, dtype=bool), "invalid": np.zeros((30, 3), dtype=bool)})
+    check = failing(card, failed, prepared.signals, prepared.channels, lambda: dilution)
+    assert [REASONS[number] for number in check[:2]] == ["dilution of precision", ""]
+    rules = watched(card, check, prepared.channels, prepared.start.P)
     signals = left_out(rules, prepared.signals, None)
     np.testing.assert_array_equal(rules.good, dilution < 2.0)
     np.testing.assert_array_equal(signals.n_used > 0, dilution < 2.0)
@@ -96,3 +99,17 @@ def test_of_ranges_the_limits_stand_by_channel_and_one_satellite_is_a_sample():
     rules = prepared.options.rules
     np.testing.assert_array_equal(rules.limits, [150.0, 3.0] * len(prepared.sky.names))
     assert prepared.t_epoch[~rules.good].tolist() == [12.0, 13.0, 14.0]
+
+
+FLAGGED = {"checksum": 10, "hardware": 14, "time_sync": 18}
+
+
+@pytest.mark.parametrize("checked", [("checksum",), ("hardware",), ("time_sync",), ("fresh",), ()])
+def test_every_flag_is_left_out_by_its_own_check_alone(checked):
+    scenario = loaded(LOOSE)
+    raised = [{"kind": "invalid_output", "flag": f, "start": f"{t} s", "duration": "2 s"} for f, t in FLAGGED.items()]
+    raised.append({"kind": "frozen_output", "start": "22 s", "duration": "2 s"})
+    card = with_fields(scenario.filter, logic={"check_flags": checked})
+    prepared = prepare_hop(with_fields(scenario.model_copy(update={"filter": card}), faults=raised))
+    at = [(FLAGGED | {"fresh": 22})[name] for name in checked]
+    assert prepared.t_epoch[~prepared.options.rules.good].tolist() == [float(t + k) for t in at for k in range(2)]

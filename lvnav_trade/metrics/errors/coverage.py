@@ -1,0 +1,97 @@
+"""Coverage: which part of the runs has errors within three of the filter's own sigmas."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.metrics.basics.probability import box_probability, success_bounds
+from lvnav_trade.metrics.basics.select import (
+    NAVIGATION,
+    at_time,
+    errors_by_axis,
+    flight_events,
+    history_of,
+    pick,
+)
+from lvnav_trade.metrics.errors.covariances import formal_covariance, gaussian
+from lvnav_trade.records import Bools, Floats
+from lvnav_trade.store.read import Tables
+
+SIGMAS = 3.0
+# Part of a Gaussian that lies within three sigmas.
+GAUSSIAN = 0.9973
+_TAIL = 0.025  # of each side of the interval
+
+
+class Covered(NamedTuple):
+    """Part of runs with all three axes within three sigmas: formal, of errors as large as the filter's covariance has
+    them; true, of those of linear covariance; runs (n_run,) one where it is so, empty without runs. NaN: none.
+    """
+
+    formal: float
+    true: float
+    runs: Floats
+
+
+def covered(tables: Tables, case: str, event: str, quantity: str) -> Covered:
+    """Return the coverage of a quantity at an event, three times.
+
+    The filter's own sigmas are those of the nominal flight in the first two, root mean squares over the runs in the
+    third.
+    """
+    assumed, found = formal_covariance(tables, case, event, quantity), gaussian(tables, case, event, quantity, "3d")
+    formal, true = np.nan, np.nan
+    if assumed is not None and found is not None:
+        limits = SIGMAS * np.sqrt(np.diagonal(assumed))
+        formal, true = box_probability(np.zeros(3), assumed, limits), box_probability(*found[:2], limits)
+    return Covered(formal, true, _within(tables, case, event, quantity).all(axis=1).astype(float))
+
+
+def coverage(tables: Tables) -> pd.DataFrame:
+    """Return the part of runs within three sigmas, axis by axis, of attitude, velocity and position at the events.
+
+    Columns: case, event, t_s, quantity, run_count, inside_ratio (of runs, axes), all_inside_ratio (runs with all axes
+    within), low_ratio, high_ratio (its 95 % interval, Clopper and Pearson), honest (whether the interval reaches what
+    three independent Gaussian axes have, 0.9919). Sigma is the filter's own, root mean square over the runs.
+    """
+    rows = [
+        {"case": label, "event": event} | inside
+        for case, label in tables.labels.items()
+        for event in flight_events(tables, case).event
+        for quantity in NAVIGATION
+        if (inside := _inside(tables, case, event, quantity))
+    ]
+    return pd.DataFrame(rows)
+
+
+def _within(tables: Tables, case: str, event: str, quantity: str) -> Bools:
+    """Return which errors of the runs at an event are within three sigmas, (n_run, 3); none of a run that has failed.
+    Empty (0, 3) where the results lack them.
+    """
+    runs = errors_by_axis(tables, case, event, quantity)
+    axes = [row.axis for row in pick(tables.outputs, case=case, quantity=quantity).itertuples() if row.axis != "3d"]
+    if runs.empty or not axes:
+        return np.zeros((0, 3), dtype=bool)
+    t = float(pick(tables.runs, case=case, event=event).t_s.iloc[0])
+    sigma = [at_time(history_of(tables, case, quantity, axis), t).filter_sigma_si for axis in axes]
+    small = runs.drop(columns="failure").abs() <= SIGMAS * np.array(sigma)
+    return np.asarray(small.to_numpy() & (runs.failure == "").to_numpy()[:, None])
+
+
+def _inside(tables: Tables, case: str, event: str, quantity: str) -> dict[str, Any]:
+    within = _within(tables, case, event, quantity)
+    if not len(within):
+        return {}
+    whole, n = within.all(axis=1), len(within)
+    low, high = success_bounds(n, int(n - whole.sum()), 1.0 - _TAIL)
+    return {
+        "t_s": float(pick(tables.runs, case=case, event=event).t_s.iloc[0]),
+        "quantity": quantity,
+        "run_count": n,
+        "inside_ratio": float(within.mean()),
+        "all_inside_ratio": float(whole.mean()),
+        "low_ratio": low,
+        "high_ratio": high,
+        "honest": bool(high >= GAUSSIAN**3),
+    }
