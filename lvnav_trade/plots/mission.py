@@ -7,7 +7,7 @@ from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.basics.probability import outline_of
 from lvnav_trade.metrics.basics.select import final_event
 from lvnav_trade.metrics.mechanics import meanorbit, mission
-from lvnav_trade.metrics.mission.impact import corridor_of, ellipse
+from lvnav_trade.metrics.mission.impact import corridor_of, ellipse, run_impacts
 from lvnav_trade.metrics.mission.impact import impact as impact_points
 from lvnav_trade.metrics.mission.orbit import costs
 from lvnav_trade.plots.figure import GREY, Figure, Panel, canvas
@@ -44,10 +44,9 @@ def orbit(tables: Tables, case: str) -> Figure:
         return message("the flight does not end in an orbit", "perigee error (km)", "apogee error (km)")
     law = mission.law_at(tables, case, event)
     figure, grid = canvas(2, 2, 2.9, title=f"{tables.labels[case]}, {event.replace('_', ' ')}")
-    good, drawn = mission.good_errors(tables, case, state), mission.draws(law.mean, law.true, _DRAWS)
-    flown, spread = (mission.orbit_errors(state, errors) for errors in (good, drawn))
+    flown = mission.orbit_errors(state, mission.good_errors(tables, case, state))
     for ax, pair in zip(grid.ravel()[:3], _PLANES, strict=True):
-        _plane(ax, state, law, flown, spread, pair)
+        _plane(ax, state, law, flown, pair)
     _cost(grid[1, 1], costs(tables, case, event))
     return figure
 
@@ -57,7 +56,6 @@ def _plane(
     state: mission.State,
     law: mission.Law,
     flown: _Errors,
-    spread: _Errors,
     pair: tuple[_Component, _Component],
 ) -> None:
     *_, units, factors = zip(*(MISSION[metric] for metric, _, _ in pair), strict=True)
@@ -69,7 +67,8 @@ def _plane(
     if len(flown["node_error"]):
         ax.plot(*shown(flown), ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
     if any(mission.applies(state, metric, law.true) for metric, _, _ in pair):
-        ax.plot(*shown(spread), ls="none", marker="x", ms=2.5, color=PALETTE[1], label="draws of LinCov")
+        drawn = mission.orbit_errors(state, mission.draws(law.mean, law.true, _DRAWS))
+        ax.plot(*shown(drawn), ls="none", marker="x", ms=2.5, color=PALETTE[1], label="draws of LinCov")
         ax.set(title="no first-order sigma: circular to within 3 sigma")
     else:
         slope = np.stack([mission.jacobian(state, metric)[k] for metric, k, _ in pair]) * scale[:, None]
@@ -159,8 +158,7 @@ def _last(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
     named = rows[rows.event != ""]
     row = (named if len(named) else rows).iloc[-1]
     if row.event and row.runs > 1:
-        state = next(s for s in mission.states(tables, case) if s.event == row.event and abs(s.t - row.t_s) < 1e-6)
-        off = mission.impact_errors(state, mission.good_errors(tables, case, state)) * 1e-3
+        off = run_impacts(tables, case)[row.event] * 1e-3
         ax.plot(off[:, 1], off[:, 0], ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
     mixed = row.correlation * row.down_sigma_km * row.cross_sigma_km
     outline = outline_of(np.array([[row.cross_sigma_km**2, mixed], [mixed, row.down_sigma_km**2]]))

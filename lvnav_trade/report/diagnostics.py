@@ -112,14 +112,11 @@ def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> di
     unit, factor = tables.people[quantity, "3d"]
     label = tables.labels[case]
     tuned = tuned[(tuned.case == label) & (tuned.metric == f"{quantity}_error")]
+    points: dict[str, list[list[float]]] = {name: [] for name in law.sources}
+    for name, ratio, retuned in zip(tuned.source, tuned.factor_ratio, tuned.retuned, strict=True):
+        points.setdefault(name, []).append([ratio, float(f"{retuned:.6g}")])
     sources: list[dict[str, Any]] = [
-        {
-            "name": name,
-            "square": float(np.trace(part)) * factor**2,
-            "retuned": [
-                [row.factor_ratio, float(f"{row.retuned:.6g}")] for row in tuned[tuned.source == name].itertuples()
-            ],
-        }
+        {"name": name, "square": float(np.trace(part)) * factor**2, "retuned": points[name]}
         for name, part in law.sources.items()
     ]
     sources.sort(key=lambda source: -source["square"])

@@ -256,13 +256,14 @@ def budget(tables: Tables) -> pd.DataFrame:
 
 def _labelled(tables: Tables, rows: pd.DataFrame, *columns: str) -> pd.DataFrame:
     """Return case and columns of rows with the name of the metric, a 3-D error, and its unit for people."""
-    units = [tables.people[quantity, "3d"][0] for quantity in rows.quantity]
+    units = rows.quantity.map({quantity: unit for (quantity, axis), (unit, _) in tables.people.items() if axis == "3d"})
     found = rows[["case", *columns]].assign(metric=rows.quantity + "_error", unit=units)
     return found.assign(case=rows.case.map(tables.labels))
 
 
-def _factors(tables: Tables, rows: pd.DataFrame) -> list[float]:
-    return [tables.people[quantity, "3d"][1] for quantity in rows.quantity]
+def _factors(tables: Tables, rows: pd.DataFrame) -> pd.Series:
+    factors = {quantity: factor for (quantity, axis), (_, factor) in tables.people.items() if axis == "3d"}
+    return rows.quantity.map(factors).astype(float)
 
 
 def contributions(tables: Tables) -> pd.DataFrame:

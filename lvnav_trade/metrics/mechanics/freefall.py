@@ -76,7 +76,9 @@ def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
     for _ in range(30):  # the ellipsoid is nearly round: each round gains a factor of 300 over the slope of the fall
         angle = np.mod(2.0 * np.pi - np.arccos((p / radius - 1.0) / e) - anomaly, 2.0 * np.pi)
         sine = np.cos(angle) * towards[:, 2] + np.sin(angle) * ahead[:, 2]
-        radius = SEMI_MINOR / np.sqrt(1.0 - ECCENTRICITY_2 * (1.0 - sine**2))
+        before, radius = radius, SEMI_MINOR / np.sqrt(1.0 - ECCENTRICITY_2 * (1.0 - sine**2))
+        if not (np.abs(radius - before) > 1e-6).any():
+            break
     a = p / (1.0 - e * e)
     return np.asarray((mean_anomaly(anomaly + angle, e) - mean_anomaly(anomaly, e)) * np.sqrt(a**3 / GM))
 
@@ -110,6 +112,8 @@ def _to_ground(fall: Floats, state: Floats, j2: bool) -> tuple[Floats, Floats]:
         step = np.clip(-height / np.sum(state[:, 3:] * up, axis=1), -60.0, 60.0)
         state = _fly(state[:, :3], state[:, 3:], step, j2, 4)
         fall = fall + step
+        if not (np.abs(step) > 1e-11).any():  # 0.1 um of the way
+            break
     _, _, height = geodetic_from_ecef(state[:, :3])
     sound = (np.abs(height) < 1e-3) & (fall > 0.0)
     return np.where(sound, fall, np.nan), np.where(sound[:, None], state, np.nan)

@@ -19,7 +19,7 @@ from lvnav_trade.records import Floats
 # Places along the revolution where an impulse may be; between two of them 0.2 % are lost.
 PLACES = 48
 _ROUNDS = 400
-_CHUNK = 4096
+_CHUNK = 1024
 # Powers of the rounds: 1 is the plain rule, 2 in every round is faster and may lose the rank; one large step after some
 # plain ones takes two thirds of the time of 1.5 in every round
 _POWERS = (1, 1, 1, 6)
@@ -85,26 +85,42 @@ def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correcti
 
 def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
     m = len(pushes)
-    flat = [np.ascontiguousarray(pushes[:, :, axis].T) for axis in range(3)]
-    squares = np.einsum("kij,klj->kil", pushes, pushes).reshape(m, 25)
+    flat = np.concatenate([pushes[:, :, axis] for axis in range(3)])
+    squares = np.einsum("kij,klj->ilk", pushes, pushes).reshape(25, m)
     size = np.linalg.norm(error, axis=1)
-    goal = np.where(size[:, None] > 0.0, error, 1.0) / np.where(size > 0.0, size, 1.0)[:, None]
-    weight = np.full((len(error), m), 1.0 / m)
+    goal = (np.where(size[:, None] > 0.0, error, 1.0) / np.where(size > 0.0, size, 1.0)[:, None]).T
+    weight = np.full((m, len(error)), 1.0 / m)  # errors are the last axis: every operation runs along it
     best, bound = np.full(len(error), np.inf), np.zeros(len(error))
     left = np.arange(len(error))
     for turn in range(_ROUNDS):
-        primer = np.linalg.solve((weight @ squares).reshape(-1, 5, 5), goal[left, :, None])[:, :, 0]
-        length = np.sqrt(sum((primer @ one) ** 2 for one in flat))
-        best[left] = np.minimum(best[left], np.sum(weight * length, axis=1))
-        bound[left] = np.maximum(bound[left], np.sum(primer * goal[left], axis=1) / length.max(axis=1))
+        primer = _solved((squares @ weight).reshape(5, 5, -1), goal)
+        length = np.sqrt(np.sum(np.square(flat @ primer).reshape(3, m, -1), axis=0))
+        top = length.max(axis=0)
+        weight *= length
+        best[left] = np.minimum(best[left], weight.sum(axis=0))
+        bound[left] = np.maximum(bound[left], np.sum(primer * goal, axis=0) / top)
         far = best[left] - bound[left] > tolerance * best[left]
-        left, weight, length = left[far], weight[far], length[far]
+        left, goal, length, weight = left[far], goal[:, far], length[:, far] / top[far], weight[:, far]
         if not len(left):
             break
-        share = length / length.max(axis=1, keepdims=True)
-        weight = weight * share ** _POWERS[turn % len(_POWERS)]
-        weight = weight / weight.sum(axis=1, keepdims=True) + _FLOOR
+        if _POWERS[turn % len(_POWERS)] > 1:
+            weight *= length ** (_POWERS[turn % len(_POWERS)] - 1)
+        weight = weight / weight.sum(axis=0) + _FLOOR
     return Correction(size * best, size * bound)
+
+
+def _solved(square: Floats, right: Floats) -> Floats:
+    """Return x (k, n) of square x = right for symmetric definite matrices (k, k, n), which are overwritten."""
+    x = right.copy()
+    for i in range(len(x)):
+        for j in range(i + 1, len(x)):
+            part = square[i, j] / square[i, i]
+            square[j, j:] -= part * square[i, j:]
+            x[j] -= part * x[i]
+    for i in reversed(range(len(x))):
+        x[i] -= np.sum(square[i, i + 1 :] * x[i + 1 :], axis=0)
+        x[i] /= square[i, i]
+    return x
 
 
 def least_at(r_i: ArrayLike, v_i: ArrayLike, error: ArrayLike) -> Correction:

@@ -17,7 +17,8 @@ from lvnav_trade.records import Bools, Floats
 
 # Beyond it the quadrature over a revolution loses digits, and so near to a fall no revolution is flown.
 MOST_ECCENTRIC = 0.9
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
+# Nodes of the quadrature up to an eccentricity: the next larger number changes an offset by less than 1e-12 of it
+_NODES = {most: np.polynomial.legendre.leggauss(n) for most, n in ((0.1, 24), (0.5, 40), (1.0, 64))}
 
 
 class Orbit(NamedTuple):
@@ -115,7 +116,9 @@ def _offset(orbit: Orbit, r_i: Floats) -> Orbit:
     towards, ahead = (axis[..., None, :] for axis in _plane(orbit.h_i, r_i))
     h = np.linalg.norm(orbit.h_i, axis=-1)[..., None]
     ex, ey = (np.sum(e_i[..., None, :] * axis, axis=-1) for axis in (towards, ahead))
-    angle, weight = np.pi * (_NODES + 1.0), np.pi * _WEIGHTS
+    largest = np.max(orbit.eccentricity, where=fit, initial=0.0)
+    nodes, weights = next(rule for most, rule in _NODES.items() if largest <= most)
+    angle, weight = np.pi * (nodes + 1.0), np.pi * weights
     c, s = np.cos(angle), np.sin(angle)
     r = h**2 / GM / (1.0 + ex * c + ey * s)
     along_i = r[..., None] * (c[:, None] * towards + s[:, None] * ahead)

@@ -119,12 +119,22 @@ def good_errors(tables: Tables, case: str, state: State) -> Floats:
 # --- errors of the mission's numbers ----------------------------------------------------------------------------------
 
 
+def mean_orbit(state: State) -> meanorbit.Orbit:
+    """Return the mean orbit of a true state, found once for all cases that fly alike."""
+    return _mean_orbit(state.r_i.tobytes(), state.v_i.tobytes())
+
+
+@lru_cache(maxsize=256)
+def _mean_orbit(r_i: bytes, v_i: bytes) -> meanorbit.Orbit:
+    return meanorbit.mean(np.frombuffer(r_i), np.frombuffer(v_i))
+
+
 def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
     """Return the errors of the mean orbit, each (n, 1), the eccentricity vector's (n, 2), for state errors (n, 6).
 
     The eccentricity vector is resolved along the true ascending node and 90 degrees ahead of it.
     """
-    true = meanorbit.mean(state.r_i, state.v_i)
+    true = mean_orbit(state)
     estimated = meanorbit.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
     node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
     plane = np.stack([node, np.cross(frames.unit(true.h_i), node)])
@@ -231,7 +241,7 @@ def near_circular(state: State, covariance: Floats) -> str:
 
     Their derivative does not exist at a circular orbit: within three sigma of one their errors are no Gaussian.
     """
-    e = float(meanorbit.mean(state.r_i, state.v_i).eccentricity)
+    e = float(mean_orbit(state).eccentricity)
     slope = jacobian(state, "eccentricity_vector_error")
     if not np.isfinite(slope).all():
         return "no closed orbit"

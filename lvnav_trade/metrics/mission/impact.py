@@ -118,14 +118,24 @@ def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
     states, laws = mission.states(tables, case), mission.laws(tables, case)
     if not states:
         return []
-    true = _arrays(states)
-    points, slopes = freefall.impact(*true), _slopes(*(part.tobytes() for part in true))
+    true = [part.tobytes() for part in _arrays(states)]
+    points, slopes = _points(*true), _slopes(*true)
     falling = [k for k in np.argsort([state.t for state in states], kind="stable") if np.isfinite(points.fall[k])]
     flown = _runs(tables, case, [states[k] for k in falling], corridor)
     return [
         _row(states[k], laws[k], freefall.Impact(*(value[k] for value in points)), slopes[k], corridor) | of_runs
         for k, of_runs in zip(falling, flown, strict=True)
     ]
+
+
+@lru_cache(maxsize=64)
+def _points(r_i: bytes, v_i: bytes, earth_angle: bytes) -> freefall.Impact:
+    """Return where states of which the numbers are given come down: once for all cases that fly alike."""
+    return freefall.impact(*_numbers(r_i, v_i, earth_angle))
+
+
+def _numbers(r_i: bytes, v_i: bytes, earth_angle: bytes) -> tuple[Floats, Floats, Floats]:
+    return np.frombuffer(r_i).reshape(-1, 3), np.frombuffer(v_i).reshape(-1, 3), np.frombuffer(earth_angle)
 
 
 def _arrays(states: list[mission.State]) -> tuple[Floats, Floats, Floats]:
@@ -231,8 +241,8 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
     the numbers are given: once for all cases that fly alike, and of all states together, for a fall alone takes as
     long.
     """
-    r, v, theta = np.frombuffer(r_i).reshape(-1, 3), np.frombuffer(v_i).reshape(-1, 3), np.frombuffer(earth_angle)
-    true = freefall.impact(r, v, theta)
+    r, v, theta = _numbers(r_i, v_i, earth_angle)
+    true = _points(r_i, v_i, earth_angle)
 
     def errors(error: Floats) -> Floats:
         """Return the errors at impact (m, n * 2) of errors (m, 6) at every state."""
@@ -262,20 +272,35 @@ def _runs(
     tables: Tables, case: str, states: Sequence[mission.State], corridor: Corridor | None
 ) -> list[dict[str, Any]]:
     """Return what the runs say at each state that is one of an event; no runs between events."""
-    good = [mission.good_errors(tables, case, state) if state.event else np.empty((0, 6)) for state in states]
+    off = run_impacts(tables, case)
+    return [
+        _of_runs(tables, case, state, off[state.event], corridor) if state.event else {"runs": 0} for state in states
+    ]
+
+
+@once
+def run_impacts(tables: Tables, case: str) -> dict[str, Floats]:
+    """Return how far the true point of impact lies from the estimated one in the runs that did not fail, by event.
+
+    Down-range and cross-range (n, 2), m; NaN where the true state has no point of impact.
+    """
+    states = [state for state in mission.states(tables, case) if state.event]
+    good = [mission.good_errors(tables, case, state) for state in states]
     off = mission.impacts_errors(states, good) if states else []
-    return [_of_runs(*one, corridor) for one in zip(states, good, off, strict=True)]
+    return {state.event: errors for state, errors in zip(states, off, strict=True)}
 
 
-def _of_runs(state: mission.State, good: Floats, off: Floats, corridor: Corridor | None) -> dict[str, Any]:
+def _of_runs(tables: Tables, case: str, state: mission.State, off: Floats, corridor: Corridor | None) -> dict[str, Any]:
     """Return what runs say at an event; off: their errors (n, 2) at impact, m."""
-    if len(good) < 2:
-        return {"runs": len(good)}
+    if len(off) < 2:
+        return {"runs": len(off)}
     off = off * 1e-3
     spread = off.std(axis=0, ddof=1)
     far = float(np.quantile(np.linalg.norm(off, axis=1), 0.99))
-    found = {"runs": len(good), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1], "mc_q99_km": far}
-    return found | ({"mc_outside": int(_outside(state, good, corridor).sum())} if corridor is not None else {})
+    found = {"runs": len(off), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1], "mc_q99_km": far}
+    if corridor is None:
+        return found
+    return found | {"mc_outside": int(_outside(state, mission.good_errors(tables, case, state), corridor).sum())}
 
 
 def ellipse(row: Any, sigmas: float = 3.0, points: int = 73) -> tuple[Floats, Floats]:

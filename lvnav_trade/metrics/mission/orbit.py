@@ -63,7 +63,7 @@ def orbital_states(tables: Tables, case: str) -> list[mission.State]:
         state = last if event == final else mission.state_at(tables, case, str(event))
         if state is None or (event != final and abs(state.t - last.t) < 1e-6):
             continue
-        average = meanorbit.mean(state.r_i, state.v_i)
+        average = mission.mean_orbit(state)
         if float(average.perigee) > 0.0 or (event == final and bool(average.elliptic)):
             found.append(state)
     return found
@@ -82,7 +82,7 @@ def values(orbit_of: meanorbit.Orbit) -> dict[str, float]:
 
 def _rows(tables: Tables, case: str, state: mission.State) -> list[dict[str, Any]]:
     law = mission.law_at(tables, case, state.event)
-    now, average = (values(orbit_of(state.r_i, state.v_i)) for orbit_of in (meanorbit.osculating, meanorbit.mean))
+    now, average = values(meanorbit.osculating(state.r_i, state.v_i)), values(mission.mean_orbit(state))
     good = mission.good_errors(tables, case, state)
     flown, drawn = (mission.orbit_errors(state, some) for some in (good, mission.draws(law.mean, law.true)))
     rows: list[dict[str, Any]] = []

@@ -10,6 +10,7 @@ from lvnav_trade.metrics.basics.select import NAVIGATION, errors_at, history_of,
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.requirements import improvements as by_covariance
 from lvnav_trade.metrics.requirements import requirements as by_runs
+from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
 COLUMNS = [
@@ -44,16 +45,15 @@ def spot_check(tables: Tables) -> pd.DataFrame:
 def _sizes(flown: Tables, case: str) -> list[tuple[Any, ...]]:
     """Return the rows of the navigation errors of a case."""
     heads, numbers = [], []
-    runs = {str(event): rows for event, rows in pick(flown.runs, case=case).groupby("event", sort=False)}
+    runs = _by_event(pick(flown.runs, case=case))
     for quantity, axis in ((q, a) for q, a in flown.people if q in NAVIGATION and a != "3d"):
         history = history_of(flown, case, quantity, axis)
         t, sigmas, means = (history[name].to_numpy() for name in ("t_s", "lincov_true_si", "lincov_mean_si"))
         unit, factor = flown.people[quantity, axis]
-        for event, rows in runs.items() if len(history) else ():
-            moment = float(rows.t_s.iloc[0])
+        for event, (moment, columns) in runs.items() if len(history) else ():
             at = int(np.argmin(np.abs(t - moment)))
-            errors = rows[[name for name in rows if name.startswith(f"{quantity}_{axis}_")]].to_numpy(dtype=float)
-            if sigmas[at] > 0.0 and errors.size:
+            errors = columns.get(f"{quantity}_{axis}")
+            if sigmas[at] > 0.0 and errors is not None:
                 rms = float(np.sqrt(np.mean(errors**2))) if np.isfinite(errors).all() else np.inf  # a run failed
                 heads.append((flown.labels[case], event, moment, f"{quantity} {axis}", len(errors), unit))
                 numbers.append((len(errors), sigmas[at], means[at], rms, factor))
@@ -63,6 +63,15 @@ def _sizes(flown: Tables, case: str) -> list[tuple[Any, ...]]:
     chance = 2.0 * np.minimum(law.cdf(size), law.sf(size))
     found = np.stack([expected * scale, found_rms * scale, found_rms / expected, chance], axis=1)
     return [(*head, *map(float, values)) for head, values in zip(heads, found, strict=True)]
+
+
+def _by_event(rows: pd.DataFrame) -> dict[str, tuple[float, dict[str, Floats]]]:
+    """Return the time (s) of every event of a case and the errors (n,) of its runs there, by quantity and axis."""
+    columns = {"_".join(name.split("_")[:2]): rows[name].to_numpy(dtype=float) for name in rows if "_error_" in name}
+    t, events = rows.t_s.to_numpy(), rows.groupby("event", sort=False).indices
+    return {
+        str(event): (float(t[at[0]]), {name: of[at] for name, of in columns.items()}) for event, at in events.items()
+    }
 
 
 def _tails(flown: Tables, case: str) -> list[tuple[Any, ...]]:
