@@ -36,6 +36,8 @@ from lvnav_trade.report.statements import is_statement, verdicts, with_those_lef
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import Tables
 
+_MANY = 12  # cases: a table of them has one event
+
 
 class Answered(NamedTuple):
     """A campaign of the study with its results; stated: references, orderings, innovations as the campaign has them;
@@ -259,7 +261,8 @@ def _coverage(tables: Tables) -> list[Block]:
     if frame.empty:
         return []
     ratios = ["inside_ratio", "all_inside_ratio", "low_ratio", "high_ratio"]
-    frame = frame[frame.event.isin(_spaced(frame))].assign(**{name: 100.0 * frame[name] for name in ratios})
+    events = _spaced(frame)[: 1 if len(tables.labels) > _MANY else None]  # of many cases the last event
+    frame = frame[frame.event.isin(events)].assign(**{name: 100.0 * frame[name] for name in ratios})
     return [Text(note("coverage")), stated("coverage", frame)]
 
 

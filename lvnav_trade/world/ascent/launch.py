@@ -7,19 +7,19 @@ from lvnav_trade import frames
 from lvnav_trade.kernels.earth import SEMI_MAJOR, gravity_along
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.records import Floats
+from lvnav_trade.world.ascent.dispersion import flown
 from lvnav_trade.world.ascent.dynamics import accelerations
-from lvnav_trade.world.ascent.legs import Aim, Flight, Leg, fly_ascent, pad_state, site_axes
+from lvnav_trade.world.ascent.legs import Aim, Flight, Leg, pad_state, site_axes
 from lvnav_trade.world.ascent.record import differences
 from lvnav_trade.world.ascent.steering_law import ascent_attitude, directions
-from lvnav_trade.world.ascent.targeting import propellant_left, solve
+from lvnav_trade.world.ascent.targeting import left_in_orbit
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, Site, VehicleAscent
 from lvnav_trade.world.truth import Phase, Trajectory, joined, pad_phase, splined
 
 
 def build_ascent(card: VehicleAscent) -> Trajectory:
     """Return the true flight of a vehicle card; InputError where the orbit is out of its reach."""
-    aim = solve(card)
-    flight = fly_ascent(card, aim)
+    vehicle, aim, flight = flown(card)
     theta0 = flight.steering.theta0
     attitude = _attitude(card, aim, flight)
     ends = [0, -1]  # end values of a phase's acceleration are from the equations of motion
@@ -30,7 +30,7 @@ def build_ascent(card: VehicleAscent) -> Trajectory:
     pad = site_phase(card.site, theta0, card.pad_hold, attitude)
     top, pressure = _max_q(flight)
     events = {**flight.events, "max_q": top}
-    built = Trajectory((*pad, *phases), events, theta0, card.epoch, _facts(card, aim, flight, pressure))
+    built = Trajectory((*pad, *phases), events, theta0, card.epoch, _facts(vehicle, aim, flight, pressure))
     if card.recorded is not None:
         built.facts.update(differences(card.recorded, built, card.site))
     return built
@@ -90,7 +90,7 @@ def _facts(card: VehicleAscent, aim: Aim, flight: Flight, max_q: float) -> dict[
         "kick_rad": aim.kick,
         "max_load_g": float(np.max(np.linalg.norm(force, axis=1))) / STANDARD_GRAVITY,
         "max_dynamic_pressure_pa": max_q,
-        "propellant_left_kg": propellant_left(card, aim, len(card.vehicle.stages)),
+        "propellant_left_kg": left_in_orbit(card, flight, len(card.vehicle.stages)),
     }
 
 

@@ -178,11 +178,22 @@ def mass_above(card: VehicleAscent, number: int) -> float:
     return float(sum(stage.propellant + stage.dry for stage in above) + card.vehicle.payload)
 
 
+def law_span(card: VehicleAscent, aim: Aim) -> float:
+    """Return about how long (s) it is from the start of the steering law to the (first) cut-off in orbit; only scales
+    the law.
+    """
+    stages = card.vehicle.stages[card.steered_from - 1 : card.inserting]
+    span = sum((stage.full_burn + stage.separation_delay for stage in stages[:-1]), start=aim.burn)
+    span += sum(stage.ignition_delay for stage in stages)
+    return max(1.0, float(span))  # a solver on its way may ask for no burn at all
+
+
 class _Pilot:
     """Flies leg after leg, keeping state, steering and events; used by `fly_ascent` alone."""
 
-    def __init__(self, card: VehicleAscent, aim: Aim) -> None:
+    def __init__(self, card: VehicleAscent, aim: Aim, span: float | None) -> None:
         vehicle = card.vehicle
+        self.span = law_span(card, aim) if span is None else span
         up, downrange, _ = site_axes(card.site, aim.azimuth)
         self.card, self.aim, self.t = card, aim, 0.0
         theta0 = gmst(card.epoch)
@@ -259,17 +270,9 @@ class _Pilot:
     def ignite_after(self, number: int) -> None:
         """Coast to the ignition of a stage, beginning the linear-tangent law with the first steered one."""
         if number == self.card.steered_from:
-            span = self.time_to_last_cutoff(number)
-            rate = (self.aim.tangent_end - self.aim.tangent) / span
+            rate = (self.aim.tangent_end - self.aim.tangent) / self.span
             self.begin_law(0, self.aim.tangent, rate, self.aim.yaw)
         self.leg(f"coast before stage {number}", self.card.vehicle.stages[number - 1].ignition_delay)
-
-    def time_to_last_cutoff(self, number: int) -> float:
-        """Return about how long it is from now to the (first) cut-off in orbit; only scales the law."""
-        stages = self.card.vehicle.stages[number - 1 : self.card.inserting]
-        span = sum((stage.full_burn + stage.separation_delay for stage in stages[:-1]), start=self.aim.burn)
-        span += sum(stage.ignition_delay for stage in stages)
-        return max(1.0, float(span))  # a solver on its way may ask for no burn at all
 
     def into_orbit(self) -> None:
         """Fly the stage that is cut off in orbit, and the last burn where that orbit is a parking orbit."""
@@ -288,13 +291,13 @@ class _Pilot:
         self.burn(last, self.aim.burn_2, again=number == last)
 
 
-def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True) -> Flight:
+def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True, span: float | None = None) -> Flight:
     """Return the ascent that a vehicle card flies with the given aim, from lift-off to the end of the final coast.
 
     Without the final coast the last state is that of injection. The last stage may burn more than its propellant: the
-    caller checks for a shortfall.
+    caller checks for a shortfall. span (s): of the steering law, where it is that of another vehicle.
     """
-    pilot = _Pilot(card, aim)
+    pilot = _Pilot(card, aim, span)
     for number in range(1, card.inserting):
         pilot.stage(number)
     pilot.into_orbit()

@@ -234,7 +234,11 @@ def _require_converged(card: VehicleAscent, aim: Aim, result: OptimizeResult) ->
 
 def propellant_left(card: VehicleAscent, aim: Aim, number: int) -> float:
     """Return the usable propellant in kg that a stage cut off in orbit has left; negative where it was not enough."""
-    flight = fly_ascent(card, aim, final_coast=False)
+    return left_in_orbit(card, fly_ascent(card, aim, final_coast=False), number)
+
+
+def left_in_orbit(card: VehicleAscent, flight: Flight, number: int) -> float:
+    """Return the same of an ascent that is flown already."""
     y = flight.legs[-1].y[-1]
     if number < len(card.vehicle.stages):
         y = _state_at(flight, flight.events[f"stage{number}_cutoff"])

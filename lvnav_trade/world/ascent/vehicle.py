@@ -12,6 +12,7 @@ from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
 from lvnav_trade.units import Card, parse, require_rising
 from lvnav_trade.world.oscillation import OscillationCard
 
+Factor = Annotated[float, Field(gt=0.5, lt=2.0)]
 STANDARD_GRAVITY = 9.80665  # m/s^2, converts specific impulse in seconds to exhaust speed
 
 
@@ -222,6 +223,25 @@ class Roll(Card):
     rate: units.AngularRate = Field(0.05235987755982988, gt=0.0, description="greatest roll rate")  # 3 deg/s
 
 
+class Dispersion(Card):
+    """How the vehicle that is flown differs from the one that the steering is solved for: an off-nominal mission.
+
+    All motors have factors in common; a motor burns as long as its propellant lasts. Steering and times are the nominal
+    ones; nothing corrects the orbit that is missed.
+    """
+
+    thrust: Factor = Field(1.0, description="factor on the vacuum thrust of all motors")
+    specific_impulse: Factor = Field(1.0, description="factor on the vacuum specific impulse of all motors")
+    mass: Factor = Field(1.0, description="factor on all masses that do not burn: stages, boosters, fairing, payload")
+    pitch_program: units.Angle = Field(
+        0.0, description="nose up: the kick is less by it, the elevation of the steered burns more"
+    )
+
+    def _faults(self) -> Iterator[str]:
+        if (self.thrust, self.specific_impulse, self.mass, self.pitch_program) == (1.0, 1.0, 1.0, 0.0):
+            yield "changes nothing: give thrust, specific_impulse, mass or pitch_program, or leave it out"
+
+
 class FlightCard(Card):
     """What the cards of all trajectories begin with."""
 
@@ -246,6 +266,9 @@ class VehicleAscent(FlightCard):
     parking: Parking | None = Field(None, description="none: one burn of the last stage straight into the target")
     azimuth: units.Angle | None = Field(
         None, description="of the launch, where it is prescribed; the steered stages then turn the plane"
+    )
+    dispersion: Dispersion | None = Field(
+        None, description="the vehicle flown differs from the card's, its steering is solved for that of the card"
     )
     recorded: Recorded | None = Field(None, description="a flight to compare with")
     pad_hold: units.Pause = 60.0

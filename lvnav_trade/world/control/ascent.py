@@ -9,11 +9,11 @@ from lvnav_trade import frames
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.records import Floats, Ints
+from lvnav_trade.world.ascent.dispersion import flown
 from lvnav_trade.world.ascent.dynamics import thrust_beside, thrust_of
 from lvnav_trade.world.ascent.launch import build_ascent
-from lvnav_trade.world.ascent.legs import Leg, fly_ascent
+from lvnav_trade.world.ascent.legs import Leg
 from lvnav_trade.world.ascent.steering_law import smoothsteps
-from lvnav_trade.world.ascent.targeting import solve
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.cards import ControllerCard, RotationCard, WindCard, air
 from lvnav_trade.world.events import resolve
@@ -64,7 +64,8 @@ class Ascent(NamedTuple):
 
 def ascend(card: VehicleAscent) -> Ascent:
     """Return the solved ascent of a vehicle card; InputError where the orbit is out of its reach."""
-    return Ascent(card, build_ascent(card), fly_ascent(card, solve(card)).legs)
+    vehicle, _, flight = flown(card)
+    return Ascent(vehicle, build_ascent(card), flight.legs)
 
 
 def changes(trajectory: Trajectory) -> Floats:

@@ -1,0 +1,86 @@
+"""Off-nominal missions: a vehicle that differs from its card, flown with the steering that was solved for the card."""
+
+import math
+
+from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.world.ascent.legs import Aim, Flight, fly_ascent, law_span
+from lvnav_trade.world.ascent.targeting import left_in_orbit, solve
+from lvnav_trade.world.ascent.vehicle import Boosters, Dispersion, Stage, VehicleAscent
+
+_EMPTY = 1e-6  # kg of propellant that count as none
+_DEPLETION = 20  # corrections of the time at which a stage is empty
+
+
+def flown(card: VehicleAscent) -> tuple[VehicleAscent, Aim, Flight]:
+    """Return the vehicle that is flown, its aim and its ascent: those of the card, or dispersed as the card says.
+
+    InputError where the card's own vehicle does not reach the orbit, or the dispersed one cannot be flown.
+    """
+    aim = solve(card)
+    if card.dispersion is None:
+        return card, aim, fly_ascent(card, aim)
+    return fly_dispersed(card, aim, card.dispersion)
+
+
+def fly_dispersed(card: VehicleAscent, aim: Aim, how: Dispersion) -> tuple[VehicleAscent, Aim, Flight]:
+    """Return the dispersed vehicle, its aim and its ascent.
+
+    A stage cut off in orbit burns as long as the nominal one, or until it is empty.
+    """
+    vehicle = dispersed(card, how)
+    span, aim = law_span(card, aim), pitched(aim, how.pitch_program)
+    last, twice = len(card.vehicle.stages), card.parking is not None
+    burns = [(card.inserting, "burn")] if not twice or card.inserting < last else []
+    for number, name in [*burns, (last, "burn_2")] if twice else burns:
+        aim = _until_empty(vehicle, aim, span, number, name)
+    return vehicle, aim, fly_ascent(vehicle, aim, span=span)
+
+
+def dispersed(card: VehicleAscent, how: Dispersion) -> VehicleAscent:
+    """Return a vehicle card with other thrust, specific impulse and masses; InputError where it cannot be flown."""
+    vehicle = card.vehicle
+    fairing = vehicle.fairing
+    changed = vehicle.model_copy(
+        update={
+            "stages": tuple(_motor(stage, how) for stage in vehicle.stages),
+            "boosters": tuple(_motor(group, how) for group in vehicle.boosters),
+            "payload": vehicle.payload * how.mass,
+            "fairing": fairing and fairing.model_copy(update={"mass": fairing.mass * how.mass}),
+        }
+    )
+    for fault in changed._faults():
+        raise InputError(records=[Mistake(f"the dispersed vehicle cannot be flown: {fault}", "trajectory.dispersion")])
+    return card.model_copy(update={"vehicle": changed})
+
+
+def _motor(motor: Stage | Boosters, how: Dispersion) -> Stage | Boosters:
+    update = {"specific_impulse": motor.specific_impulse * how.specific_impulse, "dry": motor.dry * how.mass}
+    if motor.thrust is not None:
+        update["thrust"] = motor.thrust * how.thrust
+    if motor.burn_time is not None:
+        update["burn_time"] = motor.burn_time * (how.specific_impulse / how.thrust)
+    return motor.model_copy(update=update)
+
+
+def pitched(aim: Aim, up: float) -> Aim:
+    """Return an aim whose kick is less by an angle (rad), and whose law has an elevation that is more by it."""
+    if up == 0.0:
+        return aim
+    first, last = (math.tan(math.atan(slope) + up) for slope in (aim.tangent, aim.tangent_end))
+    return aim._replace(kick=aim.kick - up, tangent=first, tangent_end=last)
+
+
+def _until_empty(card: VehicleAscent, aim: Aim, span: float, number: int, burn: str) -> Aim:
+    """Return the aim with a burn of a stage no longer than its propellant lasts."""
+    stage = card.vehicle.stages[number - 1]
+    flow = stage.full_thrust / stage.exhaust_speed
+    for _ in range(_DEPLETION):
+        left = left_in_orbit(card, fly_ascent(card, aim, final_coast=False, span=span), number)
+        if left >= -_EMPTY:
+            return aim
+        shorter = getattr(aim, burn) + left / flow
+        if shorter <= 0.0:
+            break
+        aim = aim._replace(**{burn: shorter})
+    message = f"stage {stage.name!r} of the dispersed vehicle is empty before it lights"
+    raise InputError(records=[Mistake(message, "trajectory.dispersion")])
