@@ -18,7 +18,7 @@ from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_o
 from lvnav_trade.per_axis import each_axis
 from lvnav_trade.refusals import refused
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
-from lvnav_trade.world.control.cards import ControlledCard
+from lvnav_trade.world.control_cards import ControlledCard
 from lvnav_trade.world.fault_cards import Fault
 from lvnav_trade.world.flight.trajectory import TrajectoryCard
 from lvnav_trade.world.gravity import GravityCard
@@ -86,11 +86,9 @@ class Scenario(Card):
         if self.control is not None and self.trajectory.kind == "vehicle":
             if not sensors_measuring(self, "attitude"):
                 yield "control: a vehicle under control needs a sensor that measures attitude"
-            stages = len(self.trajectory.vehicle.stages)
-            held = {"rotation.stacks": self.control.rotation.stacks, "controller.gains": self.control.controller.gains}
-            for name, cards in held.items():
-                if len(cards) != stages:
-                    yield f"control.{name}: {len(cards)} of them, the vehicle has {stages} stages"
+            if self.trajectory.control is not None:
+                yield "control: steers the ascent anew, which flies under trajectory.control already; state one of them"
+            yield from self.control.misfits(len(self.trajectory.vehicle.stages))
         elif self.control is not None:
             yield f"control: the ascent of a vehicle is steered, not a trajectory of kind {self.trajectory.kind}"
         for name in self.filter.measurements:  # where a sensor is null the filter does without it

@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import shipped
-from lvnav_trade.engines.setup.vehicle import steady_ratio
+from lvnav_trade.envelope import steady_ratio
 from lvnav_trade.metrics.vehicle import reduction
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, line_of, look
-from lvnav_trade.steering.loop import (
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.control.ascent import ascend
+from lvnav_trade.world.control.loop import (
     INSIDE_JERK,
     INSIDE_TURNING,
     JERK,
@@ -33,10 +35,8 @@ from lvnav_trade.steering.loop import (
     TURNING_BOUND,
     TURNING_RATIO,
 )
-from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
-from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control.ascent import ascend
-from lvnav_trade.world.control.cards import ControllerCard, FeedbackCard, RotationCard, WindCard
+from lvnav_trade.world.control.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.world.sensors.imu import ImuCard
 
 RUNS = 20

@@ -7,6 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade import per_axis, units
 from lvnav_trade.delays.cards import CorrectionsCard
+from lvnav_trade.envelope import EnvelopeCard
 from lvnav_trade.filters.integrity.card import IntegrityCard
 from lvnav_trade.filters.logic import LogicCard
 from lvnav_trade.filters.scheduled import GainSchedule
@@ -130,31 +131,6 @@ else:
         tuple(n for n in (*PARAMETERS, *EXTRAS, *SENSOR_STATES) if n not in (*BIASES, *OF_OBSERVABLES))
     ]
     NoiseState = Literal[tuple(n for n in (*EXTRAS, *SENSOR_STATES) if n not in (*RELATIVE.values(), *OF_OBSERVABLES))]
-
-
-class EnvelopeCard(units.Card):
-    """Standard deviations of the steps of rate and acceleration (random walks), by phase and by what is commanded.
-
-    Pitch and yaw: |gain / (time s + 1) commanded angular acceleration| + what is unknown in burns or coasts; lateral
-    jerk: |gain / (time s + 1) rate of the commanded nozzle angle| + what is unknown. The numbers are those of Beaudoin,
-    Desbiens, Gagnon and Landry, section 2.3 (equations 7 to 10).
-    """
-
-    roll: units.AngularAccelerationSigma = 0.002
-    burn: units.AngularAccelerationSigma = 0.02
-    coast: units.AngularAccelerationSigma = 0.002
-    turn_gain: float = Field(5.0, ge=0.0)
-    turn_time: units.TimeConstant = 2.0
-    axial_burn: units.JerkSigma = 15.0
-    axial_coast: units.JerkSigma = 10.0
-    axial_change: units.JerkSigma = 15000.0
-    before_change: units.Pause = 1.0
-    after_change: units.Pause = 2.0
-    lateral: units.JerkSigma = 10.0
-    nozzle_gain: units.AccelerationSigma = 30.0
-    nozzle_time: units.TimeConstant = 0.035
-    start_rate: units.AngularRateSigma = Field(0.017453292519943295, description="of the rate before the first sample")
-    start_acceleration: units.AccelerationSigma = Field(20.0, description="of the acceleration before the first sample")
 
 
 class DelayCompensation(units.Card):

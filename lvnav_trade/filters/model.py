@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filters.base import BIASES, EnvelopeCard, FilterCard, ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.envelope import EnvelopeCard
+from lvnav_trade.filters.base import BIASES, FilterCard, ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filters.delayed import cloned_states
 from lvnav_trade.filters.rows import NOISE_STATES, TYPES, clock_gains, extra_tables, row_tables, row_types
 from lvnav_trade.filters.strapdown import strapdown_of

@@ -10,11 +10,11 @@ from lvnav_trade.observables.attitude import AttitudeReferenceCard
 from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, sensors_measuring
-from lvnav_trade.steering import loop
-from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.control import loop
 from lvnav_trade.world.control.ascent import Ascent, ascend
-from lvnav_trade.world.control.cards import FeedbackCard
+from lvnav_trade.world.control.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.control_cards import FeedbackCard
 from lvnav_trade.world.sensors.units import equivalent
 
 # Rates that the controller is fed, a mission each.

@@ -54,10 +54,27 @@ class Remark(NamedTuple):
     text: str
 
 
+class Commands(NamedTuple):
+    """What the controller of a vehicle asked for, on ticks t (n,) s: how its commanded rate has changed since lift-off
+    (n, 2) (rad/s), and the nozzle's angle (n, 2) (rad), in pitch and yaw.
+
+    A command that begins anew where the vehicle points, as a motor lights, is no change.
+    """
+
+    t: Floats
+    rate: Floats
+    nozzle: Floats
+
+    def at(self, t: Floats) -> tuple[Floats, Floats]:
+        """Return both at times t (k,) s, (k, 2) each: those of the tick before, and before the first none."""
+        k = np.searchsorted(self.t, t + _SLIVER, side="right")
+        return np.vstack([np.zeros(2), self.rate])[k], np.vstack([np.zeros(2), self.nozzle])[k]
+
+
 @dataclass(frozen=True)
 class Trajectory:
     """The true flight. Phases follow one another without a gap; events (s), in order of time; facts for the report;
-    remarks on the file that it was made from.
+    remarks on the file that it was made from; commands of the vehicle's controller, none where it is not modelled.
     """
 
     phases: tuple[Phase, ...]
@@ -66,6 +83,7 @@ class Trajectory:
     epoch: str
     facts: dict[str, float | str] = field(default_factory=dict)
     remarks: tuple[Remark, ...] = ()
+    commands: Commands | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "events", dict(sorted(self.events.items(), key=lambda event: event[1])))

@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.vehicle import steady_ratio
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.engines.simulate.recording import N_SAMPLE_OUTPUT
+from lvnav_trade.envelope import steady_ratio
 from lvnav_trade.filters import samples
 from lvnav_trade.filters.delayed import Delayed, new_earlier
 from lvnav_trade.kernels.transition import POS
-from lvnav_trade.steering.axis import filter_gain
+from lvnav_trade.world.control.axis import filter_gain
 from tests.engines.modelled import BASELINE, MODEL, UNKNOWN, modelled
 
 SEED = 20261121

@@ -17,7 +17,7 @@ from lvnav_trade.report import build
 from lvnav_trade.steering import nozzle as controlled
 from lvnav_trade.store.read import load as results_of
 from tests.building import flying, hop
-from tests.steering.launches import steady_launch
+from tests.world.control.launches import steady_launch
 
 EVENTS = {
     "liftoff": 0.0, "kick": 1.0, "stage1_cutoff": 13.0, "stage1_separation": 13.5, "stage2_ignition": 14.0,

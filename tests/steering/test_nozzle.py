@@ -11,10 +11,10 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.errors import InputError
 from lvnav_trade.steering import nozzle as room
-from lvnav_trade.steering.loop import MOVED, TICKS
-from lvnav_trade.steering.missions import fly_missions
 from lvnav_trade.steering.nozzle import FEEDS, controlled
-from tests.steering.launches import steady_launch
+from lvnav_trade.world.control.loop import MOVED, TICKS
+from lvnav_trade.world.control.missions import fly_missions
+from tests.world.control.launches import steady_launch
 
 WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}
 

@@ -23,7 +23,7 @@ from lvnav_trade.engines.setup.tuning import underweighted, with_linearisation, 
 from lvnav_trade.engines.setup.units import arriving, elements, fused, units_of, white_of
 from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
 from lvnav_trade.engines.setup.watching import failing, integrity_of, left_out, pdop, watched
-from lvnav_trade.filters.base import EnvelopeCard
+from lvnav_trade.envelope import EnvelopeCard
 from lvnav_trade.filters.model import FilterModel, build_filter_model, initial_covariance
 from lvnav_trade.filters.strapdown import strapdown_of
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o

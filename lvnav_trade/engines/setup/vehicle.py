@@ -6,7 +6,8 @@ import re
 import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Samples
-from lvnav_trade.filters.base import EnvelopeCard, ImuModel
+from lvnav_trade.envelope import EnvelopeCard, changing
+from lvnav_trade.filters.base import ImuModel
 from lvnav_trade.filters.samples import VehicleModel
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
@@ -71,13 +72,14 @@ def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout, imu: Imu
 def walks(card: EnvelopeCard, trajectory: Trajectory, ref: Reference) -> Floats:
     """Return the variances (n_imu, 6) of the steps of rate (roll, pitch, yaw) and acceleration into each tick.
 
-    Commanded is the attitude of the ascent. Its nozzle does not move: that of a vehicle under control does, see
-    `rotation_loop`.
+    Commanded is the attitude of the ascent, and its nozzle does not move; under control it is what the controller asks
+    for of both.
     """
     t = ref.t[:-1]
-    found = envelopes(
-        card, t, burning(trajectory, t), changes(trajectory), ref.w_ib_b[:-1, 1:], np.zeros((t.size, 2))
-    )  # fmt: skip
+    rate, nozzle = ref.w_ib_b[:-1, 1:], np.zeros((t.size, 2))
+    if trajectory.commands is not None:
+        rate, nozzle = trajectory.commands.at(t)
+    found = envelopes(card, t, burning(trajectory, t), changes(trajectory), rate, nozzle)
     return np.hstack(found) ** 2 * (t[1] - t[0]) ** 2
 
 
@@ -102,12 +104,6 @@ def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
         elif not off and start is None:
             start = t
     return found if start is None else [*found, (start, trajectory.end)]
-
-
-def changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Bools:
-    """Return whether each time (n,) lies within the window around a change of phase (k,), s."""
-    begin = np.searchsorted(changes, t - card.after_change, side="left")
-    return np.asarray(np.searchsorted(changes, t + card.before_change, side="right") > begin)
 
 
 def envelopes(
@@ -146,13 +142,3 @@ def _lagged(drive: Floats, time_constant: float, dt: float) -> Floats:
 
     factor = math.exp(-dt / time_constant)
     return np.asarray(lfilter([0.0, 1.0 - factor], [1.0, -factor], drive, axis=0))
-
-
-def steady_ratio(driving: float, noise: float) -> float:
-    """Return the steady variance of a scalar random walk after a measurement, over the variance of a measurement.
-
-    `driving` is the variance of a step, `noise` that of a measurement: (-x + sqrt(x^2 + 4 x)) / 2 with x their ratio.
-    It is the steady gain too.
-    """
-    x = driving / noise
-    return 0.5 * (math.sqrt(x * x + 4.0 * x) - x)

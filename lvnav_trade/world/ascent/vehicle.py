@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from lvnav_trade import units
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
 from lvnav_trade.units import Card, parse, require_rising
+from lvnav_trade.world.control_cards import SteeredCard
 from lvnav_trade.world.oscillation import OscillationCard
 
 Factor = Annotated[float, Field(gt=0.5, lt=2.0)]
@@ -282,6 +283,7 @@ class VehicleAscent(FlightCard):
     roll: Roll = Roll()
     coast_after_injection: units.TimeConstant = 20.0
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
+    control: SteeredCard | None = Field(None, description="flown under wind and attitude control; none: as steered")
 
     def _faults(self) -> Iterator[str]:
         if len(self.vehicle.stages) < 2:
@@ -299,6 +301,8 @@ class VehicleAscent(FlightCard):
                 f"last two, and steered (from {self.steered_from})"
             )
         last = self.vehicle.stages[-1]
+        if self.control is not None:
+            yield from self.control.misfits(n_stage)
         if self.parking is not None and last.profile is not None:
             yield f"stage {last.name!r} burns as long as guidance asks: it cannot have a thrust profile"
 

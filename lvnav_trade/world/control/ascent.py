@@ -15,7 +15,7 @@ from lvnav_trade.world.ascent.launch import build_ascent
 from lvnav_trade.world.ascent.legs import Leg
 from lvnav_trade.world.ascent.steering_law import smoothsteps
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control.cards import ControllerCard, RotationCard, WindCard, air
+from lvnav_trade.world.control_cards import ControllerCard, RotationCard, WindCard, air
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.truth import Trajectory, motion
 

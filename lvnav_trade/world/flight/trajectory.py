@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.world.ascent.launch import build_ascent
 from lvnav_trade.world.ascent.profile import RecordedAscent, rebuild
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.control.flown import flown_ascent
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.flight.orbital import OrbitalFlight, orbit
 from lvnav_trade.world.flight.sounding import SoundingFlight, launch
@@ -34,7 +34,7 @@ __all__ = [
 
 TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory | SoundingFlight | OrbitalFlight
 _BUILDERS: dict[type, Callable[[Any], Trajectory]] = {
-    VehicleAscent: build_ascent,
+    VehicleAscent: flown_ascent,
     RecordedAscent: rebuild,
     TableTrajectory: from_table,
     SoundingFlight: launch,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from lvnav_trade.engines.setup.vehicle import EnvelopeCard, changing, envelopes, steady_ratio
+from lvnav_trade.engines.setup.vehicle import envelopes
+from lvnav_trade.envelope import EnvelopeCard, changing, steady_ratio
 from lvnav_trade.world.sensors.imu import ImuCard
 
 RATE = 200.0

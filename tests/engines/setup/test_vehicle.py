@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.engines.setup.vehicle import burning, burns, envelopes
 from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.filters.base import EnvelopeCard
+from lvnav_trade.envelope import EnvelopeCard
 from tests.building import case, loaded, prepare_hop, with_fields
 from tests.engines.modelled import BASELINE, SETTINGS, modelled, named
 

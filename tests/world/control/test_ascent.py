@@ -12,7 +12,7 @@ import pytest
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_velocity, matrices
 from lvnav_trade.world.control.ascent import PITCH, YAW, ascend, body_along, changes
-from lvnav_trade.world.control.cards import ControllerCard, RotationCard, WindCard
+from lvnav_trade.world.control_cards import ControllerCard, RotationCard, WindCard
 from lvnav_trade.world.flight.trajectory import motion
 from tests.world.flights import _load, ascent_card
 

@@ -11,7 +11,7 @@ import numpy as np
 from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.kernels.random import normals, source_word
 from lvnav_trade.records import Floats
-from lvnav_trade.steering.axis import (
+from lvnav_trade.world.control.axis import (
     body_step,
     command_step,
     filter_gain,
@@ -27,8 +27,8 @@ TRUE, RAW, FILTERED = 0, 1, 2
 BURN, COAST, CHANGE, N_PHASE = 0, 1, 2, 3
 
 # What is recorded of an axis at a tick.
-(NOZZLE, ASKED, MOVED, ERROR, RATE_ERROR, TURNING, TURNING_BOUND, JERK, JERK_BOUND, AIR, FORMAL,
- N_RECORD) = range(12)  # fmt: skip
+(NOZZLE, ASKED, MOVED, ERROR, RATE_ERROR, TURNING, TURNING_BOUND, JERK, JERK_BOUND, AIR, FORMAL, ANGLE, RATE, FORCE,
+ STEPPED, N_RECORD) = range(16)  # fmt: skip
 # What is added up of an axis in a phase.
 (TICKS, INSIDE_TURNING, INSIDE_JERK, TURNING_RATIO, JERK_RATIO, SQUARE_ERROR, SQUARE_RATE, N_SUM) = range(8)
 # What an axis carries from tick to tick.
@@ -40,6 +40,7 @@ _GYRO, _BIASES = source_word("rotation gyro noise"), source_word("rotation gyro 
 _GUSTS, _PROFILE = source_word("rotation gust"), source_word("rotation wind profile")
 _REFERENCE, _START = source_word("rotation attitude reference"), source_word("rotation attitude start")
 _SPEED, _MISALIGNMENT = source_word("rotation guidance speed"), source_word("rotation thrust misalignment")
+_STEPS = source_word("rotation guidance command")
 _ZERO = np.uint64(0)
 
 
@@ -65,6 +66,7 @@ class Law(NamedTuple):
     guidance_time: float
     guidance_limit: float
     velocity_sigma: float
+    command_sigma: float
 
 
 class Feed(NamedTuple):
@@ -211,10 +213,12 @@ def _steer(state, body, k, law, dt, k0, k1, run):
     motor = body.motor[k]
     if law.guided_from > 0 and k % law.guidance_ticks == 0 and motor >= law.guided_from:
         s0, s1, _, _ = normals(k0, k1, _SPEED, run, np.uint64(k), _ZERO)
+        c0, c1, _, _ = normals(k0, k1, _STEPS, run, np.uint64(k), _ZERO)
         scale = 1.0 / (body.thrust_load[k] * law.guidance_time)
         for axis in range(2):
             speed = state[axis, _DRIFT] + law.velocity_sigma * (s0 if axis == 0 else s1)
-            state[axis, _TARGET] = min(max(-speed * scale, -law.guidance_limit), law.guidance_limit)
+            asked = law.command_sigma * (c0 if axis == 0 else c1) - speed * scale
+            state[axis, _TARGET] = min(max(asked, -law.guidance_limit), law.guidance_limit)
     for axis in range(2):
         x = state[axis]
         if k > 0:
@@ -283,7 +287,8 @@ def fly_run(body, phase, plant, law, feed, model, spread, k0, k1, run, every, hi
             commanded = body.rate[k, axis] + body.turn_rate[k, axis] + x[_OFFSET_RATE]
             turning_bound = abs(x[_TURN_LAG]) + (model.coast if phase[k] == COAST else model.burn)
             jerk_bound = abs(x[_JERK_LAG]) + model.lateral
-            drive = model.turn_gain * (commanded - x[_COMMANDED]) / dt
+            stepped = commanded - x[_COMMANDED]
+            drive = model.turn_gain * stepped / dt
             x[_TURN_LAG] = lag_step(x[_TURN_LAG], drive, model.turn_time, dt)
             x[_COMMANDED] = commanded
             rate = _sense(x, body, k, axis, feed, dt, feed.gyro * (n0 if axis == 0 else n1), turning_bound)
@@ -300,7 +305,7 @@ def fly_run(body, phase, plant, law, feed, model, spread, k0, k1, run, every, hi
             error = x[_ANGLE] - body.turn[k, axis] - x[_OFFSET]
             rate_error = rate - body.rate[k, axis] - x[_RATE]
             before = body.rate[k, axis] + x[_RATE]
-            push, moved = x[_PUSH], x[_MOVEMENT]
+            push, moved, angle, turned = x[_PUSH], x[_MOVEMENT], x[_ANGLE], x[_RATE]
             _move(x, body, k, axis, plant, wind, dt)
             turning = (body.rate[k + 1, axis] + x[_RATE] - before) / dt
             _account(x, sums[axis], phase[k], turning, turning_bound, jerk, jerk_bound, error, rate_error)
@@ -310,4 +315,5 @@ def fly_run(body, phase, plant, law, feed, model, spread, k0, k1, run, every, hi
                 row[ERROR], row[RATE_ERROR] = error, rate_error
                 row[TURNING], row[TURNING_BOUND], row[JERK], row[JERK_BOUND] = turning, turning_bound, jerk, jerk_bound
                 row[AIR], row[FORMAL] = wind, np.sqrt(x[_VARIANCE])
+                row[ANGLE], row[RATE], row[FORCE], row[STEPPED] = angle, turned, force, stepped
     return state[0, _MOVEMENT], state[1, _MOVEMENT]

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from lvnav_trade import per_axis, units
+from lvnav_trade.envelope import EnvelopeCard
 from lvnav_trade.frames import rotation_e_n
 from lvnav_trade.records import Floats
 from lvnav_trade.world.sensors.imu import ImuCard
@@ -106,6 +107,9 @@ class Guidance(units.Card):
     velocity_sigma: units.SpeedSigma = Field(
         0.0, description="noise of the navigation's lateral speed, new at every step"
     )
+    command_sigma: units.AngleSigma = Field(
+        0.0, description="of what guidance asks for beside the lateral speed, per axis, new at every step"
+    )
 
 
 class ControllerCard(units.NamedCard):
@@ -179,6 +183,28 @@ def air(card: WindCard, latitude: Floats, longitude: Floats, height: Floats) -> 
     return steady, gust, np.interp(height, card.height, card.gust_length)
 
 
+class SteeredCard(units.Card):
+    """An ascent flown under wind and attitude control: a launch with a rotation, and by nozzle and air a path, of its
+    own. Every realisation is another launch, of other wind, thrust misalignment and noises of its controller.
+    """
+
+    rotation: RotationCard
+    controller: ControllerCard
+    wind: WindCard | None = Field(None, description="none: still air")
+    imu: ImuCard = Field(description="whose gyro feeds the controller, on whose ticks it commands")
+    feedback: FeedbackCard = FeedbackCard()
+    envelope: EnvelopeCard | None = Field(None, description="of the filtered rate; none: that of the card's defaults")
+    realisation: int = Field(0, ge=0, lt=2**32, description="which launch; the same for all runs")
+
+    def _faults(self) -> Iterator[str]:
+        if self.envelope is not None and self.feedback.rate != "filtered":
+            yield f"the {self.feedback.rate} rate feeds the controller, no envelope filters it"
+
+    def misfits(self, stages: int) -> Iterator[str]:
+        """Yield what does not fit a vehicle of so many stages."""
+        yield from _misfits(self.rotation, self.controller, stages)
+
+
 class ControlledCard(units.Card):
     """The vehicle of the ascent as a body that is steered in pitch and yaw, fed by its own navigation.
 
@@ -190,3 +216,13 @@ class ControlledCard(units.Card):
     controller: ControllerCard
     wind: WindCard
     rate_gain: float = Field(1.0, gt=0.0, description="factor on the rate gain of every stage")
+
+    def misfits(self, stages: int) -> Iterator[str]:
+        """Yield what does not fit a vehicle of so many stages."""
+        yield from _misfits(self.rotation, self.controller, stages)
+
+
+def _misfits(rotation: RotationCard, controller: ControllerCard, stages: int) -> Iterator[str]:
+    for name, cards in {"rotation.stacks": rotation.stacks, "controller.gains": controller.gains}.items():
+        if len(cards) != stages:
+            yield f"control.{name}: {len(cards)} of them, the vehicle has {stages} stages"

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.frames import rotation_e_n
-from lvnav_trade.world.control.cards import (
+from lvnav_trade.world.control_cards import (
     ControllerCard,
     FeedbackCard,
     RotationCard,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.filters.base import EnvelopeCard, FilterCard
+from lvnav_trade.envelope import EnvelopeCard
+from lvnav_trade.filters.base import FilterCard
 
 BASE = {"name": "n", "source": "s"}
 MODELLED = ["position", "velocity", "attitude", "imu"]

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics.vehicle import reduction
-from lvnav_trade.steering.loop import (
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.control.ascent import ascend
+from lvnav_trade.world.control.loop import (
     AIR,
     BURN,
     CHANGE,
@@ -19,12 +21,10 @@ from lvnav_trade.steering.loop import (
     NOZZLE,
     TICKS,
 )
-from lvnav_trade.steering.missions import fly_missions, prepare_launch, with_rate_gain
-from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control.ascent import ascend
-from lvnav_trade.world.control.cards import ControllerCard, FeedbackCard, RotationCard, WindCard
+from lvnav_trade.world.control.missions import fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.world.sensors.imu import ImuCard
-from tests.steering.launches import settings, steady_launch
+from tests.world.control.launches import settings, steady_launch
 
 WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}
 

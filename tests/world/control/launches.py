@@ -8,11 +8,11 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from lvnav_trade.campaign.syntax.cards import shipped
-from lvnav_trade.filters.base import EnvelopeCard
-from lvnav_trade.steering.loop import BURN, COAST
-from lvnav_trade.steering.missions import Launch
+from lvnav_trade.envelope import EnvelopeCard
 from lvnav_trade.world.control.ascent import Body
-from lvnav_trade.world.control.cards import ControllerCard, RotationCard, WindCard
+from lvnav_trade.world.control.loop import BURN, COAST
+from lvnav_trade.world.control.missions import Launch
+from lvnav_trade.world.control_cards import ControllerCard, RotationCard, WindCard
 from lvnav_trade.world.sensors.imu import ImuCard
 
 EFFECTIVENESS = 10.0  # 1/s^2

@@ -5,14 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.setup.vehicle import changing, steady_ratio
-from lvnav_trade.filters.base import EnvelopeCard
+from lvnav_trade.envelope import EnvelopeCard, changing, steady_ratio
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Floats, Ints
-from lvnav_trade.steering import loop
+from lvnav_trade.world.control import loop
 from lvnav_trade.world.control.ascent import Ascent, Body, body_along, changes
-from lvnav_trade.world.control.cards import ControllerCard, FeedbackCard, RotationCard, WindCard, rate_noise
+from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard, rate_noise
 from lvnav_trade.world.sensors.imu import ImuCard
 
 _RATES = {"true": loop.TRUE, "raw": loop.RAW, "filtered": loop.FILTERED}
@@ -100,9 +99,12 @@ def _law(launch: Launch) -> loop.Law:
     gains = np.array([[one.attitude, one.rate, one.integral] for one in card.gains])
     guide = card.guidance
     if guide is None:
-        return loop.Law(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0)
+        return loop.Law(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0, 0.0)
     ticks = max(1, round(guide.period * rate))
-    return loop.Law(gains, card.command_time, guide.from_stage, ticks, guide.time, guide.limit, guide.velocity_sigma)
+    return loop.Law(
+        gains, card.command_time, guide.from_stage, ticks, guide.time, guide.limit, guide.velocity_sigma,
+        guide.command_sigma,
+    )  # fmt: skip
 
 
 def _feed(launch: Launch, card: FeedbackCard) -> loop.Feed:

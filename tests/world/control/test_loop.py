@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.vehicle import envelopes, steady_ratio
-from lvnav_trade.steering.loop import (
+from lvnav_trade.engines.setup.vehicle import envelopes
+from lvnav_trade.envelope import steady_ratio
+from lvnav_trade.world.control.loop import (
     AIR,
     ASKED,
     ERROR,
@@ -23,9 +24,9 @@ from lvnav_trade.steering.loop import (
     TURNING,
     TURNING_BOUND,
 )
-from lvnav_trade.steering.missions import fly_missions
-from lvnav_trade.world.control.cards import FeedbackCard, rate_noise
-from tests.steering.launches import design, steady_launch
+from lvnav_trade.world.control.missions import fly_missions
+from lvnav_trade.world.control_cards import FeedbackCard, rate_noise
+from tests.world.control.launches import design, steady_launch
 
 IDEAL = {"time_constant": "0.0001 s", "rate_limit": "100000 deg/s", "deflection_limit": "50 deg"}
 PERFECT = FeedbackCard(rate="true", attitude="true", noise="none")

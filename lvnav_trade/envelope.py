@@ -1,0 +1,50 @@
+"""How fast a launcher may turn and accelerate: the envelope that a filter of its rate assumes."""
+
+import math
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade import units
+from lvnav_trade.records import Bools, Floats
+
+
+class EnvelopeCard(units.Card):
+    """Standard deviations of the steps of rate and acceleration (random walks), by phase and by what is commanded.
+
+    Pitch and yaw: |gain / (time s + 1) commanded angular acceleration| + what is unknown in burns or coasts; lateral
+    jerk: |gain / (time s + 1) rate of the commanded nozzle angle| + what is unknown. The numbers are those of Beaudoin,
+    Desbiens, Gagnon and Landry, section 2.3 (equations 7 to 10).
+    """
+
+    roll: units.AngularAccelerationSigma = 0.002
+    burn: units.AngularAccelerationSigma = 0.02
+    coast: units.AngularAccelerationSigma = 0.002
+    turn_gain: float = Field(5.0, ge=0.0)
+    turn_time: units.TimeConstant = 2.0
+    axial_burn: units.JerkSigma = 15.0
+    axial_coast: units.JerkSigma = 10.0
+    axial_change: units.JerkSigma = 15000.0
+    before_change: units.Pause = 1.0
+    after_change: units.Pause = 2.0
+    lateral: units.JerkSigma = 10.0
+    nozzle_gain: units.AccelerationSigma = 30.0
+    nozzle_time: units.TimeConstant = 0.035
+    start_rate: units.AngularRateSigma = Field(0.017453292519943295, description="of the rate before the first sample")
+    start_acceleration: units.AccelerationSigma = Field(20.0, description="of the acceleration before the first sample")
+
+
+def changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Bools:
+    """Return whether each time (n,) lies within the window around a change of phase (k,), s."""
+    begin = np.searchsorted(changes, t - card.after_change, side="left")
+    return np.asarray(np.searchsorted(changes, t + card.before_change, side="right") > begin)
+
+
+def steady_ratio(driving: float, noise: float) -> float:
+    """Return the steady variance of a scalar random walk after a measurement, over the variance of a measurement.
+
+    `driving` is the variance of a step, `noise` that of a measurement: (-x + sqrt(x^2 + 4 x)) / 2 with x their ratio.
+    It is the steady gain too.
+    """
+    x = driving / noise
+    return 0.5 * (math.sqrt(x * x + 4.0 * x) - x)
