@@ -31,6 +31,8 @@ def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[Dead]
     limit
         Largest increment (rad or m/s) of a tick, either sign; inf: none.
     """
+    if not dead and float(np.max(np.einsum("ij,ij->i", increments, increments), initial=0.0)) < 0.99 * limit**2:
+        return increments  # no axis has more of it than its length
     along = increments @ axes.T
     found = np.clip(along, -limit, limit)
     for one in dead:
