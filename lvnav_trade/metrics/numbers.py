@@ -1,5 +1,6 @@
 """Our number for a published one: the error of a case, what its signals show, or what is derived from them."""
 
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -46,9 +47,10 @@ _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov
 # Metrics of a whole flight, and what they are.
 _WHOLE = {
     "observable_states": "least of all stretches",
-    "nozzle_movement_pitch": "less with the filtered rate, flight",
-    "nozzle_movement_yaw": "less with the filtered rate, flight",
+    "informed_states": "least of all stretches",
 }
+_OF_CONTROL = re.compile(r"(nozzle_movement|turning_inside|jerk_inside)_(pitch|yaw)(?:_(\w+))?$")
+_WORDS = {"nozzle_movement": "less with the filtered rate, ", "turning_inside": "part of ticks, "}
 
 
 class Ours(NamedTuple):
@@ -73,8 +75,12 @@ def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
 
 def name_of(stated: Mapping[str, Any]) -> str:
     """Return the metric, the statistic where it is not the root mean square, and where it holds."""
-    if str(stated["metric"]) in _WHOLE:
-        return f"{stated['metric']}, {_WHOLE[str(stated['metric'])]}"
+    metric = str(stated["metric"])
+    if metric in _WHOLE:
+        return f"{metric}, {_WHOLE[metric]}"
+    if found := _OF_CONTROL.match(metric):
+        part = (found[3] or "flight").replace("_", " ")
+        return f"{found[1]}_{found[2]}, {_WORDS.get(found[1], 'part of ticks, ')}{part}"
     words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of "}
     first, during = words.get(stated.get("statistic", "rms"), "linear covariance of "), stated.get("during")
     place = f", {during}" if during else f" at {stated.get('at') or 'injection'}"
@@ -90,10 +96,13 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
         return Ours(value, ratio.remark, np.sort(ratio.runs))
     if metric in MISSION:
         return _of_mission(tables, case, stated, unit)
-    if metric.startswith("nozzle_movement_"):
-        return _of_nozzle(tables, case, metric.rpartition("_")[2])
-    if metric == "observable_states":
-        return _of_rank(tables, case)
+    if found := _OF_CONTROL.match(metric):
+        what, axis, part = found.groups()
+        if what == "nozzle_movement":
+            return _of_nozzle(tables, case, axis, (part or "flight").replace("_", " "))
+        return _of_envelope(tables, case, what, axis, part)
+    if metric in _WHOLE:
+        return _of_rank(tables, case, metric)
     if is_of_signals(metric):
         return _of_signals(tables, case, stated, unit)
     if is_of_protection(metric):
@@ -176,7 +185,11 @@ def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
         float(np.sqrt(time_mean(t, square.to_numpy(dtype=float)))) / scale
         for square in (chosen.lincov_formal_si**2, chosen.lincov_true_si**2 + chosen.lincov_mean_si**2, drawn**2)
     )
-    return Columns(formal, true, runs, runs=(_each(tables, case, stated, rows) / scale) ** 2)
+    each = (_each(tables, case, stated, rows) / scale) ** 2
+    if statistic == "formal":  # one number, whatever it is compared with
+        sigma = float(np.sqrt(time_mean(t, (chosen.lincov_formal_si**2).to_numpy(dtype=float)))) / scale
+        return Columns(sigma, sigma, sigma, runs=np.full_like(each, sigma**2))
+    return Columns(formal, true, runs, runs=each)
 
 
 def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any], unit: str) -> Columns:
@@ -315,18 +328,37 @@ def _per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) 
     return np.sqrt((total / duration).to_numpy())
 
 
-def _of_nozzle(tables: Tables, case: str, axis: str) -> Ours:
-    """Return by how many percent less a nozzle moves with the filtered than with the raw rate, over the flight."""
-    for row in pick(nozzle(tables), case=tables.labels[case], axis=axis, burn="flight").itertuples():
+def _of_nozzle(tables: Tables, case: str, axis: str, burn: str) -> Ours:
+    """Return by how many percent less a nozzle moves with the filtered than the raw rate, in a burn or a flight."""
+    for row in pick(nozzle(tables), case=tables.labels[case], axis=axis, burn=burn).itertuples():
         interval = f"{row.low_percent:.1f} to {row.high_percent:.1f} %"
         return Ours(float(row.less_percent), f"{row.runs} paired runs, 95 %: {interval}")
-    return Ours(np.nan, "no vehicle under control, or fewer than two runs")
+    return Ours(np.nan, "no vehicle under control, no such burn, or fewer than two runs")
 
 
-def _of_rank(tables: Tables, case: str) -> Ours:
+def _of_envelope(tables: Tables, case: str, what: str, axis: str, part: str | None) -> Ours:
+    """Return the part (%) of ticks of all runs with the motion in its envelope: that of the rate that it is worse with,
+    of the raw and the filtered one.
+    """
+    rows = pick(tables.turning, case=case, axis=axis)
+    rows = rows[rows.feed.isin(("raw", "filtered"))]
+    rows = rows if part is None else pick(rows, phase=part)
+    if rows.empty or not rows.tick_count.sum():
+        return Ours(np.nan, "no vehicle under control")
+    column = {"turning_inside": "inside_turning_ratio", "jerk_inside": "inside_jerk_ratio"}[what]
+    inside = rows.tick_count * rows[column].fillna(1.0)
+    shares = inside.groupby(rows.feed).sum() / rows.tick_count.groupby(rows.feed).sum()
+    return Ours(100.0 * float(shares.min()), f"fed with the {shares.idxmin()} rate")
+
+
+def _of_rank(tables: Tables, case: str, metric: str) -> Ours:
     for row in pick(observed(tables), case=tables.labels[case]).itertuples():
-        above = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
-        return Ours(float(row.least_rank), above)
+        if metric == "observable_states":
+            above = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
+            return Ours(float(row.least_rank), above)
+        tolerance = float(pick(tables.observability, case=case).tolerance_ratio.iloc[0])
+        above = f"{row.stretches} stretches, singular values above {tolerance:g}; least informed: {row.weakest}"
+        return Ours(float(row.least_rank_with_information), above)
     return _MISSING
 
 

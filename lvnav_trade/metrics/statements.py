@@ -125,7 +125,8 @@ def verdict(found: Value, low: float, high: float, tested_by: Sequence[str]) -> 
 
 
 def bounds(stated: Mapping[str, Any], runs: int) -> tuple[float, float]:
-    """Return the bounds of a statement, NaN where there is none; runs: behind a NEES, whose upper bound they set.
+    """Return the bounds of a statement, NaN where there is none; runs: behind a NEES or a ratio of root mean squares,
+    whose bounds they set.
 
     The NEES of a run is correlated from time to time: its mean over a phase has the bound of a single time.
     """
@@ -133,6 +134,9 @@ def bounds(stated: Mapping[str, Any], runs: int) -> tuple[float, float]:
     if stated.get("probability") is not None:
         freedom = 3.0 * max(runs, 1)
         high = float(stats.chi2.ppf(float(stated["probability"]), freedom) / freedom)
+    if stated.get("of_runs") is not None:
+        tails = 0.5 * (1.0 - float(stated["of_runs"])), 0.5 * (1.0 + float(stated["of_runs"]))
+        low, high = (float(np.sqrt(stats.chi2.ppf(tail, max(runs, 1)) / max(runs, 1))) for tail in tails)
     return low, high
 
 
@@ -147,7 +151,8 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     for levels, found in _read(tables, stated, wanted):
         found_any = True
         low, high = bounds(stated, found.runs or int((tables.campaign.get("monte_carlo") or {}).get("runs") or 1))
-        word = verdict(found, low, high, stated.get("tested_by") or NUMBERS)
+        tested = found if stated.get("of_runs") is None else found._replace(low=np.nan, high=np.nan)
+        word = verdict(tested, low, high, stated.get("tested_by") or NUMBERS)  # bounds of the runs have their interval
         remarks = [str(stated.get("remark") or ""), *found.remarks]
         if not found.runs and "monte_carlo" in (stated.get("tested_by") or NUMBERS):
             remarks.append(

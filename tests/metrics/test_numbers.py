@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from lvnav_trade.campaign.definition.published import RANKS
 from lvnav_trade.metrics.numbers import cases_of, name_of, ours
-from tests import synthetic
+from tests import synthetic, vehicle_tables
 
 CASE, FAILED = "aaaaaaaaaaaa", 3
 PHASE = "liftoff to injection"
@@ -108,3 +110,35 @@ def test_a_statement_is_named_by_statistic_metric_and_place():
         name_of({"metric": "position_error_x", "during": PHASE, "statistic": "worst"})
         == "worst position_error_x, liftoff to injection"
     )
+
+
+def test_states_with_information_are_fewer_than_those_beyond_rounding():
+    tables = vehicle_tables.tables()
+    rank, informed = (ours(tables, "aaaaaaaaaaaa", {"metric": name}, "-") for name in RANKS)
+    assert (rank.value, informed.value) == (3.0, 2.0)
+    assert informed.remark == "2 stretches, singular values above 0.01; least informed: +1.00 gyro bias x"
+
+
+def test_the_part_of_ticks_in_an_envelope_is_that_of_the_worse_rate():
+    tables = vehicle_tables.tables()
+    rows = tables.turning.copy()
+    rows.loc[(rows.feed == "raw") & (rows.axis == "pitch"), "inside_turning_ratio"] = 0.9
+    rows.loc[(rows.feed == "true"), "inside_turning_ratio"] = 0.1  # is not flown
+    coast = rows.assign(phase="coast", tick_count=3000, inside_turning_ratio=1.0)
+    tables.__dict__["turning"] = pd.concat([rows, coast], ignore_index=True)
+    whole, burn, yaw, jerk = (
+        ours(tables, "aaaaaaaaaaaa", {"metric": name}, "%").value
+        for name in ("turning_inside_pitch", "turning_inside_pitch_burn", "turning_inside_yaw_burn", "jerk_inside_yaw")
+    )
+    assert whole == pytest.approx(97.5)
+    assert (burn, yaw, jerk) == pytest.approx((90.0, 99.0, 100.0))
+    assert np.isnan(ours(tables, "aaaaaaaaaaaa", {"metric": "turning_inside_yaw_change"}, "%").value)
+
+
+def test_a_nozzle_moves_less_in_a_burn_and_over_the_flight():
+    tables = vehicle_tables.tables()
+    found = [
+        ours(tables, "aaaaaaaaaaaa", {"metric": f"nozzle_movement_pitch{part}"}, "%").value for part in ("", "_burn_1")
+    ]
+    assert found == pytest.approx([70.0, 70.0])
+    assert np.isnan(ours(tables, "aaaaaaaaaaaa", {"metric": "nozzle_movement_pitch_burn_2"}, "%").value)

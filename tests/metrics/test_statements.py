@@ -279,3 +279,20 @@ def test_a_locus_follows_its_axis_and_what_it_is_held_against_stays(good):
     tables = SimpleNamespace(**{name: getattr(good, name) for name in NAMES}, levels=levels, cache={})
     ((_, values),) = locus(tables, stated | {"terms": terms})
     assert [(level, round(value.formal, 9)) for level, value in values] == [("fine", 3.0), ("coarse", 3.0)]
+
+
+def test_a_ratio_to_the_filters_own_sigma_has_the_bounds_of_so_many_runs(good, wrong):
+    """Matched runs keep them, runs of 1.6 times the error do not: the bounds are those of a chi-square of the runs."""
+    drawn = SPEED | {"case": FINE}
+    stated = {"value": "a / s", "terms": {"a": drawn, "s": drawn | {"statistic": "formal"}}, "of_runs": 0.95}
+    stated |= {"tested_by": ["monte_carlo"]}
+    found, other = rows(good, **stated).iloc[0], rows(wrong, **stated).iloc[0]
+    assert found.formal == pytest.approx(1.0)
+    assert other.monte_carlo == pytest.approx(1.6 * found.monte_carlo, rel=0.1)
+    assert (other.verdict, other.in_band) == (FAILS, False)
+    low, high = found.band_low, found.band_high
+    runs = 199  # one failed
+    # Wilson and Hilferty: chi-square over n is (1 - 2 / 9n -+ z sqrt(2 / 9n))^3
+    for bound, z in ((low, -1.959964), (high, 1.959964)):
+        assert bound**2 == pytest.approx((1.0 - 2.0 / (9 * runs) + z * np.sqrt(2.0 / (9 * runs))) ** 3, abs=1e-4)
+    assert bounds({"of_runs": 0.95}, 20) == pytest.approx((0.692, 1.307), abs=1e-3)

@@ -14,8 +14,19 @@ from lvnav_trade.observables.sensors import SENSOR_STATES
 from lvnav_trade.units import Angle, Card, Length, parse
 
 # Metrics of a vehicle under control: by how many percent less its nozzle moves with the filtered than the raw rate
-STEERED = tuple(f"nozzle_movement_{axis}" for axis in ("pitch", "yaw"))
-RANK = "observable_states"  # metric: the least number of observable states of any stretch
+MOVED = tuple(
+    f"nozzle_movement_{axis}{part}" for axis in ("pitch", "yaw") for part in ("", "_burn_1", "_burn_2", "_burn_3")
+)
+# and the part of its ticks whose angular acceleration and lateral jerk are within the envelope that is assumed of them
+INSIDE = tuple(
+    f"{what}_inside_{axis}{part}"
+    for what in ("turning", "jerk")
+    for axis in ("pitch", "yaw")
+    for part in ("", "_burn", "_coast", "_change")
+)
+STEERED = (*MOVED, *INSIDE)
+# The least number of observable states of any stretch: beyond rounding, and by more than the tolerance of the results
+RANKS = ("observable_states", "informed_states")
 # Metrics that are no error of the navigation: read off the signals, the same in every run
 _DELAYS = ("troposphere", "troposphere_left", "ionosphere", "ionosphere_left")
 COUNTED = (
@@ -34,7 +45,7 @@ CONVERGENCE = tuple(f"{quantity}_convergence_time" for quantity in ("attitude", 
 RATES = ("false_alarm_rate", "detection_rate", "isolation_rate", "wrong_isolation_rate")
 # Share of runs with all three axes within three of the filter's own sigmas, at an event
 COVERAGE = tuple(f"{quantity}_coverage" for quantity in ("attitude", "velocity", "position"))
-_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES, *CONVERGENCE, *LEVELS, *AVAILABILITY, *RATES, *COVERAGE)
+_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, *RANKS, *NEES, *CONVERGENCE, *LEVELS, *AVAILABILITY, *RATES, *COVERAGE)
 # Metrics of a phase with a limit
 _LIMITED = (*CONVERGENCE, *AVAILABILITY)
 _SIGMA = re.compile(r"\d+(\.\d*)? (sigma|rms)$")  # limit of a convergence time in place of a size
@@ -62,7 +73,7 @@ def unit_of(metric: str) -> str:
         return MISSION[metric].unit
     if metric in COUNTED:
         return {COUNTED[0]: "-", COUNTED[-1]: "s"}.get(metric, "m")
-    if metric in STEERED or metric in (RANK, *RATES, *COVERAGE):
+    if metric in STEERED or metric in (*RANKS, *RATES, *COVERAGE):
         return "%" if metric in STEERED else "-"
     if metric in LEVELS:
         return PROTECTED[metric.partition("_")[0]]
@@ -292,8 +303,10 @@ class Term(Measured):
             yield "minus is of an error at an event, without a statistic"
         if self.pool and (self.over or self.minus is not None):
             yield "pool takes the runs of all levels together, over their median and minus a difference; choose one"
-        if self.statistic in ("formal", "lincov"):
-            yield f"statistic {self.statistic} is a column of every statement; leave it out"
+        if self.statistic == "lincov":
+            yield "statistic lincov is a column of every statement; leave it out"
+        if self.statistic == "formal" and "_error" not in self.metric:
+            yield f"statistic formal is of an error, not of {self.metric}"
 
 
 class Statement(Stated):
@@ -311,6 +324,13 @@ class Statement(Stated):
     probability: float | None = Field(
         None, gt=0.5, lt=1, description="of a NEES: it is at most its upper bound at this probability (chi-square)"
     )
+    of_runs: float | None = Field(
+        None,
+        gt=0.5,
+        lt=1,
+        description="of a ratio of root mean squares over the runs to what is expected of them: it lies between the "
+        "bounds that so many runs at one time keep with this probability (chi-square, both sides)",
+    )
     tested_by: tuple[Literal["formal", "true", "monte_carlo"], ...] = Field(
         ("formal", "true", "monte_carlo"), min_length=1, description="numbers that must all keep the bounds"
     )
@@ -325,8 +345,12 @@ class Statement(Stated):
         if set(named) != set(self.terms):
             odd = sorted(set(named) ^ set(self.terms))
             yield f"value: {quoted(self.value)} and the terms do not have the same names ({', '.join(odd)})"
-        if (self.at_least, self.at_most, self.probability) == (None, None, None):
-            yield "there is no bound; give at_least, at_most, or the probability of a NEES"
+        if (self.at_least, self.at_most, self.probability, self.of_runs) == (None, None, None, None):
+            yield "there is no bound; give at_least, at_most, of_runs, or the probability of a NEES"
+        if self.of_runs is not None and (self.at_least, self.at_most, self.probability) != (None, None, None):
+            yield "of_runs sets both bounds; leave out at_least, at_most and probability"
+        if self.of_runs is not None and "monte_carlo" not in self.tested_by:
+            yield "of_runs is a bound of runs; monte_carlo is not among tested_by"
         if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
             yield f"at_least {self.at_least:g} is above at_most {self.at_most:g}"
         nees = [term.metric in NEES for term in self.terms.values()]

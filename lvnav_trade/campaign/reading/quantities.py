@@ -6,9 +6,10 @@ from lvnav_trade.campaign.definition.published import (
     CONVERGENCE,
     COUNTED,
     COVERAGE,
+    INSIDE,
+    MOVED,
     NEES,
-    RANK,
-    STEERED,
+    RANKS,
     unit_of,
 )
 from lvnav_trade.campaign.definition.schema import METRICS
@@ -47,8 +48,10 @@ _OTHERS = {
     "troposphere_change_height": "altitude at which the change of the tropospheric delay is largest",
     "air_crossing_height": "altitude at which climb rate times density of the air is largest",
     "reacquisition_time": "time until lost satellites are tracked again",
-    RANK: "least number of observable states of any stretch",
-    **dict.fromkeys(STEERED, "reduction of the nozzle's movement by the filtered rate"),
+    RANKS[0]: "least number of observable states of any stretch",
+    RANKS[1]: "least number of states about which any stretch has more than the tolerance of information",
+    **dict.fromkeys(MOVED, "reduction of the nozzle's movement by the filtered rate"),
+    **dict.fromkeys(INSIDE, "part of ticks with the motion within the envelope that is assumed of it"),
     **{name: f"normalised error squared of {name[:-5]}, per degree of freedom" for name in NEES},
     **{name: f"time until the error of {name.split('_')[0]} stays below a limit" for name in CONVERGENCE},
     **{
