@@ -96,8 +96,8 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
         return Ours(value, ratio.remark, np.sort(ratio.runs))
     if metric in MISSION:
         return _of_mission(tables, case, stated, unit)
-    if found := _OF_CONTROL.match(metric):
-        what, axis, part = found.groups()
+    if steered := _OF_CONTROL.match(metric):
+        what, axis, part = steered.groups()
         if what == "nozzle_movement":
             return _of_nozzle(tables, case, axis, (part or "flight").replace("_", " "))
         return _of_envelope(tables, case, what, axis, part)
@@ -185,11 +185,7 @@ def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
         float(np.sqrt(time_mean(t, square.to_numpy(dtype=float)))) / scale
         for square in (chosen.lincov_formal_si**2, chosen.lincov_true_si**2 + chosen.lincov_mean_si**2, drawn**2)
     )
-    each = (_each(tables, case, stated, rows) / scale) ** 2
-    if statistic == "formal":  # one number, whatever it is compared with
-        sigma = float(np.sqrt(time_mean(t, (chosen.lincov_formal_si**2).to_numpy(dtype=float)))) / scale
-        return Columns(sigma, sigma, sigma, runs=np.full_like(each, sigma**2))
-    return Columns(formal, true, runs, runs=each)
+    return Columns(formal, true, runs, runs=(_each(tables, case, stated, rows) / scale) ** 2)
 
 
 def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any], unit: str) -> Columns:

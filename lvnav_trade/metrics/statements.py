@@ -209,6 +209,9 @@ def _over(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -> Colu
         return difference(tables, case, others[0], term, unit) if others else Columns(*NOTHING)
     if not over:
         whole = columns(tables, case, term, unit)
+        if term.get("statistic") == "formal":  # one number, whatever it is compared with
+            each, level = (np.full(len(one), whole.formal**2) for one in (whole.runs, whole.levels))
+            whole = whole._replace(true=whole.formal, monte_carlo=whole.formal, runs=each, levels=level)
         together = len(members(tables, case, axes_of(term))) if axes_of(term) else 0
         words = f"{together} cases of {', '.join(axes_of(term))} together" if together else ""
         return whole._replace(remark="; ".join(text for text in (whole.remark, words) if text))
