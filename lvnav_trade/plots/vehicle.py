@@ -88,15 +88,22 @@ def apart(tables: Tables, cases: Sequence[Mapping[str, str]]) -> Figure:
     """
     named = [cases_of(tables, asked)[0] for asked in cases]
     figure, grid = canvas(len(named) // 2, 1, 2.0, sharex=True, sharey=True)
+    low, high = 0.0, 1e-6
     for ax, first, second in zip(grid[:, 0], named[::2], named[1::2], strict=True):
         for k, quantity in enumerate(NAVIGATION):
             one, other = (history_of(tables, case, quantity, "3d") for case in (first, second))
             sigma = one.lincov_true_si.to_numpy() / other.lincov_true_si.to_numpy()
             flown = (one.t_s >= 0.0).to_numpy()
-            ax.plot(one.t_s[flown], 100.0 * (1.0 - sigma[flown]), color=PALETTE[k], label=quantity)
+            smaller = 100.0 * (1.0 - sigma[flown])
+            low, high = min(low, float(np.nanmin(smaller))), max(high, float(np.nanmax(smaller)))
+            ax.plot(one.t_s[flown], smaller, color=PALETTE[k], label=quantity)
         ax.axhline(0.0, color=GREY, lw=0.8)
-        ax.set(title=f"{tables.labels[first]}, against {tables.labels[second]}", ylabel="3D sigma smaller\nby (%)")
+        words = f"{tables.labels[first]}, against {tables.labels[second]}"
+        ax.text(0.5, 0.9, words, x_part=True, y_part=True, ha="center", color=GREY)  # numbers of events stand above
+        ax.set(ylabel="3D sigma smaller\nby (%)")
         over_time([ax], tables, first, label="")
+    for ax in grid[:, 0]:
+        ax.set(ylim=(low - 0.1 * (high - low), high + 0.4 * (high - low)))
     grid[-1, 0].set(xlabel="time since lift-off (s); lines: events")
     return figure
 

@@ -56,7 +56,7 @@ def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_
     assert roll.better_percent.min() > 85.0
     frame = METRICS["references"](tables)
     unknown = frame[frame["item"].str.startswith("unknown dynamics")]
-    assert len(unknown) == 7
+    assert len(unknown) == 4
     assert unknown.in_band.all()
     closed = frame[frame.source.str.startswith("Closed form")]
     assert (closed.repeats != "").all()
