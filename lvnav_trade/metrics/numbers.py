@@ -328,7 +328,10 @@ def _of_nozzle(tables: Tables, case: str, axis: str, burn: str) -> Ours:
     """Return by how many percent less a nozzle moves with the filtered than the raw rate, in a burn or a flight."""
     for row in pick(nozzle(tables), case=tables.labels[case], axis=axis, burn=burn).itertuples():
         interval = f"{row.low_percent:.1f} to {row.high_percent:.1f} %"
-        return Ours(float(row.less_percent), f"{row.runs} paired runs, 95 %: {interval}")
+        rows = pick(tables.nozzle, case=case, axis=axis, burn=burn)
+        moved = rows.pivot(index="run_number", columns="feed", values="moved_rad")
+        each = 100.0 * (1.0 - moved.filtered / moved.raw).to_numpy()
+        return Ours(float(row.less_percent), f"{row.runs} paired runs, 95 %: {interval}", np.sort(each))
     return Ours(np.nan, "no vehicle under control, no such burn, or fewer than two runs")
 
 

@@ -141,4 +141,6 @@ def test_a_nozzle_moves_less_in_a_burn_and_over_the_flight():
         ours(tables, "aaaaaaaaaaaa", {"metric": f"nozzle_movement_pitch{part}"}, "%").value for part in ("", "_burn_1")
     ]
     assert found == pytest.approx([70.0, 70.0])
+    each = ours(tables, "aaaaaaaaaaaa", {"metric": "nozzle_movement_yaw"}, "%").runs
+    assert each == pytest.approx([35.0] * vehicle_tables.RUNS)  # one reduction of each pair of runs
     assert np.isnan(ours(tables, "aaaaaaaaaaaa", {"metric": "nozzle_movement_pitch_burn_2"}, "%").value)

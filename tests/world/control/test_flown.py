@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import lru_cache
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from lvnav_trade.engines.setup.vehicle import walks
 from lvnav_trade.envelope import EnvelopeCard
+from lvnav_trade.errors import InputError
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
@@ -17,6 +19,7 @@ from lvnav_trade.world.control.ascent import ascend
 from lvnav_trade.world.control.flown import fly_launch, launch_along
 from lvnav_trade.world.control.missions import fly_missions
 from lvnav_trade.world.flight.trajectory import build, identity, motion, reference
+from tests.building import loaded
 from tests.world.control.launches import settings
 
 
@@ -159,3 +162,13 @@ def test_an_envelope_of_a_rate_that_is_not_filtered_is_refused():
     short = body | {"stacks": body["stacks"][:2]}
     with pytest.raises(ValueError, match=r"rotation\.stacks: 2 of them, the vehicle has 3 stages"):
         card(rotation=short)
+
+
+def test_an_ascent_is_steered_once():
+    steering = {"rotation": "rotation/three_motor", "controller": "controllers/three_motor", "wind": "wind/moderate"}
+    flight = {"card": "trajectories/churchill_sso", "control": {**steering, "imu": "imu/kvh1750_003_published"}}
+    with pytest.raises(InputError, match=r"flies under trajectory\.control already; state one of them"):
+        loaded(
+            f"base.trajectory={json.dumps(flight)}", f"base.control={json.dumps(steering)}",
+            "base.sensors={attitude_reference: attitude_references/magnetometer_003}",
+        )  # fmt: skip

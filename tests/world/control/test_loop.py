@@ -20,12 +20,13 @@ from lvnav_trade.world.control.loop import (
     MOVED,
     NOZZLE,
     RATE_ERROR,
+    STEPPED,
     TICKS,
     TURNING,
     TURNING_BOUND,
 )
 from lvnav_trade.world.control.missions import fly_missions
-from lvnav_trade.world.control_cards import FeedbackCard, rate_noise
+from lvnav_trade.world.control_cards import FeedbackCard, Guidance, rate_noise
 from tests.world.control.launches import design, steady_launch
 
 IDEAL = {"time_constant": "0.0001 s", "rate_limit": "100000 deg/s", "deflection_limit": "50 deg"}
@@ -178,3 +179,18 @@ def test_a_motor_that_lights_takes_the_vehicle_from_where_it_points_to_its_attit
     acceleration = 0.05 / 2.0**2 + 2.0 * 0.005 / 2.0  # of the lag at its start: x / T^2 + 2 v / T
     assert np.max(np.abs(history[n:, TURNING])) < 1.5 * acceleration
     assert (np.abs(history[n:, TURNING]) <= history[n:, TURNING_BOUND]).all()
+
+
+def test_guidance_asks_for_steps_of_the_size_that_it_has():
+    """Twice summed, what the commanded rate changes by is the commanded attitude: white steps of the stated sigma."""
+    launch = steady_launch(400.0)
+    card = launch.controller
+    guidance = Guidance.model_construct(from_stage=1, period=1.0, time=1e6, limit=0.2, velocity_sigma=0.0,
+                                        command_sigma=0.005)  # fmt: skip
+    launch = launch._replace(controller=card.model_copy(update={"guidance": guidance, "command_time": 0.05}))
+    rows = flown(launch).history[0]
+    commanded = np.cumsum(np.cumsum(rows[:, :, STEPPED], axis=0), axis=0) / 200.0
+    asked = commanded[199::200]  # just before the next step
+    assert asked.std(axis=0) == pytest.approx(0.005, rel=0.12)  # 400 of them: 7 % at two sigma
+    assert abs(np.corrcoef(asked[:-1, 0], asked[1:, 0])[0, 1]) < 0.15
+    assert abs(np.corrcoef(asked[:, 0], asked[:, 1])[0, 1]) < 0.15
