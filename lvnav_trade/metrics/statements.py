@@ -68,8 +68,9 @@ def value_of(text: str, terms: Mapping[str, Columns]) -> Value:
         low, high = _interval(float(drawn), np.asarray(others), expression.is_product(text))
         low, high = _with_levels(text, terms, float(drawn), (low, high))
         only = next(iter(terms.values()))
-        if only.is_share and len(terms) == 1 and text.strip() in terms and set(np.unique(only.runs)) <= {0.0, 1.0}:
-            low, high = share(int(only.runs.sum()), n)[1:]
+        if only.is_share and len(terms) == 1 and text.strip() in terms:
+            exact = set(np.unique(only.runs)) <= {0.0, 1.0}
+            low, high = share(int(only.runs.sum()), n)[1:] if exact else np.clip((low, high), 0.0, 1.0).tolist()
     return Value(formal, true, float(drawn), low, high, n, tuple(dict.fromkeys(remarks)))
 
 

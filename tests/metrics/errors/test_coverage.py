@@ -82,6 +82,19 @@ def test_a_row_names_coverage_as_a_metric_and_is_the_one_of_the_table(tables):
     assert order.ours == pytest.approx(row.all_inside_ratio / other)
 
 
+def test_of_missions_together_it_is_the_mean_and_its_interval_is_that_of_a_share(tables):
+    stated = {
+        "references": [
+            {"source": "a page", "metric": "position_coverage", "at": "injection", "value": 0.9919, "unit": "-",
+             "case": {}, "pool": ["imu"], "band": [0.99, 1.009]}
+        ]
+    }  # fmt: skip
+    (row,) = references(tables, stated).itertuples()
+    parts = [covered(tables, case, "injection", "position").runs.mean() for case in tables.labels]
+    assert row.ours == row.monte_carlo == pytest.approx(np.mean(parts))
+    assert 0.0 <= row.low <= row.ours <= row.high <= 1.0
+
+
 def test_both_covariances_expect_a_share_of_their_own(tables):
     case = next(iter(tables.labels))
     found = covered(tables, case, "injection", "velocity")
