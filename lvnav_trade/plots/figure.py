@@ -6,6 +6,7 @@ the panel. A new verb that makes a mark of these kinds is drawn by both renderer
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from textwrap import wrap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,8 +62,12 @@ class Events(NamedTuple):
     def key(self) -> str:
         """Return what the numbers stand for, in lines of similar length that a page has room for."""
         names = [f"{number} {name.replace('_', ' ')}" for number, (name, _) in enumerate(self.points, start=1)]
-        faults = dict.fromkeys(name.replace("_", " ") for name, _, _ in self.faults)
-        names += [f"shaded: {', '.join(faults)}"] * bool(faults)
+        kinds: dict[str, list[str]] = {}  # numbers of the faults by kind
+        for name in dict.fromkeys(name.replace("_", " ") for name, _, _ in self.faults):
+            kind, _, number = name.rpartition(" ")
+            kinds.setdefault(kind, []).append(number)
+        faults = ", ".join(f"{kind} {' '.join(numbers)}".strip() for kind, numbers in kinds.items())
+        names += wrap(f"shaded: {faults}", _KEY_LENGTH) if faults else []
         lines: list[str] = []
         for name in names:
             if lines and len(lines[-1]) + len(_APART) + len(name) <= _KEY_LENGTH:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.plots.figure import canvas, named_ticks, panel
+from lvnav_trade.plots.figure import _KEY_LENGTH, Events, canvas, named_ticks, panel
 
 
 def test_verbs_make_marks_of_six_kinds():
@@ -53,3 +53,12 @@ def test_a_legend_has_each_label_of_all_panels_once():
         axes.plot([0], [1], label="same")
     grid[1, 0].plot([0], [1], label="other")
     assert [mark.label for mark in figure.legend()] == ["same", "other"]
+
+
+def test_the_key_of_a_flight_with_many_faults_names_each_kind_once_and_stays_within_its_width():
+    kinds = ("satellite_outage", "wild_samples", "frozen_output", "degraded_noise", "latency_change", "invalid_output")
+    faults = tuple((f"{kinds[k % 6]} {k + 1}", float(k), k + 0.5) for k in range(24))
+    lines = Events((("liftoff", 0.0),), faults).key().split("\n")
+    assert len(lines) > 1
+    assert max(map(len, lines)) <= _KEY_LENGTH
+    assert "satellite outage 1 7 13 19, wild samples 2 8 14 20" in " ".join(lines)
