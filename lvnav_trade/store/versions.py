@@ -17,7 +17,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 _COMPUTES = ("kernels", "delays", "world", "observables", "receivers", "filters", "engines", "steering")
 _COMPUTES_TOO = (
     "layout.py", "frames.py", "records.py", "scenario.py", "units.py", "sources.py", "refusals.py", "limits.py",
-    "input_files.py", "reads.py", "resources.py", "per_axis.py", "noise.py",
+    "input_files.py", "reads.py", "resources.py", "per_axis.py", "noise.py", "envelope.py",
 )  # fmt: skip
 _NOT_THE_RUNS = (
     "description", "covariance", "requirements", "references", "orderings", "innovations", "statements", "report",

@@ -75,11 +75,12 @@ def test_statements_on_cases_that_are_there_are_read(study) -> None:
         (RATIO.replace("velocity_error_3d}}", "velocity_nees}}"), "velocity_nees is a mean over a phase; give during"),
         (RATIO.replace("a / b", "a / c"), "value: 'a / c' and the terms do not have the same names (b, c)"),
         (RATIO.replace("a / b", "a ** b"), "should be made of terms, numbers, + - * /"),
-        (RATIO.replace("at_most: 2, ", ""), "there is no bound; give at_least, at_most, or the probability of a NEES"),
+        (RATIO.replace("at_most: 2, ", ""), "there is no bound; give at_least, at_most, of_runs, or the probability of a NEES"),
         (RATIO.replace("at_most: 2", "at_most: 2, at_least: 3"), "at_least 3 is above at_most 2"),
         (RATIO.replace("at_most: 2", "probability: 0.99"), "probability is the bound of a single NEES"),
         (RATIO.replace("at_most: 2", "at_most: 2, unit: m"), "'1 m' has the wrong unit; expected speed"),
-        (RATIO.replace("3d}}", "3d, statistic: formal}}"), "statistic formal is a column of every statement; leave it out"),
+        (RATIO.replace("3d}}", "3d, statistic: lincov}}"), "statistic lincov is a column of every statement; leave it out"),
+        (RATIO.replace("at_most: 2", "at_most: 2, of_runs: 0.95"), "of_runs sets both bounds; leave out at_least, at_most"),
     ],
 )  # fmt: skip
 def test_what_is_not_there_is_reported(study, text: str, message: str) -> None:
