@@ -7,6 +7,7 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
+from lvnav_trade.filters.logic import CHECKS
 from lvnav_trade.filters.monitor import (
     CONVERGED,
     COUNT,
@@ -30,7 +31,7 @@ from lvnav_trade.filters.monitor import (
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import WIDTH, like, view, where
 from lvnav_trade.kernels.transition import POS, VEL
-from lvnav_trade.records import AIDING, CONVERGING, MODES, PREDICTING, REASONS, STOPPED, WAITING
+from lvnav_trade.records import AIDING, CONVERGING, FIRST_CHECK, MODES, PREDICTING, REASONS, STOPPED, WAITING
 
 N_EPOCH, N = 60, 9
 # As much of the filter and of the measurements as says which channel a row is of.
@@ -274,7 +275,8 @@ def test_a_difference_that_is_not_there_is_not_checked():
 def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
     assert [is_running(float(mode)) for mode in range(5)] == [0.0, 1.0, 1.0, 1.0, 0.0]
     assert [is_correcting(float(mode)) for mode in range(5)] == [0.0, 0.0, 1.0, 1.0, 0.0]
-    assert (len(MODES), len(REASONS)) == (5, 8)
+    assert (len(MODES), len(REASONS)) == (5, FIRST_CHECK + len(CHECKS) + 1)
+    assert FIRST_CHECK == 8  # after these codes the checks at the input, and the dilution of precision
     codes = (GOOD_SAMPLES, CONVERGED, DATA_LOST, DATA_AGAIN, LOSS_PERSISTS, RESIDUAL_PERSISTS, COVARIANCE_PERSISTS)
     assert codes == tuple(range(1, 8))
     assert (WAITING, CONVERGING, AIDING, PREDICTING, STOPPED) == tuple(range(5))
