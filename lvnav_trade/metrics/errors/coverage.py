@@ -18,6 +18,9 @@ from lvnav_trade.metrics.errors.covariances import formal_covariance, gaussian
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.store.read import Tables
 
+COLUMNS = [
+    "case", "event", "t_s", "quantity", "run_count", "inside_ratio", "all_inside_ratio", "low_ratio", "high_ratio", "honest",
+]  # fmt: skip
 SIGMAS = 3.0
 # Part of a Gaussian that lies within three sigmas.
 GAUSSIAN = 0.9973
@@ -62,7 +65,7 @@ def coverage(tables: Tables) -> pd.DataFrame:
         for quantity in NAVIGATION
         if (inside := _inside(tables, case, event, quantity))
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _within(tables: Tables, case: str, event: str, quantity: str) -> Bools:
