@@ -2,12 +2,15 @@
 
 import math
 
+import numpy as np
+
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.world.ascent.legs import Aim, Flight, fly_ascent, law_span
-from lvnav_trade.world.ascent.targeting import left_in_orbit, solve
+from lvnav_trade.world.ascent.targeting import left_in_orbit, require_possible, solve
 from lvnav_trade.world.ascent.vehicle import Boosters, Dispersion, Stage, VehicleAscent
 
 _EMPTY = 1e-6  # kg of propellant that count as none
+_GROUND = 1e3  # m below the start: the Earth is no sphere
 _DEPLETION = 20  # corrections of the time at which a stage is empty
 
 
@@ -28,12 +31,25 @@ def fly_dispersed(card: VehicleAscent, aim: Aim, how: Dispersion) -> tuple[Vehic
     A stage cut off in orbit burns as long as the nominal one, or until it is empty.
     """
     vehicle = dispersed(card, how)
+    require_possible(vehicle)
     span, aim = law_span(card, aim), pitched(aim, how.pitch_program)
     last, twice = len(card.vehicle.stages), card.parking is not None
     burns = [(card.inserting, "burn")] if not twice or card.inserting < last else []
     for number, name in [*burns, (last, "burn_2")] if twice else burns:
         aim = _until_empty(vehicle, aim, span, number, name)
-    return vehicle, aim, fly_ascent(vehicle, aim, span=span)
+    flight = fly_ascent(vehicle, aim, span=span)
+    _require_aloft(flight)
+    return vehicle, aim, flight
+
+
+def _require_aloft(flight: Flight) -> None:
+    """InputError where a flight falls back to the ground, by more than a kilometre below its start."""
+    start = float(np.linalg.norm(flight.legs[0].y[0, :3]))
+    for leg in flight.legs:
+        low = np.linalg.norm(leg.y[:, :3], axis=1) < start - _GROUND
+        if np.any(low):
+            message = f"the dispersed vehicle falls to the ground {leg.t[np.argmax(low)]:.0f} s after lift-off"
+            raise InputError(records=[Mistake(message, "trajectory.dispersion")])
 
 
 def dispersed(card: VehicleAscent, how: Dispersion) -> VehicleAscent:

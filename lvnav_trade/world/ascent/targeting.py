@@ -30,7 +30,7 @@ def solve(card: VehicleAscent) -> Aim:
     conditions at the cut-off in orbit (radius, speed, level flight, inclination); the kick is the card's, or the one
     that needs the shortest burn.
     """
-    _check(card)
+    require_possible(card)
     if impulse_speed(card.vehicle, card.vehicle.payload) < _least_speed(card):
         _refuse_too_heavy(card)
     kick = _best_kick(card) if card.kick_angle is None else card.kick_angle
@@ -45,7 +45,8 @@ def solve(card: VehicleAscent) -> Aim:
     return aim
 
 
-def _check(card: VehicleAscent) -> None:
+def require_possible(card: VehicleAscent) -> None:
+    """InputError where a vehicle does not lift off, or an inclination is out of reach of the site."""
     weight, push = lift_off_mass(card) * STANDARD_GRAVITY, engine(card.vehicle, 1, 0.0, 0.0, 1.0)
     thrust = push.thrust - 101325.0 * push.exit_area + thrust_beside(push.beside.since, 101325.0, push.beside)[0]
     if thrust <= weight:

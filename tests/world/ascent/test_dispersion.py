@@ -86,3 +86,9 @@ def test_a_vehicle_that_cannot_be_flown_is_refused_by_name():
     with pytest.raises(InputError) as caught:
         fly_dispersed(broken, Aim(1.0, 0.1, 0.4, -0.2, 100.0), card.dispersion)
     assert caught.value.records[0].path == "trajectory.dispersion"
+
+
+@pytest.mark.parametrize(("thrust", "message"), [("0.6", "does not lift off"), ("0.85", "falls to the ground")])
+def test_a_vehicle_too_weak_is_refused(thrust, message):
+    with pytest.raises(InputError, match=message):
+        build(ascent_card(dispersion={"thrust": thrust}))
