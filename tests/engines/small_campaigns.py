@@ -96,7 +96,7 @@ CAMPAIGNS: dict[str, dict[str, Any]] = {
         ]),
     },
     "solutions with a reported covariance": {
-        "base": {"receiver": "receivers/l1_four_patch", "filter": "filters/loose_conae_000_rooted", "frame": "ecef"},
+        "base": {"receiver": "receivers/l1_four_patch", "filter": "filters/loose_conae_000", "frame": "ecef"},
         "axes": _axis("receiver.solution", [
             {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s", "reported": True},
             {**_FILTERED, "jerk": "0.5 m/s^3", "reported": True},
