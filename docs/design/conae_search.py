@@ -105,7 +105,7 @@ def rows() -> tuple[Row, ...]:
 
 
 def _values(file: str, case: str, at: dict[str, Any]) -> dict[str, Any]:
-    """Return what a campaign's scenario has in place of its own at a point of the search, but for the filter's noise."""
+    """Return what a campaign's scenario has in place of its own at a point, but for the filter's noise."""
     found = {
         "imu.gyro.temperature.amplitude": RAMP[at["longitudinal"]],
         "imu.accel.temperature.amplitude": ACCEL[at["longitudinal"]],
@@ -127,7 +127,7 @@ def _prepared(file: str, case: str, values: str) -> Prepared:
 
 
 def _noisy(prepared: Prepared, at: dict[str, Any]) -> Prepared:
-    """Return a case with the filter's process noise of a point; variances over a window are densities times its length."""
+    """Return a case with the filter's process noise of a point: over a window densities times its length."""
     layout, model = prepared.layout, prepared.model
     gyro = parse(f"{0.7 * at['white']} deg/h/sqrt(Hz)", "rad/s**0.5")
     accel = parse(f"{24.0 * at['white']} ug/sqrt(Hz)", "m/s**1.5")

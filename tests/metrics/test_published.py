@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics import METRICS, published
+from lvnav_trade.metrics.filter import whiteness
 from lvnav_trade.metrics.published import _named, interpretations, references, short_names
 from tests.vehicle_tables import DURING, RAW, SIGMA, tables
 
@@ -87,6 +88,13 @@ def test_innovations_drawn_white_are_called_white(good, white):
     assert found.in_band == white
     assert 0.0 < found.ours < 0.03  # eight channels, ten lags, 199 runs of 99 epochs: a sigma of 0.007
     assert "of 8 channels" in found.remark
+
+
+def test_an_unbiased_autocorrelation_above_one_is_correlated(good, monkeypatch):
+    rows = whiteness(good).assign(largest_ratio=1.01)
+    monkeypatch.setattr(published, "whiteness", lambda tables: rows)
+    stated = SOURCE | {"case": {"imu": "fine"}, "channels": "range", "white": False}
+    assert references(good, {"innovations": [stated]}).iloc[0].in_band
 
 
 def test_the_channels_of_the_receivers_own_filter_are_meant_by_its_name():

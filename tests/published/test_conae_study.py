@@ -49,7 +49,7 @@ LOCI = {
     "imu_noise": ("axes=[{path: filter.neglect, values: [[], [gyro_bias, accel_bias]]}]",),
 }
 HOLD = {
-    "antenna_failure": ("failure in the second burn: tight, filtered, point", "recovery in the second burn"),
+    "antenna_failure": ("in the second burn: satellites",),
     "delay": ("SIL uncompensated", "in time, compensated", "loose: compensated"),
     "hil_sizes": (),
     "hil_like": ("HIL, position that stays", "HIL, least satellites"),
