@@ -218,6 +218,8 @@ def _of_motion(prefix: str) -> list[Output]:
 PROTECTED = {"position": "m", "velocity": "m/s"}
 LEVELS = tuple(f"{quantity}_protection_level" for quantity in PROTECTED)
 AVAILABILITY = tuple(f"{quantity}_availability" for quantity in PROTECTED)
+# Shares of runs by what a filter that tests for faults decides during a phase
+RATES = ("false_alarm_rate", "detection_rate", "isolation_rate", "wrong_isolation_rate")
 # Metrics of a mission that a requirement may name: functions of the errors of velocity and position together
 MISSION = {
     name: Output(name, "3d", unit, label_unit, factor)

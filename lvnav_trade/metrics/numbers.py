@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade import units
-from lvnav_trade.layout import AVAILABILITY, MISSION, PROTECTED, split_metric
+from lvnav_trade.layout import AVAILABILITY, MISSION, PROTECTED, RATES, split_metric
 from lvnav_trade.metrics.basics.select import (
     SAME_TIME,
     errors_at,
@@ -40,8 +40,8 @@ from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column, rms_column
 
-# Metrics of numbers without a unit, which are means over the runs and no root of one.
-RATIOS = ("_nees", "_rate", "_coverage")
+# Ends of metrics without a unit; what else ends in "_rate" may be the error of a clock.
+_RATIOS = ("_nees", "_coverage")
 # Columns of the history behind a statistic, with runs and without.
 _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
 # Metrics of a whole flight, and what they are.
@@ -87,10 +87,15 @@ def name_of(stated: Mapping[str, Any]) -> str:
     return f"{first}{stated['metric']}{place}"
 
 
+def is_ratio(metric: str) -> bool:
+    """Whether a metric is a number without a unit that is a mean over the runs and no root of one."""
+    return metric.endswith(_RATIOS) or metric in RATES
+
+
 def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
     """Return our number for what is stated of a case, in `unit`; NaN with the reason where these results lack it."""
     metric = str(stated["metric"])
-    if metric.endswith(RATIOS):
+    if is_ratio(metric):
         ratio = columns(tables, case, stated, unit)
         value = ratio.monte_carlo if ratio.monte_carlo == ratio.monte_carlo else ratio.true
         return Ours(value, ratio.remark, np.sort(ratio.runs))
@@ -169,7 +174,7 @@ def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
         return _nees(tables, case, stated)
     if metric.endswith("_convergence_time"):
         return _convergence(tables, case, stated, unit)
-    if metric.endswith("_rate"):
+    if metric in RATES:
         return _rate(tables, case, stated)
     if metric.endswith("_coverage"):
         return _coverage(tables, case, stated)

@@ -53,7 +53,7 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     values = np.array([one.value for one in found])
     if stated.get("statistic") == "worst" and len(runs):
         return Ours(float(np.median(runs)), remark, runs)
-    if str(stated["metric"]).endswith(numbers.RATIOS):
+    if numbers.is_ratio(str(stated["metric"])):
         return Ours(float(np.mean(values)), remark, runs)
     value = np.median(values) if _counts(stated) else np.sqrt(np.mean(values**2))
     return Ours(float(value), remark, runs)

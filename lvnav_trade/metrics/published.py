@@ -10,7 +10,7 @@ import pandas as pd
 from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics.basics.select import pick
 from lvnav_trade.metrics.filter import whiteness
-from lvnav_trade.metrics.numbers import RATIOS, Ours, name_of
+from lvnav_trade.metrics.numbers import Ours, is_ratio, name_of
 from lvnav_trade.metrics.pooled import axes_of, cases_of, columns, label_of, members, ours
 from lvnav_trade.metrics.statements import FAILS, HOLDS, NOT_SET_UP, NUMBERS, Value, value_of, verdict
 from lvnav_trade.metrics.statements import rows as statement_rows
@@ -165,7 +165,7 @@ def _ordering(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, A
     values = np.array([one.value for one in found])
     worst = float(np.max(values[:-1] / values[1:])) if len(values) else np.nan
     named = str(stated["metric"])
-    unit = "" if named.endswith(RATIOS) else tables.people.get(split_metric(named), ("m", 1.0))[0]
+    unit = "" if is_ratio(named) else tables.people.get(split_metric(named), ("m", 1.0))[0]
     sizes = f"{_SMALLER.join(f'{value:.3g}' for value in values)} {unit}".rstrip()
     text = sizes if len(values) else "not one case each"
     terms = {f"a{k}": columns(tables, group[0], stated, "-") for k, group in enumerate(groups)} if alone else {}

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.campaign.definition.published import RANKS
-from lvnav_trade.metrics.numbers import cases_of, name_of, ours
+from lvnav_trade.metrics.numbers import cases_of, is_ratio, name_of, ours
 from tests import synthetic, vehicle_tables
 
 CASE, FAILED = "aaaaaaaaaaaa", 3
@@ -95,6 +95,13 @@ def test_what_these_results_lack_is_said(good, stated, unit, why):
     found = ours(good, CASE, stated, unit)
     assert np.isnan(found.value)
     assert found.remark == why
+
+
+def test_only_the_rates_of_decisions_are_ratios_and_not_the_error_of_a_clock_rate():
+    assert is_ratio("detection_rate")
+    assert is_ratio("attitude_nees")
+    assert is_ratio("position_coverage")
+    assert not is_ratio("receiver_clock_drift_error_rate")
 
 
 def test_cases_are_found_by_the_levels_of_their_axes(good):

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 from lvnav_trade import expression
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import quoted
-from lvnav_trade.layout import AVAILABILITY, EXTRAS, LEVELS, MISSION, MOTION, PARAMETERS, PROTECTED, split_metric
+from lvnav_trade.layout import AVAILABILITY, EXTRAS, LEVELS, MISSION, MOTION, PARAMETERS, PROTECTED, RATES, split_metric
 from lvnav_trade.observables.sensors import SENSOR_STATES
 from lvnav_trade.units import Angle, Card, Length, parse
 
@@ -41,8 +41,6 @@ COUNTED = (
 NEES = tuple(f"{quantity}_nees" for quantity in ("attitude", "velocity", "position"))
 # Time (s) after the start of a phase from which on the error of a run stays below a limit, at its events
 CONVERGENCE = tuple(f"{quantity}_convergence_time" for quantity in ("attitude", "velocity", "position"))
-# Shares of runs by what a filter that tests for faults decides during a phase
-RATES = ("false_alarm_rate", "detection_rate", "isolation_rate", "wrong_isolation_rate")
 # Share of runs with all three axes within three of the filter's own sigmas, at an event
 COVERAGE = tuple(f"{quantity}_coverage" for quantity in ("attitude", "velocity", "position"))
 _NO_ERRORS = (*MISSION, *COUNTED, *STEERED, *RANKS, *NEES, *CONVERGENCE, *LEVELS, *AVAILABILITY, *RATES, *COVERAGE)
