@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -217,3 +218,15 @@ def test_process_noise_is_reported_in_the_units_of_people():
     assert block.rows[0][:2] == ("whole flight", "0.0100")  # deg/sqrt(h)
     assert block.rows[1][0] == "liftoff to stage1 cutoff"
     assert "10 s" in block.caption
+
+
+_ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("study", sorted(path.parent.name for path in (_ROOT / "campaigns").glob("*/study.yaml")))
+def test_no_kept_page_has_one_figure_twice(study: str) -> None:
+    names: dict[bytes, list[str]] = {}
+    for figure in sorted((_ROOT / "reports" / study / "figures").glob("*.png")):
+        names.setdefault(hashlib.sha256(figure.read_bytes()).digest(), []).append(figure.name)
+    assert names
+    assert [same for same in names.values() if len(same) > 1] == []
