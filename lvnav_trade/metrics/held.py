@@ -25,12 +25,15 @@ def held(rows: pd.DataFrame) -> pd.Series:
 
 
 def most_important(rows: pd.DataFrame, order: Sequence[str], n: int = 3) -> pd.DataFrame:
-    """Return n rows of different items: those whose item begins as `order` names them first, then the furthest from
-    their band, as the logarithm of a ratio.
+    """Return n rows of different items: for each beginning of an item in `order` the row furthest from its band that
+    begins so, then the furthest of all, as the logarithm of a ratio.
     """
-    place = [next((k for k, start in enumerate(order) if item.startswith(start)), len(order)) for item in rows["item"]]
-    ranked = rows.assign(place=place, distance=-_distance(rows)).sort_values(["place", "distance"], kind="stable")
-    return ranked.drop_duplicates("item").head(n)[list(rows.columns)]
+    first = [next((k for k, start in enumerate(order) if item.startswith(start)), len(order)) for item in rows["item"]]
+    ranked = rows.assign(place=first, distance=-_distance(rows)).sort_values(["place", "distance"], kind="stable")
+    ranked = ranked.drop_duplicates("item")
+    named = ranked[ranked.place < len(order)].drop_duplicates("place")
+    others = ranked.drop(named.index).sort_values("distance", kind="stable")
+    return pd.concat([named, others]).head(n)[list(rows.columns)]
 
 
 def _distance(rows: pd.DataFrame) -> pd.Series:

@@ -5,11 +5,14 @@ from collections.abc import Sequence
 import pandas as pd
 
 from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, held, most_important
+from lvnav_trade.metrics.statements import FAILS
 from lvnav_trade.report.blocks import Block, Text, stated
 
 
-def headline(frame: pd.DataFrame, important: Sequence[str]) -> list[Block]:
-    """Return the counts of rows, and the three most important that do not hold; nothing without rows."""
+def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataFrame | None = None) -> list[Block]:
+    """Return the counts of rows, and the three most important of rows and statements that do not hold; nothing without
+    rows.
+    """
     if frame.empty:
         return []
     rows = frame[evidence(frame)]
@@ -26,6 +29,8 @@ def headline(frame: pd.DataFrame, important: Sequence[str]) -> list[Block]:
     if repeated := len(frame) - len(rows):
         lines.append(f"Rows that repeat an input, and are not counted: {repeated}.")
     failing = rows[~held(rows)]
+    if statements is not None:
+        failing = pd.concat([failing, statements[statements.verdict == FAILS]], ignore_index=True)
     blocks: list[Block] = [Text(" ".join(lines))]
     if len(failing):
         blocks.append(stated("most_important", most_important(failing, important)))

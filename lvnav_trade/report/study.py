@@ -103,7 +103,7 @@ def _together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> p
 def _answer(study: Study, answered: Sequence[Answered], every: pd.DataFrame) -> Section:
     numbered = is_statement(every, [one.stated for one in answered])
     frame = every[~numbered]
-    blocks = [*headline(frame, study.important), *verdicts(every[numbered])]
+    blocks = [*headline(frame, study.important, every[numbered]), *verdicts(every[numbered])]
     blocks.append(table(pd.DataFrame([_line(one, every) for one in answered]), "The campaigns of this study."))
     numbers = frame[frame.published.notna() & evidence(frame)]
     if len(numbers):

@@ -45,6 +45,11 @@ def test_what_a_study_calls_important_comes_first_then_the_furthest_from_its_ban
     assert list(found.columns) == list(ROWS.columns)
 
 
+def test_each_beginning_of_an_item_names_one_row_the_furthest_that_begins_so() -> None:
+    failing = ROWS[~held(ROWS)].assign(item=["table, x", "table, x", "table, y", "order", "table, z"])
+    assert list(most_important(failing, ("table", "order"))["item"]) == ["table, z", "order", "table, y"]
+
+
 def test_a_number_below_its_band_is_as_far_as_one_above_it() -> None:
     two = ROWS.iloc[[3, 3]].assign(item=["low", "high"], ratio=[0.5 / 8.0, 2.0 * 7.9])
     assert list(most_important(two, ())["item"]) == ["low", "high"]

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics.published import COLUMNS
+from lvnav_trade.metrics.statements import FAILS, HOLDS
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.headline import headline, those_that_fail
 
@@ -39,6 +40,17 @@ def test_the_first_lines_count_evidence_edges_and_inputs() -> None:
     )
     assert [row[0] for row in important.rows] == ["main", "far", "out"]
     assert [row[-1] for row in important.rows] == ["why main", "why far", "why out"]
+
+
+def test_a_statement_that_does_not_hold_may_be_the_most_important() -> None:
+    said = pd.DataFrame(
+        [_row("said", 0.1, published=np.nan, verdict=FAILS), _row("so", 1.0, verdict=HOLDS)], columns=COLUMNS
+    )
+    text, important = headline(ROWS, ("said", "main"), said)
+    assert isinstance(text, Text)
+    assert isinstance(important, Table)
+    assert text.text.startswith("Of 6 published rows")  # statements are counted in a line of their own
+    assert [row[0] for row in important.rows] == ["said", "main", "far"]
 
 
 def test_every_row_that_fails_and_every_input_stands_in_a_table_of_its_own() -> None:
