@@ -34,6 +34,7 @@ from lvnav_trade.units import parse
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "conae"
 FILES = ("pvt_sources", "imu_temperature", "delay", "hil_like")
 RUNS = 24
+LATER = "uncompensated, position"  # came to count as decided by an input after the search; its ratio is 1, no score
 SI = {"deg": "rad", "deg/s": "rad/s", "m": "m", "m/s": "m/s"}
 CONSTANT = ("Bancroft", "EKF-GNSS #2")  # sources with the constant covariance of point solutions
 
@@ -99,7 +100,8 @@ def rows() -> tuple[Row, ...]:
                 k for k, case in labelled.items() if all(case.axes.get(a, "base") == v for a, v in one.case.items())
             ]
             value = one.value if one.unit == "-" else parse(f"{one.value} {one.unit}", SI[one.unit])
-            metric = "" if one.repeats else one.metric  # numbered, but an input decides it: no score
+            scored = not one.repeats or one.item.endswith(LATER)
+            metric = one.metric if scored else ""  # numbered, but an input decides it: no score
             found.append(Row(file, named[0], one.item, metric, one.statistic == "worst", bool(one.during), value))
     return tuple(sorted(found, key=lambda row: (FILES.index(row.file), list(_campaign(row.file)[1]).index(row.case))))
 

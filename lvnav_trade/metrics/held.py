@@ -14,6 +14,11 @@ def evidence(rows: pd.DataFrame) -> pd.Series:
     return rows.repeats.fillna("") == ""
 
 
+def fitted(rows: pd.DataFrame) -> pd.Series:
+    """Whether settings were searched for by each number."""
+    return rows.fitted.eq(True).fillna(False).astype(bool)  # orders and statements have none
+
+
 def at_an_edge(rows: pd.DataFrame) -> pd.Series:
     """Whether the published single flight of each row lies at or beyond the 1 % or 99 % point of our runs."""
     return (rows.percentile <= EDGES[0]) | (rows.percentile >= EDGES[1])

@@ -18,7 +18,8 @@ from lvnav_trade.store.read import Tables
 
 COLUMNS = [
     "id", "source", "item", "case", "metric", "unit", "published", "formal", "true", "monte_carlo", "low", "high",
-    "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "repeats", "verdict", "remark",
+    "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "repeats", "fitted", "verdict",
+    "remark",
 ]  # fmt: skip
 INTERPRETATIONS = ["during", "error", "case", "stated_percent", "raw_percent", "unbiased_percent"]
 _RAW, _UNBIASED = "raw_", "corrected_"
@@ -38,7 +39,8 @@ def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.Da
 
     formal, true, monte_carlo: the same by formal sigma, by the true error of linear covariance, and by the runs, whose
     95 % interval is low to high; verdict: whether they keep the bounds; percentile: part of our runs below a published
-    single run, in percent; repeats: the input that decides a number.
+    single run, in percent; repeats: the input that decides a number; fitted: whether settings were
+    searched for by it.
     """
     campaign = tables.campaign if stated is None else stated
     name = str(campaign.get("name") or tables.campaign.get("name") or "")
@@ -109,6 +111,7 @@ def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> d
         value,
         percentile=_below_published(published, found),
         repeats=str(published.get("repeats") or ""),
+        fitted=bool(published.get("fitted")),
         case=label_of(tables, case, axes_of(published)) if case is not None else "",
         metric=name_of(published) + words,
         unit=unit,
@@ -165,8 +168,9 @@ def _ordering(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, A
     values = np.array([one.value for one in found])
     worst = float(np.max(values[:-1] / values[1:])) if len(values) else np.nan
     named = str(stated["metric"])
-    unit = "" if is_ratio(named) else tables.people.get(split_metric(named), ("m", 1.0))[0]
-    sizes = f"{_SMALLER.join(f'{value:.3g}' for value in values)} {unit}".rstrip()
+    bare = is_ratio(named) or named == "satellites_tracked"
+    unit = "" if bare else tables.people.get(split_metric(named), ("m", 1.0))[0]
+    sizes = f"{', '.join(f'{value:.3g}' for value in values)} {unit}".rstrip()
     text = sizes if len(values) else "not one case each"
     terms = {f"a{k}": columns(tables, group[0], stated, "-") for k, group in enumerate(groups)} if alone else {}
     largest = f"max({', '.join(f'a{k} / a{k + 1}' for k in range(len(terms) - 1))})"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, held, most_important
+from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, fitted, held, most_important
 from lvnav_trade.metrics.statements import FAILS
 from lvnav_trade.report.blocks import Block, Text, stated
 
@@ -22,6 +22,12 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
     )
     each = [f"{int(held(rows[kind]).sum())} of {int(kind.sum())} {what}" for kind, what in kinds if kind.any()]
     lines = [f"Of {len(rows)} published rows that no input decides, {int(held(rows).sum())} hold: {'; '.join(each)}."]
+    if (by := fitted(rows)).any():
+        withheld = rows[~by & rows.published.notna()]
+        lines.append(
+            f"Settings were searched for by {int(by.sum())} of the numbers, of which {int(held(rows[by]).sum())} hold; "
+            f"of the {len(withheld)} that the search did not see, {int(held(withheld).sum())}."
+        )
     edge = int((rows.in_band.astype(bool) & at_an_edge(rows)).sum())
     if edge:
         points = " % or ".join(f"{point:g}" for point in EDGES)

@@ -24,6 +24,7 @@ RUNS = {
         "axes.3.values=[0]",
     ),
     "delay": (),
+    "delay_by_satellites": (),
     "hil_like": (),
     "hil_sizes": ("axes=[{path: constellation.range_error, values: [0 m, 8 m]}]",),
     "imu_temperature": (),
@@ -51,6 +52,7 @@ LOCI = {
 HOLD = {
     "antenna_failure": ("in the second burn: satellites",),
     "delay": ("SIL uncompensated", "in time, compensated", "loose: compensated"),
+    "delay_by_satellites": ("delay that grows",),
     "hil_sizes": (),
     "hil_like": ("HIL, position that stays", "HIL, least satellites"),
     "imu_temperature": ("roll", "angular velocity"),

@@ -53,6 +53,13 @@ def test_a_statement_that_does_not_hold_may_be_the_most_important() -> None:
     assert [row[0] for row in important.rows] == ["said", "main", "far"]
 
 
+def test_numbers_that_settings_were_searched_for_by_are_counted_apart() -> None:
+    rows = pd.DataFrame([_row("a", 1.0, fitted=True), _row("b", 9.0, fitted=True), _row("c", 1.0)], columns=COLUMNS)
+    text = headline(rows, ())[0]
+    assert isinstance(text, Text)
+    assert "searched for by 2 of the numbers, of which 1 hold; of the 1 that the search did not see, 1." in text.text
+
+
 def test_every_row_that_fails_and_every_input_stands_in_a_table_of_its_own() -> None:
     failing, repeated = those_that_fail(ROWS)
     assert isinstance(failing, Table)

@@ -236,6 +236,9 @@ class Published(Measured, Stated):
         max_length=200,
         description="the input that decides the number: a study lists it apart and does not count it",
     )
+    fitted: bool = Field(
+        False, description="settings were searched for by this number: a study counts it apart from those withheld"
+    )
 
     @field_validator("value")
     @classmethod
