@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from lvnav_trade.metrics.held import at_an_edge
 from lvnav_trade.metrics.numbers import name_of
 from lvnav_trade.metrics.pooled import axes_of, cases_of, label_of, ours
 from lvnav_trade.metrics.statements import NUMBERS, bounds
@@ -16,12 +17,14 @@ from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
 
 _DRAWN = 0.02, 50.0  # ratios that are drawn where they are; one beyond is an arrow at the end of the axis
+_AT_AN_EDGE = "in band, published flight none of ours"
 _UNITS = {"velocity": "m/s", "position": "m"}
 _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
 
 
 def ratios(references: pd.DataFrame) -> Figure:
-    """Draw ours over published of every number, with its band; those outside stand out.
+    """Draw ours over published of every number, with its band; those outside stand out, and so do those in band whose
+    published single flight is none of ours.
 
     A ratio below 0.02 or above 50 is an arrow at that end; a number that ours lack, or of the other sign, is a cross
     there.
@@ -35,19 +38,31 @@ def ratios(references: pd.DataFrame) -> Figure:
     low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, found))
     figure, ax = panel(1.1 + 0.17 * len(frame))
     ax.hlines(place, low, high, color=SHADE, lw=5, alpha=0.6, label="band")
-    for inside, colour, marker, label in ((True, PALETTE[0], "o", "in band"), (False, PALETTE[1], "D", "out of band")):
-        chosen = (frame.in_band == inside).to_numpy() & ~lacks
-        for end, sign in ((0.0, marker), (-1.0, "<"), (1.0, ">")):
-            here = chosen & (np.sign(found - ratio) == end).to_numpy()
-            if end == 0.0 or here.any():
-                style = {"ls": "none", "marker": sign, "color": colour, "ms": 4.5, "label": "" if end else label}
-                ax.plot(ratio[here], place[here], **style)
+    _ratio_marks(ax, frame[~lacks], found[~lacks], ratio[~lacks])
     if lacks.any():
         style = {"ls": "none", "marker": "x", "color": "black", "ms": 4.5, "label": "no number of ours, or other sign"}
         ax.plot(ratio[lacks], place[lacks], **style)
     ax.axvline(1.0, color=GREY, lw=0.8)
     _ratio_axes(ax, names, "ours / published (-)")
     return figure
+
+
+def _ratio_marks(ax: Panel, rows: pd.DataFrame, found: pd.Series, ratio: pd.Series) -> None:
+    """Draw ratios by how they fare; arrows where `found` lies beyond what is drawn. Their places are their index."""
+    inside, edge = rows.in_band.astype(bool), at_an_edge(rows)
+    kinds = [
+        (inside & ~edge, "in band", {"color": PALETTE[0], "marker": "o"}),
+        (inside & edge, _AT_AN_EDGE, {"color": PALETTE[1], "marker": "D", "mfc": "white"}),
+        (~inside, "out of band", {"color": PALETTE[1], "marker": "D"}),
+    ]
+    for chosen, label, look in kinds:
+        if label == _AT_AN_EDGE and not chosen.any():
+            continue
+        for end, arrow in ((0.0, None), (-1.0, "<"), (1.0, ">")):
+            here = chosen & (np.sign(found - ratio) == end)
+            if end == 0.0 or here.any():
+                style = look | ({"marker": arrow} if arrow else {"label": label})
+                ax.plot(ratio[here], ratio.index[here], ls="none", ms=4.5, **style)
 
 
 def _ratio_axes(ax: Panel, names: Sequence[str], label: str) -> None:

@@ -41,6 +41,23 @@ def test_a_ratio_far_beyond_is_an_arrow_at_the_end_of_the_axis(tables):
     assert tuple(band.get_xdata()[:2]) == (0.02, 50.0)
 
 
+def test_a_row_in_band_whose_single_flight_is_none_of_ours_has_a_mark_of_its_own(tables):
+    frame = pd.concat([references(tables).iloc[:1]] * 4, ignore_index=True)
+    frame = frame.assign(
+        ratio=[0.8, 0.9, 1.1, 1.2], in_band=[True, True, True, False], percentile=[0.5, 50, np.nan, 99]
+    )
+    shown = {line.get_label(): list(line.get_xdata()) for line in drawn(ratios(frame)).axes[0].get_lines()}
+    assert shown["in band, published flight none of ours"] == [0.8]
+    assert shown["in band"] == [0.9, 1.1]
+    assert shown["out of band"] == [1.2]
+
+
+def test_without_a_flight_at_an_edge_the_legend_has_no_entry_of_them(tables):
+    labels = {mark.label for mark in ratios(references(tables)).legend()}
+    assert {"in band", "out of band"} < labels
+    assert not any("none of ours" in label for label in labels)
+
+
 def test_items_that_stand_alone_need_no_case(tables):
     frame = references(tables).assign(item="")
     frame.loc[0, "item"] = "alone"
