@@ -25,6 +25,12 @@ line that shows in the legend alone, and is a third of the size.
 _EXACT = 24  # of them the most frequent, which are left as they are: a grey shade should not turn pink
 _HANDLE, _LETTER = 0.55, 0.058  # inches of a legend's line with what is around it, and of a letter of 8 points
 _COLUMNS = 4  # of a legend, at most
+# Ticks in less than a decade, closer from row to row; the closest, 0.9 and 1, have room for their labels.
+_CLOSE = (
+    (1.0, 2.0, 5.0),
+    (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
+    (1.0, 1.1, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0),
+)
 _LOOK: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
@@ -143,12 +149,26 @@ def _scale(axes: Any, side: str, scale: str | None) -> None:
 
 
 class _Decades(LogLocator):
-    """Ticks at decades; at 1, 2 and 5 where there are fewer than three decades."""
+    """Ticks at decades; at 1, 2 and 5 where there are fewer than three decades, and closer ones in less than one."""
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
         """Return the ticks between limits."""
+        low, high = sorted((vmin, vmax))
+        if 0 < low < high < 10 * low:
+            return within_a_decade(low, high)
         self.set_params(subs=(1.0, 2.0, 5.0) if 0 < vmax < 500 * vmin else (1.0,))
         return super().tick_values(vmin, vmax)
+
+
+def within_a_decade(low: float, high: float) -> list[float]:
+    """Return ticks of a logarithmic axis of less than a decade: four at least, as few as that takes."""
+    power = 10.0 ** np.floor(np.log10(low))
+    for parts in _CLOSE:
+        every = [float(f"{part * scale:.6g}") for scale in (power, 10.0 * power) for part in parts]
+        found = [at for at in every if low <= at <= high]
+        if len(found) >= 4:
+            return found
+    return [float(f"{at:.6g}") for at in MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)]
 
 
 def _look(mark: Mark, *names: str) -> dict[str, Any]:

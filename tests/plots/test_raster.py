@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from lvnav_trade.plots.figure import SHADE, panel
-from lvnav_trade.plots.raster import files, written
+from lvnav_trade.plots.raster import drawn, files, within_a_decade, written
 from lvnav_trade.plots.style import PALETTE
 
 
@@ -43,3 +44,32 @@ def test_files_of_workers_are_those_of_one_process():
     assert list(found) == ["a.png", "a.svg", "b.png", "b.svg"]
     assert found["a.png"] == written(figure, "png")
     assert found["b.svg"].startswith(b"<?xml")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ticks"),
+    [
+        (0.45, 1.6, [0.5, 0.7, 1.0, 1.5]),
+        (0.65, 1.6, [0.7, 0.8, 0.9, 1.0, 1.2, 1.5]),
+        (8.5, 17.0, [9.0, 10.0, 11.0, 12.0, 15.0]),
+        (0.3, 2.5, [0.5, 0.7, 1.0, 1.5, 2.0]),
+    ],
+)
+def test_a_logarithmic_axis_of_less_than_a_decade_has_ticks_enough(low, high, ticks):
+    assert set(ticks) <= set(within_a_decade(low, high))
+
+
+def test_a_very_short_logarithmic_axis_has_even_ticks():
+    found = within_a_decade(0.97, 1.08)
+    assert sum(0.97 <= at <= 1.08 for at in found) >= 4
+    np.testing.assert_allclose(np.diff(found), found[1] - found[0])
+
+
+def test_ticks_of_a_short_logarithmic_axis_are_labelled():
+    figure, axes = panel(2.0)
+    axes.plot([0.6, 1.4], [0.0, 1.0])
+    axes.set(xscale="log")
+    found = drawn(figure)
+    found.draw_without_rendering()
+    texts = {text.get_text() for text in found.axes[0].get_xticklabels()}
+    assert {"0.6", "0.8", "1", "1.2"} <= texts

@@ -274,14 +274,28 @@
     c.stroke();
   }
 
+  // Ticks of a logarithmic axis, as of plots/raster.py.
+  const CLOSE = [[1, 2, 5], [1, 1.5, 2, 3, 5, 7], [1, 1.1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9]];
   function decades(u, axis, low, high) {
-    const found = [], fine = high < 500 * low;
+    if (high >= 500 * low) { return multiples([1], low, high); }
+    if (high >= 10 * low) { return multiples(CLOSE[0], low, high); }
+    const found = CLOSE.map((parts) => multiples(parts, low, high)).find((ticks) => ticks.length >= 4);
+    return found || even(low, high);
+  }
+  function multiples(parts, low, high) {
+    const found = [];
     for (let e = Math.floor(Math.log10(low)); e <= Math.ceil(Math.log10(high)); e += 1) {
-      (fine ? [1, 2, 5] : [1]).forEach((m) => {
+      parts.forEach((m) => {
         const at = Number((m * Math.pow(10, e)).toPrecision(6));
         if (at >= low && at <= high) { found.push(at); }
       });
     }
+    return found;
+  }
+  function even(low, high) {
+    const power = Math.pow(10, Math.floor(Math.log10((high - low) / 6)));
+    const step = [1, 2, 2.5, 5, 10].map((m) => m * power).find((one) => (high - low) / one <= 6), found = [];
+    for (let k = Math.ceil(low / step); k * step <= high; k += 1) { found.push(Number((k * step).toPrecision(6))); }
     return found;
   }
   function axis(panel, side, place, width) {
