@@ -165,6 +165,7 @@ def movement(tables: Tables, case: str) -> Figure:
             low, high = np.degrees(one.low_rad), np.degrees(one.high_rad)
             axes.fill_between(one.t_s, low, high, color=style["color"], alpha=0.25)
             axes.plot(one.t_s, np.degrees(one.mean_rad), lw=1.4, label=f"{feed} rate", **style)
+        axes.boxes([], [], [], [], color=GREY, alpha=0.25, label="shaded: all runs, from the least to the largest")
         axes.set(title=axis, ylim=0.0)
         over_time([axes], tables, case, label="time since lift-off (s); lines: events")
     grid[0, 0].set(ylabel="total nozzle movement (deg)")
@@ -192,7 +193,7 @@ def sweep(tables: Tables) -> Figure:
             axes.vlines(rows.gain, rows.low_percent, rows.high_percent, color=style["color"], lw=1.0)
             style |= {"ms": 7.0, "mfc": "none"} if number % 2 == 0 else {"ms": 3.5, "mfc": style["color"]}  # apart
             axes.plot(rows.gain, rows.less_percent, **style)
-        axes.axhspan(50.0, 85.0, color=GREY, alpha=0.15)
+        axes.axhspan(50.0, 85.0, color=GREY, alpha=0.15, label="published: 50 to 85 %")
         axes.set(title=axis, xlabel="rate gain over that of the card (-)")
     grid[0, 0].set(ylabel="less nozzle movement\nwith the filtered rate (%, 95 %)")
     return figure
@@ -206,17 +207,19 @@ def worth(tables: Tables, cases: Sequence[Mapping[str, str]] = ()) -> Figure:
     frame = METRICS["worth"](tables)
     wanted = [case for asked in cases for case in cases_of(tables, asked)] or list(tables.labels)
     names = {tables.labels[case]: name for case, name in short_names(tables, wanted).items()}
-    place = np.arange(len(names))
+    place, feeds = np.arange(len(names)), ("raw", "filtered", "true")
     figure, grid = canvas(2, 2, 2.3, sharex=True, sharey="row")
+    top = 1.15 * float(frame[frame.case.isin(names)][[f"{feed}_deg" for feed in feeds]].max().max())  # of both axes
     for (above, below), axis in zip(grid.T, _AXES, strict=True):
         rows = pick(frame, axis=axis).set_index("case").loc[list(names)]
-        for number, feed in enumerate(("raw", "filtered", "true")):
+        for number, feed in enumerate(feeds):
             x, colour = place + 0.27 * (number - 1), line_of(number)["color"]
             above.bar(x, rows[f"{feed}_deg"], 0.25, color=colour, label=f"{feed} rate")
             below.bar(x, rows[f"{feed}_error_mrad"], 0.25, color=colour)
         for at_case, row in zip(place, rows.itertuples(), strict=True):
-            above.text(at_case, row.raw_deg, f"{row.less_percent:.1f} % less", ha="center", va="bottom")
-        above.set(title=axis, ylim=(0.0, 1.12 * float(rows.raw_deg.max())))
+            highest = max(row.raw_deg, row.filtered_deg, row.true_deg)
+            above.text(at_case, highest, f"{row.less_percent:.1f} % less", ha="center", va="bottom")
+        above.set(title=axis, ylim=(0.0, top))
         labels = [textwrap.fill(name.replace("^2", "²"), 18) for name in names.values()]
         below.set(xlabel="case")
         for axes in (above, below):

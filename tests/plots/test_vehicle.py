@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.raster import drawn, written
-from lvnav_trade.plots.vehicle import apart, interpretations, motion, singular, sweep, turning, worth
+from lvnav_trade.plots.vehicle import apart, interpretations, motion, movement, singular, sweep, turning, worth
 from tests.vehicle_tables import FILTERED, LESS, RAW, SIGMA, tables
 
 CASE = "aaaaaaaaaaaa"
@@ -68,6 +68,20 @@ def test_what_feeds_the_controller_is_drawn_case_by_case():
     raw, filtered, true = (bars[0].get_height() for bars in axes.containers)
     assert filtered == pytest.approx((1.0 - LESS) * raw)
     assert true == pytest.approx(0.1 * raw)
+
+
+def test_what_is_written_on_the_bars_has_room_in_both_panels():
+    above = drawn(worth(tables())).axes[:2]
+    highest = max(text.get_position()[1] for axes in above for text in axes.texts)
+    assert above[0].get_ylim() == above[1].get_ylim()
+    assert above[0].get_ylim()[1] == pytest.approx(1.15 * highest)
+
+
+def test_what_is_shaded_has_a_name_in_the_legend():
+    assert "shaded: all runs, from the least to the largest" in {
+        mark.label for mark in movement(tables(), CASE).legend()
+    }
+    assert "published: 50 to 85 %" in {mark.label for mark in sweep(tables()).legend()}
 
 
 def test_positions_against_their_biases_stand_out():
