@@ -43,7 +43,7 @@ def _panel(panel: Panel, arrays: dict[bytes, int]) -> dict[str, Any]:
         if side in panel.axes
     }
     marks = [_mark(mark, arrays) for mark in panel.marks if mark.kind != "limit" or np.isfinite(mark.data["at"])]
-    return {**panel.axes, **limits, "events": events, "marks": marks}
+    return {**panel.axes, **limits, "events": events, "marks": marks, "filled": panel.filled}
 
 
 def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:

@@ -96,6 +96,11 @@ class Panel:
         self.axes: dict[str, Any] = {}
         self.events: Events | None = None
 
+    @property
+    def filled(self) -> bool:
+        """Whether areas that hide what is below them are drawn: faults are shaded over these, and darker."""
+        return any(mark.kind in ("band", "boxes") and "alpha" not in mark.style for mark in self.marks)
+
     def set(self, **axes: Any) -> None:
         """State labels (xlabel, ylabel, title), limits (xlim, ylim; a number is the lower one), scales (xscale, yscale:
         linear, log, root), ticks (xticks, yticks: pairs of place and text), `equal` scales or `grid` lines.

@@ -23,6 +23,8 @@ COLOURS = 96
 line that shows in the legend alone, and is a third of the size.
 """
 _EXACT = 24  # of them the most frequent, which are left as they are: a grey shade should not turn pink
+_NARROW, _ABOVE = 0.02, 0.05  # margins up to the first are of abscissas alone; that of ordinates is then the second
+_OVER_AREAS = 1.3  # matplotlib draws areas at 1 and lines at 2
 _HANDLE, _LETTER = 0.55, 0.058  # inches of a legend's line with what is around it, and of a letter of 8 points
 _COLUMNS = 4  # of a legend, at most
 # Ticks in less than a decade, closer from row to row; the closest, 0.9 and 1, have room for their labels.
@@ -104,6 +106,8 @@ def drawn(figure: Figure) -> Drawing:
             _fill(found, axes, panel)
         else:
             axes.set_axis_off()
+    for axes, panel in zip(grid.ravel(), figure.panels, strict=True):  # after the marks of all that share an axis
+        _limit_sides(axes, panel)
     for (row, column), panel in np.ndenumerate(figure.grid):
         named = all(above.events is None for above in figure.grid[:row, column])
         _mark_events(grid[row, column], panel, columns, named)
@@ -114,23 +118,31 @@ def drawn(figure: Figure) -> Drawing:
 
 def _fill(figure: Drawing, axes: Any, panel: Panel) -> None:
     state = panel.axes
-    axes.margins(state.get("margin", 0.02))
+    margin = state.get("margin", 0.02)
+    axes.margins(margin, margin if margin > _NARROW else _ABOVE)
     _scale(axes, "x", state.get("xscale"))
     _scale(axes, "y", state.get("yscale"))
     for mark in panel.marks:
         _DRAW[mark.kind](figure, axes, mark)
     for side in ("x", "y"):
         low, high = state.get(f"{side}lim", (None, None))
-        if (low, high) != (None, None):
-            getattr(axes, f"set_{side}lim")(low, high)
-        ticks = state.get(f"{side}ticks")
-        if ticks is not None:
-            getattr(axes, f"set_{side}ticks")([at for at, _ in ticks], [text for _, text in ticks], fontsize=7.0)
+        if low is not None and high is None:  # the room above what is drawn is a part of all that is shown
+            axes.update_datalim([(low, low)], updatex=side == "x", updatey=side == "y")
     axes.set(xlabel=state.get("xlabel", ""), ylabel=state.get("ylabel", ""), title=state.get("title", ""))
     if state.get("grid") is False:
         axes.grid(visible=False)
     if state.get("equal"):
         axes.set_aspect("equal", adjustable="box" if "xlim" in state else "datalim")
+
+
+def _limit_sides(axes: Any, panel: Panel) -> None:
+    for side in ("x", "y"):
+        low, high = panel.axes.get(f"{side}lim", (None, None))
+        if (low, high) != (None, None):
+            getattr(axes, f"set_{side}lim")(low, high)
+        ticks = panel.axes.get(f"{side}ticks")
+        if ticks is not None:
+            getattr(axes, f"set_{side}ticks")([at for at, _ in ticks], [text for _, text in ticks], fontsize=7.0)
 
 
 def _scale(axes: Any, side: str, scale: str | None) -> None:
@@ -238,9 +250,10 @@ def _mark_events(axes: Any, panel: Panel, columns: int, named: bool) -> None:
     if panel.events is None:
         return
     low, high = axes.get_xlim()
+    shade = {"color": "black" if panel.filled else SHADE, "alpha": 0.18 if panel.filled else 0.25}
     for _, start, end in panel.events.faults:
         if end > start:
-            axes.axvspan(start, end, color=SHADE, alpha=0.25, lw=0, zorder=0)
+            axes.axvspan(start, end, lw=0, zorder=_OVER_AREAS, **shade)
         else:
             axes.axvline(start, color=GREY, alpha=0.7, lw=2.4, ls=(0, (1.2, 0.8)), zorder=1.4)
     for t in dict.fromkeys(t for _, t in panel.events.points if low <= t <= high):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import json
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from lvnav_trade.plots.figure import SHADE, panel
+from lvnav_trade.plots.browser import data_of
+from lvnav_trade.plots.figure import SHADE, Events, canvas, panel
 from lvnav_trade.plots.raster import drawn, files, within_a_decade, written
 from lvnav_trade.plots.style import PALETTE
 
@@ -73,3 +75,32 @@ def test_ticks_of_a_short_logarithmic_axis_are_labelled():
     found.draw_without_rendering()
     texts = {text.get_text() for text in found.axes[0].get_xticklabels()}
     assert {"0.6", "0.8", "1", "1.2"} <= texts
+
+
+def test_what_is_drawn_has_room_below_the_upper_edge_also_where_panels_share_it():
+    figure, grid = canvas(1, 2, sharey=True)
+    for axes, top in zip(grid[0], (100.0, 104.0), strict=True):
+        axes.plot([0.0, 1.0], [99.0, top])
+        axes.set(ylim=0.0, margin=0.0)
+    for axes in drawn(figure).axes:
+        np.testing.assert_allclose(axes.get_ylim(), (0.0, 1.05 * 104.0))
+
+
+def test_a_logarithmic_axis_has_room_too():
+    figure, axes = panel(2.0)
+    axes.plot([0.0, 1.0], [1.0, 1000.0])
+    axes.set(yscale="log", margin=0.01)
+    np.testing.assert_allclose(drawn(figure).axes[0].get_ylim(), (1000.0**-0.05, 1000.0**1.05))
+
+
+@pytest.mark.parametrize("filled", [True, False])
+def test_faults_are_shaded_over_areas_and_below_lines(filled):
+    figure, axes = panel(2.0)
+    axes.fill_between([0.0, 9.0], 0.0, 1.0, **({} if filled else {"alpha": 0.2}))
+    axes.plot([0.0, 9.0], [0.0, 1.0])
+    axes.events = Events((), (("outage 1", 2.0, 4.0),))
+    found = drawn(figure).axes[0]
+    (shade,) = found.patches
+    assert found.collections[0].get_zorder() < shade.get_zorder() < found.lines[0].get_zorder()
+    assert (axes.filled, json.loads(data_of(figure))["panels"][0]["filled"]) == (filled, filled)
+    assert (max(shade.get_facecolor()[:3]) == 0.0) == filled  # on areas of colours grey does not show

@@ -75,7 +75,7 @@
       const room = Math.pow(high / low, margin) * (high > low ? 1 : 1.5);
       [low, high] = [low / room, high * room];
     } else {
-      const room = margin * (high - low) || Math.abs(high) * 0.1 || 1;
+      const room = margin * (high - Math.min(low, stated[0] ?? low)) || Math.abs(high) * 0.1 || 1;
       [low, high] = [low - room, high + room];
     }
     return [stated[0] ?? low, stated[1] ?? high];
@@ -226,13 +226,14 @@
       });
     }
     clipped(() => {
-      const events = panel.events || { points: [], faults: [] };
-      c.fillStyle = "#9ca3af";
-      c.globalAlpha = 0.25;
+      const events = panel.events || { points: [], faults: [] }, areas = ["band", "boxes", "cells"];
+      panel.marks.forEach((mark) => { if (areas.includes(mark.kind)) { paints[mark.kind](mark); } });
+      c.fillStyle = panel.filled ? "#000000" : "#9ca3af";
+      c.globalAlpha = panel.filled ? 0.18 : 0.25;
       events.faults.forEach(([, start, end]) => c.fillRect(fx(start), top, Math.max(2 * px, fx(end) - fx(start)), box.height));
       stroke({ color: "#6b7280", lw: 0.8, alpha: 0.7 });
       events.points.forEach(([, t]) => { c.beginPath(); c.moveTo(fx(t), top); c.lineTo(fx(t), bottom); c.stroke(); });
-      panel.marks.forEach((mark) => { if (mark.kind !== "text") { paints[mark.kind](mark); } });
+      panel.marks.forEach((mark) => { if (mark.kind !== "text" && !areas.includes(mark.kind)) { paints[mark.kind](mark); } });
     });
     panel.marks.forEach((mark) => { if (mark.kind === "text") { paints.text(mark); } });
     if (panel.named && panel.events) {
