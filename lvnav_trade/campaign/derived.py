@@ -1,8 +1,9 @@
 """Computed from a case: process noise and gains as filter cards, and what a study's report shows of them."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from lvnav_trade.engines.analysis.ensemble import Densities, StepErrors, densiti
 from lvnav_trade.engines.analysis.explain import flown_events
 from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
+from lvnav_trade.engines.simulate.clock import true_clock
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
@@ -24,9 +26,11 @@ from lvnav_trade.layout import state_names
 from lvnav_trade.per_axis import rms
 from lvnav_trade.scenario import filter_models, has_covariance
 from lvnav_trade.world.flight.trajectory import identity
+from lvnav_trade.world.receiver.link import gain, gains
 
 _SHORTEST = 5.0  # seconds: a shorter phase is joined to the one after it
 _LEAST_RUNS = 10
+_SAME_TIME = 1e-6  # seconds
 
 
 class ProcessNoise(NamedTuple):
@@ -147,10 +151,14 @@ def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], 
 
 
 class Behind(NamedTuple):
-    """noise: estimates of process noise by the length of a step (s); single: one flight, see `flight_of`, or None."""
+    """noise: estimates of process noise by the length of a step (s); single: one flight, see `flight_of`; clocks: see
+    `clocks_of`; antennas: see `antennas_of`; None where a study does not ask.
+    """
 
     noise: tuple[tuple[float, ProcessNoise], ...] = ()
     single: pd.DataFrame | None = None
+    clocks: pd.DataFrame | None = None
+    antennas: pd.DataFrame | None = None
 
 
 def behind(part: Part, campaign: Campaign) -> Behind:
@@ -158,10 +166,15 @@ def behind(part: Part, campaign: Campaign) -> Behind:
     noise: tuple[tuple[float, ProcessNoise], ...] = ()
     if (asked := part.noise) is not None:
         noise = tuple((step, process_noise(campaign, cases(campaign)[0], asked.runs, step)) for step in asked.steps)
-    if (chosen := part.single) is None:
-        return Behind(noise)
-    aided, unaided = (_case(campaign, levels) for levels in (chosen.aided, chosen.unaided))
-    return Behind(noise, flight_of(campaign, aided, unaided, chosen.run))
+    single = clocks = antennas = None
+    if (chosen := part.single) is not None:
+        aided, unaided = (_case(campaign, levels) for levels in (chosen.aided, chosen.unaided))
+        single = flight_of(campaign, aided, unaided, chosen.run)
+    if (timed := part.clocks) is not None:
+        clocks = clocks_of(campaign, [_case(campaign, levels) for levels in timed.cases], timed.run)
+    if part.antennas is not None:
+        antennas = antennas_of(_case(campaign, part.antennas))
+    return Behind(noise, single, clocks, antennas)
 
 
 def _case(campaign: Campaign, levels: Levels) -> Case:
@@ -185,3 +198,38 @@ def flight_of(campaign: Campaign, aided: Case, unaided: Case, run: int) -> pd.Da
         name = f"{output.quantity}_{output.axis}"
         table |= {f"{name}_true": true, f"{name}_estimated": true - left, f"{name}_left": left}
     return pd.DataFrame(table)
+
+
+def clocks_of(campaign: Campaign, chosen: Sequence[Case], run: int) -> pd.DataFrame:
+    """Return one run of cases on the same draws: t_s of the epochs, bias_m and drift_m_per_s of the receiver's clock,
+    and bias_m CASE and drift_m_per_s CASE as its own solution has them; InputError where a case reports none.
+    """
+    table: dict[str, Any] = {}
+    for case in chosen:
+        prepared = prepare(case.scenario, campaign.keep.history)
+        at = {one.quantity: column for column, one in enumerate(prepared.outputs)}
+        if "receiver_clock_bias" not in at:
+            raise InputError(f"study.yaml: {campaign.name}: {case.label} reports no solution of the receiver's own")
+        epoch = np.searchsorted(prepared.t_epoch, prepared.t_hist - _SAME_TIME)
+        epoch = np.minimum(epoch, prepared.t_epoch.size - 1)
+        shown = np.abs(prepared.t_epoch[epoch] - prepared.t_hist) < _SAME_TIME
+        clock = true_clock(prepared, campaign.seed, run)[epoch[shown]]
+        error = run_block(prepared, campaign.seed, run, 1).err[0, shown]
+        table |= {"t_s": prepared.t_hist[shown], "bias_m": clock[:, 0], "drift_m_per_s": clock[:, 1]}
+        for k, name in enumerate(("bias_m", "drift_m_per_s")):
+            table[f"{name} {case.label}"] = clock[:, k] - error[:, at["receiver_clock_bias"] + k]
+    return pd.DataFrame(table)
+
+
+def antennas_of(case: Case) -> pd.DataFrame:
+    """Return the gain (dBi) of a receiver's antennas, -inf where nothing is heard: angle_deg, off_boresight (of the
+    first antenna, by the angle to its axis), and each antenna across the body axis, by the angle from y to z.
+    """
+    cards = case.scenario.receiver.antennas
+    if not cards:
+        raise InputError(f"study.yaml: {case.label}: the receiver has no antennas, and hears all directions alike")
+    angle = np.radians(np.arange(361.0))
+    across = np.stack([np.zeros_like(angle), np.cos(angle), np.sin(angle)], axis=-1)
+    heard = gains(cards, across)
+    table = {"angle_deg": np.degrees(angle), "off_boresight": gain(cards[0], np.minimum(angle, 2.0 * math.pi - angle))}
+    return pd.DataFrame(table | {card.name: heard[:, k] for k, card in enumerate(cards)})

@@ -248,6 +248,33 @@ def single(table: pd.DataFrame) -> Figure:
     return figure
 
 
+def clocks(table: pd.DataFrame) -> Figure:
+    """Draw bias and drift of the receiver's clock, and each solution of them; table as of derived.clocks_of."""
+    figure, grid = canvas(2, 1, 1.9, sharex=True)
+    for ax, name, label in zip(grid[:, 0], ("bias_m", "drift_m_per_s"), ("bias (m)", "drift (m/s)"), strict=True):
+        solved = [column for column in table.columns if column.startswith(f"{name} ")]
+        for k, column in enumerate(solved):
+            ax.plot(table.t_s, table[column], color=PALETTE[k], lw=1.2, label=column.removeprefix(f"{name} "))
+        ax.plot(table.t_s, table[name], color="black", lw=0.9, ls="--", label="true")
+        ax.set(ylabel=label)
+    grid[-1, 0].set(xlabel="time since lift-off (s)")
+    return figure
+
+
+def antennas(table: pd.DataFrame) -> Figure:
+    """Draw the gain of an antenna off its boresight, and of all across the body axis, as of derived.antennas_of."""
+    figure, grid = canvas(2, 1, 1.9)
+    first, all_round = grid[:, 0]
+    half = table[table.angle_deg <= 180.0]
+    first.plot(half.angle_deg, half.off_boresight.where(np.isfinite(half.off_boresight)), color=PALETTE[0])
+    first.set(ylabel="gain (dBi)", xlabel="angle off the boresight of one antenna (deg)")
+    for k, name in enumerate(table.columns[2:]):
+        heard = table[name].where(np.isfinite(table[name]))
+        all_round.plot(table.angle_deg, heard, color=PALETTE[k], label=name)
+    all_round.set(ylabel="gain (dBi)", xlabel="direction across the body axis, from y to z (deg)")
+    return figure
+
+
 def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) -> Figure:
     """Draw the unaided error and what the transition misses of it per step, one sigma per axis, logarithmic.
 

@@ -22,7 +22,7 @@ from lvnav_trade.metrics.published import references
 from lvnav_trade.metrics.requirements.requirements import in_words
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.figure import Figure as Drawing
-from lvnav_trade.plots.published import ratios, single, steps
+from lvnav_trade.plots.published import antennas, clocks, ratios, single, steps
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, number, of, percent, stated, table, words
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.diagnostics import error_bound
@@ -157,6 +157,12 @@ def _behind(one: Answered) -> list[Block]:
     if one.behind.single is not None:
         caption = f"One flight (run {one.part.single.run if one.part.single else 0}): what the filter estimates."
         blocks.append(Picture(f"{one.part.campaign}-single", single(one.behind.single), caption))
+    if one.behind.clocks is not None:
+        caption = "One flight: the receiver's clock, and what its own solution makes of it, as values."
+        blocks.append(Picture(f"{one.part.campaign}-clocks", clocks(one.behind.clocks), caption))
+    if one.behind.antennas is not None:
+        caption = "Gain of one antenna off its boresight, and of all around the body; none beyond the cut-off."
+        blocks.append(Picture(f"{one.part.campaign}-antennas", antennas(one.behind.antennas), caption))
     for step, found in one.behind.noise:
         drawn = steps(found.steps, [phase[:3] for phase in found.phases])
         caption = f"Error of the unaided system, and what the transition misses of it in steps of {step:g} s."

@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.metrics.numbers import ours
 from lvnav_trade.metrics.published import references
-from lvnav_trade.plots.published import bound, locus, missions, ratios, single, spread, steps
+from lvnav_trade.plots.published import antennas, bound, clocks, locus, missions, ratios, single, spread, steps
 from lvnav_trade.plots.raster import drawn
 from lvnav_trade.store.read import load
 from tests import synthetic
@@ -146,3 +146,20 @@ def test_the_value_of_a_statement_stands_over_its_axis_with_its_bounds(tables):
     np.testing.assert_allclose(lines["formal"], 199.5 * np.sqrt(0.1**2 + 0.12**2 + 0.2**2) * np.array([1.0, 3.0]))
     assert sorted(float(line.get_ydata()[0]) for line in ax.get_lines() if line.get_label() == "bound") == [20.0, 70.0]
     assert [tick.get_text() for tick in ax.get_xticklabels()] == ["fine", "coarse"]
+
+
+def test_a_clock_is_drawn_as_values_with_the_truth_among_the_solutions():
+    t = np.arange(5.0)
+    table = pd.DataFrame({"t_s": t, "bias_m": t, "drift_m_per_s": t, "bias_m a": t + 1.0, "drift_m_per_s a": t - 1.0})
+    bias, drift = drawn(clocks(table)).axes
+    assert [line.get_label() for line in bias.lines[:2]] == ["a", "true"]
+    np.testing.assert_array_equal(bias.lines[0].get_ydata(), t + 1.0)
+    np.testing.assert_array_equal(drift.lines[1].get_ydata(), t)
+
+
+def test_antennas_are_drawn_by_angle_and_not_where_nothing_is_heard():
+    angle = np.arange(361.0)
+    heard = np.where(angle <= 100.0, 5.0 - angle / 50.0, -np.inf)
+    first, all_round = drawn(antennas(pd.DataFrame({"angle_deg": angle, "off_boresight": heard, "right": heard}))).axes
+    assert np.nanmax(first.lines[0].get_ydata()) == 5.0
+    assert np.isnan(all_round.lines[0].get_ydata()[200])

@@ -65,6 +65,13 @@ class Single(Card):
     run: int = Field(0, ge=0)
 
 
+class Clocks(Card):
+    """One flight of cases whose receivers solve for themselves, on the same draws."""
+
+    cases: tuple[Case, ...] = Field(min_length=1)
+    run: int = Field(0, ge=0)
+
+
 class Part(Card):
     """A campaign of the study."""
 
@@ -80,6 +87,12 @@ class Part(Card):
     noise: Ensemble | None = Field(None, description="process noise of an ensemble of the first case, as estimate-q")
     single: Single | None = Field(
         None, description="one flight: the unaided error, what is estimated of it, what is left"
+    )
+    clocks: Clocks | None = Field(
+        None, description="one flight: the receiver's clock, and what each case's own solution makes of it"
+    )
+    antennas: Case | None = Field(
+        None, description="level of each axis: the case whose receiver's antennas are drawn, gain by direction"
     )
     kml: Case | None = Field(
         None, description="level of each axis: the case whose flight is kept as KML, with its 3-sigma position errors"

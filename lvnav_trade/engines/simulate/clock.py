@@ -1,0 +1,33 @@
+"""The true clock of the receiver in one run, drawn as a flight draws it."""
+
+import numpy as np
+
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.random import normals, seed_words
+from lvnav_trade.records import Floats
+
+
+@jit
+def _walk(
+    path: Floats, jump: Floats, start: Floats, step: Floats, interval: float, at_start: np.uint64, at_epoch: np.uint64,
+    run: np.uint64, k0: np.uint64, k1: np.uint64,
+) -> None:  # fmt: skip
+    """Fill bias and drift before the first epoch and at every epoch."""
+    zero = np.uint64(0)
+    n0, n1, _, _ = normals(k0, k1, at_start, run, zero, zero)
+    path[0, 0], path[0, 1] = start[0] * n0, start[1] * n1
+    for epoch in range(jump.shape[0]):
+        n0, n1, _, _ = normals(k0, k1, at_epoch, run, np.uint64(epoch + 1), zero)
+        bias, drift = path[epoch, 0], path[epoch, 1]
+        path[epoch + 1, 0] = bias + interval * drift + step[0] * n0 + jump[epoch, 0]
+        path[epoch + 1, 1] = drift + step[1] * n0 + step[2] * n1 + jump[epoch, 1]
+
+
+def true_clock(prepared: Prepared, seed: int, run: int) -> Floats:
+    """Return bias (m) and drift (m/s) of the receiver's clock at the epochs of a run, (n_epoch, 2)."""
+    signals = prepared.signals
+    path = np.zeros((prepared.t_epoch.size + 1, 2))
+    fixed = (signals.clock_jump, signals.clock_start, signals.clock_step, signals.interval)
+    _walk(path, *fixed, signals.sources[3], signals.sources[0], np.uint64(run), *seed_words(seed))
+    return path[1:]
