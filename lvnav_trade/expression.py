@@ -93,15 +93,13 @@ def readings(known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[st
     """Return the cases of each term for all levels, in turn, of the axes that no term names.
 
     known: level of every axis of each case; wanted: levels that each term names. Axes that vary together (design zip)
-    need not all be named: the fewest are read that leave each term one case.
+    need not all be named: the fewest are read that leave each term one case, of those that read the most cases (one
+    axis varied at a time: every axis).
     """
     named = {axis for levels in wanted.values() for axis in levels}
     free = [axis for axis in (known[0] if known else ()) if axis not in named]
-    for size in range(len(free) + 1):
-        found = [_read_by(known, wanted, axes) for axes in combinations(free, size)]
-        if most := max(found, key=len, default=[]):
-            return most
-    return []
+    sizes = range(len(free) + 1)
+    return max((_read_by(known, wanted, axes) for n in sizes for axes in combinations(free, n)), key=len)
 
 
 def _read_by(

@@ -220,6 +220,8 @@ LEVELS = tuple(f"{quantity}_protection_level" for quantity in PROTECTED)
 AVAILABILITY = tuple(f"{quantity}_availability" for quantity in PROTECTED)
 # Shares of runs by what a filter that tests for faults decides during a phase
 RATES = ("false_alarm_rate", "detection_rate", "isolation_rate", "wrong_isolation_rate")
+# What a filter's logic does in a phase, by the mode that is asked for, and the SI units
+MODE_METRICS = {"mode_entry_time": "s", "mode_entry_share": "-", "mode_duration": "s", "mode_changes": "-"}
 # Metrics of a mission that a requirement may name: functions of the errors of velocity and position together
 MISSION = {
     name: Output(name, "3d", unit, label_unit, factor)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.expression import evaluate, is_product, names
+from lvnav_trade.expression import evaluate, is_product, names, readings
 
 
 @pytest.mark.parametrize(
@@ -38,3 +38,14 @@ def test_anything_else_is_refused(text: str) -> None:
 def test_a_product_has_no_sums() -> None:
     assert is_product("max(a, b) / (2 * c)")
     assert not is_product("a / b - 1")
+
+
+def test_one_axis_varied_at_a_time_is_read_case_by_case():
+    known = [{"a": "base", "b": "base"}, {"a": "1", "b": "base"}, {"a": "base", "b": "1"}, {"a": "base", "b": "2"}]
+    assert [one.levels for one in readings(known, {"x": {}})] == known
+    assert readings([], {"x": {}}) == []
+
+
+def test_axes_that_vary_together_need_not_all_be_named():
+    known = [{"a": "1", "b": "p"}, {"a": "2", "b": "q"}]
+    assert [one.levels for one in readings(known, {"x": {}})] == [{"a": "1"}, {"a": "2"}]

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade import units
-from lvnav_trade.layout import AVAILABILITY, MISSION, PROTECTED, RATES, split_metric
+from lvnav_trade.layout import AVAILABILITY, MISSION, MODE_METRICS, PROTECTED, RATES, split_metric
 from lvnav_trade.metrics.basics.select import (
     SAME_TIME,
     errors_at,
@@ -31,11 +31,12 @@ from lvnav_trade.metrics.errors.covariances import (
     gaussian,
     observed,
 )
-from lvnav_trade.metrics.errors.coverage import covered
+from lvnav_trade.metrics.errors.coverage import below, covered
 from lvnav_trade.metrics.integrity import rate
+from lvnav_trade.metrics.modes import ENTRY_SHARE, has_logic, mode_named, of_modes, spread_of
 from lvnav_trade.metrics.protection import is_of_protection, value_of
 from lvnav_trade.metrics.signals import REACQUIRED, is_of_signals, reacquisition_times, values_of
-from lvnav_trade.metrics.vehicle import nozzle
+from lvnav_trade.metrics.vehicle import inside_envelope, nozzle
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column, rms_column
@@ -44,11 +45,7 @@ from lvnav_trade.store.schema import error_column, rms_column
 _RATIOS = ("_nees", "_coverage")
 # Columns of the history behind a statistic, with runs and without.
 _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
-# Metrics of a whole flight, and what they are.
-_WHOLE = {
-    "observable_states": "least of all stretches",
-    "informed_states": "least of all stretches",
-}
+_WHOLE = dict.fromkeys(("observable_states", "informed_states"), "least of all stretches")  # of a whole flight
 _OF_CONTROL = re.compile(r"(nozzle_movement|turning_inside|jerk_inside)_(pitch|yaw)(?:_(\w+))?$")
 _WORDS = {"nozzle_movement": "less with the filtered rate, ", "turning_inside": "part of ticks, "}
 
@@ -81,10 +78,13 @@ def name_of(stated: Mapping[str, Any]) -> str:
     if found := _OF_CONTROL.match(metric):
         part = (found[3] or "flight").replace("_", " ")
         return f"{found[1]}_{found[2]}, {_WORDS.get(found[1], 'part of ticks, ')}{part}"
+    if metric in MODE_METRICS:
+        return mode_named(stated)
     words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of "}
     first, during = words.get(stated.get("statistic", "rms"), "linear covariance of "), stated.get("during")
     place = f", {during}" if during else f" at {stated.get('at') or 'injection'}"
-    return f"{first}{stated['metric']}{place}"
+    limit = f" below {stated['below']}" if metric.endswith("_coverage") and stated.get("below") else ""
+    return f"{first}{stated['metric']}{limit}{place}"
 
 
 def is_ratio(metric: str) -> bool:
@@ -95,7 +95,7 @@ def is_ratio(metric: str) -> bool:
 def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
     """Return our number for what is stated of a case, in `unit`; NaN with the reason where these results lack it."""
     metric = str(stated["metric"])
-    if is_ratio(metric):
+    if is_ratio(metric) or metric in MODE_METRICS:
         ratio = columns(tables, case, stated, unit)
         value = ratio.monte_carlo if ratio.monte_carlo == ratio.monte_carlo else ratio.true
         return Ours(value, ratio.remark, np.sort(ratio.runs))
@@ -105,7 +105,7 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
         what, axis, part = steered.groups()
         if what == "nozzle_movement":
             return _of_nozzle(tables, case, axis, (part or "flight").replace("_", " "))
-        return _of_envelope(tables, case, what, axis, part)
+        return Ours(*inside_envelope(tables, case, what, axis, part))
     if metric in _WHOLE:
         return _of_rank(tables, case, metric)
     if is_of_signals(metric):
@@ -174,6 +174,8 @@ def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
         return _nees(tables, case, stated)
     if metric.endswith("_convergence_time"):
         return _convergence(tables, case, stated, unit)
+    if metric in MODE_METRICS:
+        return _modes(tables, case, stated, unit)
     if metric in RATES:
         return _rate(tables, case, stated)
     if metric.endswith("_coverage"):
@@ -263,6 +265,19 @@ def _convergence(tables: Tables, case: str, stated: Mapping[str, Any], unit: str
     return Columns(np.nan, true, median / scale, f"median, at {found.n_event} events{always}")
 
 
+def _modes(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Columns:
+    """Return the median over the runs of what a filter's logic does in a phase; the share of runs that enter a mode."""
+    if not has_logic(tables, case):
+        return _NO_COLUMNS._replace(remark="no runs, or a filter without a logic")
+    metric, each = str(stated["metric"]), of_modes(tables, case, stated)
+    if metric == ENTRY_SHARE:
+        return Columns(np.nan, np.nan, float(each.mean()), runs=each, is_root=False, is_share=True)
+    scale = 1.0 if unit == "-" else _scale(unit, MODE_METRICS[metric])
+    if scale is None or not np.all(np.isfinite(each)):
+        return _NO_COLUMNS._replace(remark=_NOT_FLOWN.remark if scale else f"unit {unit} does not fit")
+    return Columns(np.nan, np.nan, float(np.median(each)) / scale, spread_of(each / scale))
+
+
 def _rate(tables: Tables, case: str, stated: Mapping[str, Any]) -> Columns:
     """Return the share of runs with an outcome of the tests for faults; linear covariance decides once, on the mean."""
     if pick(tables.runs, case=case).empty:
@@ -272,9 +287,9 @@ def _rate(tables: Tables, case: str, stated: Mapping[str, Any]) -> Columns:
 
 
 def _coverage(tables: Tables, case: str, stated: Mapping[str, Any]) -> Columns:
-    """Return the share of runs with all axes within three sigmas at an event."""
-    event = str(stated.get("at") or "injection")
-    formal, true, runs = covered(tables, case, event, str(stated["metric"]).removesuffix("_coverage"))
+    """Return the share of runs with all axes within three sigmas at an event, or with the error below a limit."""
+    about = (tables, case, str(stated.get("at") or "injection"), str(stated["metric"]).removesuffix("_coverage"))
+    formal, true, runs = covered(*about) if stated.get("below") is None else below(*about, str(stated["below"]))
     remark = "" if len(runs) else "no runs at that event"
     return Columns(formal, true, float(runs.mean()) if len(runs) else np.nan, remark, runs, False, True)
 
@@ -338,21 +353,6 @@ def _of_nozzle(tables: Tables, case: str, axis: str, burn: str) -> Ours:
         each = 100.0 * (1.0 - moved.filtered / moved.raw).to_numpy()
         return Ours(float(row.less_percent), f"{row.runs} paired runs, 95 %: {interval}", np.sort(each))
     return Ours(np.nan, "no vehicle under control, no such burn, or fewer than two runs")
-
-
-def _of_envelope(tables: Tables, case: str, what: str, axis: str, part: str | None) -> Ours:
-    """Return the part (%) of ticks of all runs with the motion in its envelope: that of the rate that it is worse with,
-    of the raw and the filtered one.
-    """
-    rows = pick(tables.turning, case=case, axis=axis)
-    rows = rows[rows.feed.isin(("raw", "filtered"))]
-    rows = rows if part is None else pick(rows, phase=part)
-    if rows.empty or not rows.tick_count.sum():
-        return Ours(np.nan, "no vehicle under control")
-    column = {"turning_inside": "inside_turning_ratio", "jerk_inside": "inside_jerk_ratio"}[what]
-    inside = rows.tick_count * rows[column].fillna(1.0)
-    shares = inside.groupby(rows.feed).sum() / rows.tick_count.groupby(rows.feed).sum()
-    return Ours(100.0 * float(shares.min()), f"fed with the {shares.idxmin()} rate")
 
 
 def _of_rank(tables: Tables, case: str, metric: str) -> Ours:

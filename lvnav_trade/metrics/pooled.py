@@ -11,6 +11,8 @@ from lvnav_trade.store.read import Tables
 
 _MEDIAN = ("satellites_tracked", "reacquisition_time")  # metrics that have no mean square
 
+_OF_MODES = ("mode_entry_time", "mode_duration", "mode_changes")
+
 
 def axes_of(stated: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the axes whose levels a number takes together."""
@@ -90,7 +92,7 @@ def _mean(values: Sequence[float], first: Columns, stated: Mapping[str, Any]) ->
 
 def _counts(stated: Mapping[str, Any]) -> bool:
     metric = str(stated["metric"])
-    return metric in _MEDIAN or metric.endswith(("_convergence_time", "_height", "_availability"))
+    return metric in _MEDIAN or metric.endswith(("_convergence_time", "_height", "_availability", *_OF_MODES))
 
 
 def _others(tables: Tables, case: str, pool: Sequence[str]) -> tuple[tuple[str, str], ...]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.layout import split_metric
+from lvnav_trade.layout import MODE_METRICS, split_metric
 from lvnav_trade.metrics.basics.select import pick
 from lvnav_trade.metrics.filter import whiteness
 from lvnav_trade.metrics.numbers import Ours, is_ratio, name_of
@@ -134,9 +134,12 @@ def _part(smaller: Ours, larger: Ours) -> Ours:
 
 def _in_si(tables: Tables, case: str, stated: Mapping[str, Any]) -> Ours:
     """Return our number in the unit for people, which all cases of a campaign share."""
-    quantity, axis = split_metric(str(stated["metric"]))
-    unit, _ = tables.people.get((quantity, axis), ("m", 1.0))
-    return ours(tables, case, stated, unit)
+    return ours(tables, case, stated, _unit(tables, str(stated["metric"])))
+
+
+def _unit(tables: Tables, metric: str) -> str:
+    unit, _ = tables.people.get(split_metric(metric), (MODE_METRICS.get(metric, "m"), 1.0))
+    return str(unit)
 
 
 def _three(tables: Tables, case: str | None, published: Mapping[str, Any]) -> Value | None:
@@ -169,7 +172,7 @@ def _ordering(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, A
     worst = float(np.max(values[:-1] / values[1:])) if len(values) else np.nan
     named = str(stated["metric"])
     bare = is_ratio(named) or named == "satellites_tracked"
-    unit = "" if bare else tables.people.get(split_metric(named), ("m", 1.0))[0]
+    unit = "" if bare else _unit(tables, named).replace("-", "")
     sizes = f"{', '.join(f'{value:.3g}' for value in values)} {unit}".rstrip()
     text = sizes if len(values) else "not one case each"
     terms = {f"a{k}": columns(tables, group[0], stated, "-") for k, group in enumerate(groups)} if alone else {}

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.campaign.definition.published import RANKS
+from lvnav_trade.campaign.definition.metric_names import RANKS
 from lvnav_trade.metrics.numbers import cases_of, is_ratio, name_of, ours
 from tests import synthetic, vehicle_tables
 

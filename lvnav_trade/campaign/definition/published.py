@@ -2,91 +2,38 @@
 
 import re
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from lvnav_trade import expression
-from lvnav_trade.campaign.syntax.tree import hint
+from lvnav_trade.campaign.definition.metric_names import (
+    CONVERGENCE,
+    COUNTED,
+    COVERAGE,
+    LIMITED,
+    NEES,
+    UNITS,
+    known_metric,
+    unit_of,
+)
 from lvnav_trade.errors import quoted
-from lvnav_trade.layout import AVAILABILITY, EXTRAS, LEVELS, MISSION, MOTION, PARAMETERS, PROTECTED, RATES, split_metric
-from lvnav_trade.observables.sensors import SENSOR_STATES
+from lvnav_trade.layout import LEVELS, MODE_METRICS, RATES
+from lvnav_trade.records import MODES, REASONS
 from lvnav_trade.units import Angle, Card, Length, parse
 
-# Metrics of a vehicle under control: by how many percent less its nozzle moves with the filtered than the raw rate
-MOVED = tuple(
-    f"nozzle_movement_{axis}{part}" for axis in ("pitch", "yaw") for part in ("", "_burn_1", "_burn_2", "_burn_3")
-)
-# and the part of its ticks whose angular acceleration and lateral jerk are within the envelope that is assumed of them
-INSIDE = tuple(
-    f"{what}_inside_{axis}{part}"
-    for what in ("turning", "jerk")
-    for axis in ("pitch", "yaw")
-    for part in ("", "_burn", "_coast", "_change")
-)
-STEERED = (*MOVED, *INSIDE)
-# The least number of observable states of any stretch: beyond rounding, and by more than the tolerance of the results
-RANKS = ("observable_states", "informed_states")
-# Metrics that are no error of the navigation: read off the signals, the same in every run
-_DELAYS = ("troposphere", "troposphere_left", "ionosphere", "ionosphere_left")
-COUNTED = (
-    "satellites_tracked",
-    *_DELAYS,
-    *(f"{delay}_change" for delay in _DELAYS),  # from an epoch to the next, of a satellite that is tracked at both
-    "troposphere_change_height",  # altitude at which it is largest
-    "air_crossing_height",  # altitude at which climb rate times density (7.5 km) is largest
-    "reacquisition_time",
-)
-# Mean of the normalised estimation error squared per degree of freedom, over the events of a phase
-NEES = tuple(f"{quantity}_nees" for quantity in ("attitude", "velocity", "position"))
-# Time (s) after the start of a phase from which on the error of a run stays below a limit, at its events
-CONVERGENCE = tuple(f"{quantity}_convergence_time" for quantity in ("attitude", "velocity", "position"))
-# Share of runs with all three axes within three of the filter's own sigmas, at an event
-COVERAGE = tuple(f"{quantity}_coverage" for quantity in ("attitude", "velocity", "position"))
-_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, *RANKS, *NEES, *CONVERGENCE, *LEVELS, *AVAILABILITY, *RATES, *COVERAGE)
-# Metrics of a phase with a limit
-_LIMITED = (*CONVERGENCE, *AVAILABILITY)
 _SIGMA = re.compile(r"\d+(\.\d*)? (sigma|rms)$")  # limit of a convergence time in place of a size
 # Words of a phase that are no events: from lift-off on; the first and the last time of the flight
 FLIGHT, ENDS = "flight", ("start", "end")
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
 
-# SI unit of every quantity of which results hold an error
-_UNITS = (
-    {"attitude": "rad", "velocity": "m/s", "position": "m", "clock_bias": "m", "clock_drift": "m/s"}
-    | {"backup_attitude": "rad", "backup_velocity": "m/s", "backup_position": "m"}
-    | {"solution_velocity": "m/s", "solution_position": "m", "receiver_clock_bias": "m", "receiver_clock_drift": "m/s"}
-    | {name: kind.unit for name, kind in PARAMETERS.items()}
-    | {name: unit for name, (unit, *_) in EXTRAS.items()}
-    | {name: state.unit for name, state in SENSOR_STATES.items()}
-    | {f"{prefix}{name}": unit for prefix in ("", "raw_", "corrected_") for name, unit, *_ in MOTION}
-)
-
 Case = dict[str, str]
-
-
-def unit_of(metric: str) -> str:
-    """Return the SI unit of a metric, ``%`` or ``-`` of those that have none."""
-    if metric in MISSION:
-        return MISSION[metric].unit
-    if metric in COUNTED:
-        return {COUNTED[0]: "-", COUNTED[-1]: "s"}.get(metric, "m")
-    if metric in STEERED or metric in (*RANKS, *RATES, *COVERAGE):
-        return "%" if metric in STEERED else "-"
-    if metric in LEVELS:
-        return PROTECTED[metric.partition("_")[0]]
-    if metric in NEES or metric in _LIMITED:
-        return "s" if metric in CONVERGENCE else "-"
-    unit = _UNITS[split_metric(metric)[0]]
-    return "dimensionless" if unit == "1" else unit
-
-
-def _metric(name: str) -> str:
-    stated = re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name)
-    if name not in _NO_ERRORS and not (stated and split_metric(name)[0] in _UNITS):
-        near = hint(name, (*_NO_ERRORS, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
-        raise ValueError(f"{quoted(name)} is not a metric{near}")
-    return name
+if TYPE_CHECKING:
+    Mode = str
+    Reason = str
+else:
+    Mode = Literal[MODES]
+    Reason = Literal[REASONS]
 
 
 def _instant(text: str) -> str:
@@ -154,7 +101,7 @@ class Pooled(Card):
 class Measured(Pooled):
     """A metric at an event or during a phase."""
 
-    metric: Annotated[str, AfterValidator(_metric)] = Field(
+    metric: Annotated[str, AfterValidator(known_metric)] = Field(
         description="such as velocity_error_3d, gyro_bias_error_x, perigee_error; satellites_tracked, troposphere_left"
     )
     during: Annotated[str | None, AfterValidator(_phase)] = Field(
@@ -173,10 +120,18 @@ class Measured(Pooled):
     altitude: tuple[Length, Length] | None = Field(None, description="of signals: of the vehicle, from and to")
     below: str | None = Field(
         None,
-        description="of a convergence time or an availability: limit in three dimensions; '3 rms', '3 sigma': so many "
-        "times the root mean square by linear covariance of the case `sigma_of`, or its sigma, without the mean",
+        description="limit in three dimensions of a convergence time, an availability, a coverage; '3 rms', '3 sigma': "
+        "so many times the root mean square by linear covariance of the case `sigma_of`, or its sigma, without the "
+        "mean",
     )
     sigma_of: Case | None = Field(None, description="levels of the case whose sigmas are the limit")
+    mode: Mode | None = Field(
+        None, description=f"of what a filter's logic does: the mode ({', '.join(MODES)}) that is entered or lasts"
+    )
+    reason: Reason = Field(
+        "", description="of changes into a mode: those of this reason alone, as the table of the logic has it"
+    )
+    number: int = Field(1, ge=1, description="of changes into a mode during the phase: the first, the second, ...")
 
     @property
     def events(self) -> tuple[str, ...]:
@@ -195,7 +150,7 @@ class Measured(Pooled):
             yield "elevation and altitude go from the smaller to the larger"
         if self.metric in NEES and (self.during is None or self.statistic != "rms"):
             yield f"{self.metric} is a mean over a phase; give during, and no statistic"
-        if self.metric in _LIMITED and (self.during is None or self.statistic != "rms" or self.below is None):
+        if self.metric in LIMITED and (self.during is None or self.statistic != "rms" or self.below is None):
             yield f"{self.metric} is of a phase and a limit; give during and below, and no statistic"
         if self.metric in LEVELS and self.statistic != "rms":
             yield f"{self.metric} is the same in every run; give no statistic"
@@ -204,13 +159,23 @@ class Measured(Pooled):
         if self.metric in COVERAGE and (self.at is None or self.statistic != "rms"):
             yield f"{self.metric} is of an event; give at, and no statistic"
         yield from self._limits()
+        yield from self._modes()
+
+    def _modes(self) -> Iterator[str]:
+        of_modes = self.metric in MODE_METRICS
+        if of_modes and (self.during is None or self.mode is None or self.statistic != "rms"):
+            yield f"{self.metric} is of a mode in a phase; give during and mode, and no statistic"
+        if not of_modes and (self.mode or self.reason or self.number > 1):
+            yield f"mode, reason and number are of what a filter's logic does ({', '.join(MODE_METRICS)})"
+        if self.metric == "mode_duration" and (self.reason or self.number > 1):
+            yield "reason and number choose changes; mode_duration is of all of the phase"
 
     def _limits(self) -> Iterator[str]:
         by_sigma = self.below is not None and self.metric in CONVERGENCE and bool(_SIGMA.match(self.below))
-        if self.below is not None and self.metric not in _LIMITED:
-            yield f"below is the limit of a metric that has one ({', '.join(_LIMITED)})"
+        if self.below is not None and self.metric not in (*LIMITED, *COVERAGE):
+            yield f"below is the limit of a metric that has one ({', '.join((*LIMITED, *COVERAGE))})"
         elif self.below is not None and not by_sigma:
-            parse(self.below, _UNITS[self.metric.partition("_")[0]])
+            parse(self.below, UNITS[self.metric.partition("_")[0]])
         if by_sigma != (self.sigma_of is not None):
             yield "a limit in sigma or rms has the case that they are of, sigma_of, and no other limit has it"
 
@@ -222,7 +187,7 @@ class Published(Measured, Stated):
     against: Case | None = Field(
         None, description="the number is by how many % the metric of `case` is smaller than that of this one"
     )
-    than: Annotated[str, AfterValidator(_metric)] | None = Field(
+    than: Annotated[str, AfterValidator(known_metric)] | None = Field(
         None, description="the number is by how many % the metric is smaller than this one, of the same case"
     )
     value: float

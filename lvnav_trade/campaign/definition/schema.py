@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator
 
 from lvnav_trade import limits, units
+from lvnav_trade.campaign.definition.metric_names import unit_of
 from lvnav_trade.campaign.definition.published import (
     ENDS,
     FLIGHT,
@@ -16,7 +17,6 @@ from lvnav_trade.campaign.definition.published import (
     Published,
     Statement,
     place,
-    unit_of,
 )
 from lvnav_trade.campaign.definition.searches import Indices, Solve, Tune
 from lvnav_trade.campaign.syntax.tree import Written, hint

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from lvnav_trade.campaign.definition.published import (
+from lvnav_trade.campaign.definition.metric_names import (
     CONVERGENCE,
     COUNTED,
     COVERAGE,
@@ -59,6 +59,10 @@ _OTHERS = {
         for name in AVAILABILITY
     },
     **{name: f"share of runs with {name.split('_')[0]} within three of the filter's sigmas" for name in COVERAGE},
+    "mode_entry_time": "time from the start of a phase until the filter's logic enters a mode",
+    "mode_entry_share": "share of runs in which the filter's logic enters a mode",
+    "mode_duration": "time that the filter's logic is in a mode",
+    "mode_changes": "how often the filter's logic enters a mode",
 }
 
 

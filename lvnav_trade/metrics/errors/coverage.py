@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from lvnav_trade import units
 from lvnav_trade.metrics.basics.probability import box_probability, success_bounds
 from lvnav_trade.metrics.basics.select import (
     NAVIGATION,
@@ -50,6 +51,16 @@ def covered(tables: Tables, case: str, event: str, quantity: str) -> Covered:
         limits = SIGMAS * np.sqrt(np.diagonal(assumed))
         formal, true = box_probability(np.zeros(3), assumed, limits), box_probability(*found[:2], limits)
     return Covered(formal, true, _within(tables, case, event, quantity).all(axis=1).astype(float))
+
+
+def below(tables: Tables, case: str, event: str, quantity: str, limit: str) -> Covered:
+    """Return the share of runs whose error in three dimensions lies below a limit at an event; no others are known."""
+    outputs, errors = pick(tables.outputs, case=case, quantity=quantity), errors_by_axis(tables, case, event, quantity)
+    if errors.empty or outputs.empty:
+        return Covered(np.nan, np.nan, np.empty(0))
+    size = np.linalg.norm(errors.drop(columns="failure").to_numpy(dtype=float), axis=1)
+    small = (size < units.parse(limit, str(outputs.unit.iloc[0]))) & (errors.failure == "").to_numpy()
+    return Covered(np.nan, np.nan, small.astype(float))
 
 
 def coverage(tables: Tables) -> pd.DataFrame:

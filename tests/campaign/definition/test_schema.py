@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from lvnav_trade.campaign.definition.published import unit_of
+from lvnav_trade.campaign.definition.metric_names import unit_of
 from lvnav_trade.campaign.definition.schema import METRICS, Compare
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError

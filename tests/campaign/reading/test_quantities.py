@@ -6,7 +6,8 @@ import json
 
 import pytest
 
-from lvnav_trade.campaign.definition.published import Measured, unit_of
+from lvnav_trade.campaign.definition.metric_names import unit_of
+from lvnav_trade.campaign.definition.published import Measured
 from lvnav_trade.campaign.definition.schema import METRICS
 from lvnav_trade.campaign.reading.quantities import BOTH, known_metrics
 from tests.cli.calling import call
@@ -25,6 +26,8 @@ def test_what_is_listed_can_be_named_in_a_statement(one) -> None:
     more = {"during": "flight"} if one.metric.endswith(("_nees", "_time", "_availability")) else {}
     if kind in ("convergence_time", "availability"):
         more |= {"below": f"1 {unit_of(f'{quantity}_error_3d')}"}
+    if quantity == "mode":
+        more = {"during": "flight", "mode": "aiding"}
     assert Measured.model_validate({"metric": one.metric, **more}).metric == one.metric
     assert unit_of(one.metric) in (one.unit, one.unit.replace("1", "dimensionless"))
 

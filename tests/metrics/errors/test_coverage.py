@@ -9,7 +9,9 @@ from scipy import special
 from lvnav_trade.campaign.definition.published import Published
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.probability import box_probability, success_bounds
+from lvnav_trade.metrics.basics.select import errors_by_axis
 from lvnav_trade.metrics.errors.coverage import GAUSSIAN, SIGMAS, coverage, covered
+from lvnav_trade.metrics.numbers import columns, name_of
 from lvnav_trade.metrics.published import references
 from lvnav_trade.store.read import load
 from lvnav_trade.store.schema import error_column
@@ -106,3 +108,16 @@ def test_both_covariances_expect_a_share_of_their_own(tables):
 def test_coverage_is_of_an_event():
     with pytest.raises(ValueError, match="of an event"):
         Published(source="x", metric="attitude_coverage", during="liftoff to injection", value=0.99, unit="-")
+
+
+def test_coverage_with_a_limit_is_the_share_of_runs_with_an_error_below_it(good):
+    case = good.cases.case[0]
+    runs = errors_by_axis(good, case, "injection", "velocity")
+    sizes = np.linalg.norm(runs.drop(columns="failure").to_numpy(dtype=float), axis=1)
+    limit = float(np.median(sizes))
+    stated = {"metric": "velocity_coverage", "at": "injection", "below": f"{limit!r} m/s"}
+    found = columns(good, case, stated, "-")
+    assert found.is_share
+    assert found.runs.tolist() == ((sizes < limit) & (runs.failure == "").to_numpy()).astype(float).tolist()
+    assert np.isnan(found.formal)
+    assert "below" in name_of(stated)
