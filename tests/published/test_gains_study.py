@@ -75,6 +75,7 @@ DONE = {
         ("aiding", "stopped"), ("stopped", "converging"), ("converging", "aiding"),  # wild samples of 80 s
         ("aiding", "predicting"), ("predicting", "aiding"),  # loss of 40 s
         ("aiding", "predicting"), ("predicting", "stopped"), ("stopped", "converging"), ("converging", "aiding"),
+        ("aiding", "predicting"), ("predicting", "aiding"),  # three satellites
     ],
 }  # fmt: skip
 """What the filter must do in a run, with all rules: without a fault, and with one fault after the other."""
