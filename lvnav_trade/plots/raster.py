@@ -33,6 +33,7 @@ _CLOSE = (
     (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
     (1.0, 1.1, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0),
 )
+_FEW_DECADES = 4
 _LOOK: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
@@ -161,14 +162,15 @@ def _scale(axes: Any, side: str, scale: str | None) -> None:
 
 
 class _Decades(LogLocator):
-    """Ticks at decades; at 1, 2 and 5 where there are fewer than three decades, and closer ones in less than one."""
+    """Ticks at decades; at 1, 2 and 5 where fewer than four decades lie within, and closer ones in less than one."""
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
         """Return the ticks between limits."""
         low, high = sorted((vmin, vmax))
         if 0 < low < high < 10 * low:
             return within_a_decade(low, high)
-        self.set_params(subs=(1.0, 2.0, 5.0) if 0 < vmax < 500 * vmin else (1.0,))
+        few = 0 < low and np.floor(np.log10(high)) - np.ceil(np.log10(low)) < _FEW_DECADES - 1
+        self.set_params(subs=(1.0, 2.0, 5.0) if few else (1.0,))
         return super().tick_values(vmin, vmax)
 
 

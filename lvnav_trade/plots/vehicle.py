@@ -82,25 +82,28 @@ def ignition(tables: Tables, case: str) -> Figure:
 
 
 @drawing
-def apart(tables: Tables, cases: Sequence[Mapping[str, str]]) -> Figure:
+def apart(tables: Tables, cases: Sequence[Mapping[str, str]], axes: Mapping[str, str] | None = None) -> Figure:
     """Draw by how many percent the true sigma of navigation errors is smaller in each case than in the one named after
-    it: cases stand in pairs, a panel each; linear covariance, from lift-off on.
+    it: cases stand in pairs, a panel each; linear covariance, from lift-off on. axes: by quantity, in place of 3d.
     """
+    chosen = {quantity: (axes or {}).get(quantity, "3d") for quantity in NAVIGATION}
     named = [cases_of(tables, asked)[0] for asked in cases]
     figure, grid = canvas(len(named) // 2, 1, 2.0, sharex=True, sharey=True)
     low, high = 0.0, 1e-6
     for ax, first, second in zip(grid[:, 0], named[::2], named[1::2], strict=True):
-        for k, quantity in enumerate(NAVIGATION):
-            one, other = (history_of(tables, case, quantity, "3d") for case in (first, second))
+        for k, (quantity, axis) in enumerate(chosen.items()):
+            one, other = (history_of(tables, case, quantity, axis) for case in (first, second))
             sigma = one.lincov_true_si.to_numpy() / other.lincov_true_si.to_numpy()
             flown = (one.t_s >= 0.0).to_numpy()
             smaller = 100.0 * (1.0 - sigma[flown])
             low, high = min(low, float(np.nanmin(smaller))), max(high, float(np.nanmax(smaller)))
-            ax.plot(one.t_s[flown], smaller, color=PALETTE[k], label=quantity)
+            ax.plot(
+                one.t_s[flown], smaller, color=PALETTE[k], label=f"{quantity}, {axis.upper() if axis == '3d' else axis}"
+            )
         ax.axhline(0.0, color=GREY, lw=0.8)
         words = f"{tables.labels[first]}, against {tables.labels[second]}"
         ax.text(0.5, 0.9, words, x_part=True, y_part=True, ha="center", color=GREY)  # numbers of events stand above
-        ax.set(ylabel="3D sigma smaller\nby (%)")
+        ax.set(ylabel="sigma smaller\nby (%)")
         over_time([ax], tables, first, label="")
     for ax in grid[:, 0]:
         ax.set(ylim=(low - 0.1 * (high - low), high + 0.4 * (high - low)))
@@ -173,9 +176,9 @@ def movement(tables: Tables, case: str) -> Figure:
 
 
 @drawing
-def sweep(tables: Tables) -> Figure:
+def sweep(tables: Tables, band: tuple[float, float] | None = None) -> Figure:
     """Draw by how much less the nozzle moves with the filtered rate over the rate gain, with intervals of paired runs,
-    for every other setting of the cases; the band of what is published shaded.
+    for every other setting of the cases; a band (%) that is asked for shaded.
     """
     found = METRICS["nozzle"](tables)
     found = found[(found.burn == "flight") & found.less_percent.notna()]
@@ -193,7 +196,8 @@ def sweep(tables: Tables) -> Figure:
             axes.vlines(rows.gain, rows.low_percent, rows.high_percent, color=style["color"], lw=1.0)
             style |= {"ms": 7.0, "mfc": "none"} if number % 2 == 0 else {"ms": 3.5, "mfc": style["color"]}  # apart
             axes.plot(rows.gain, rows.less_percent, **style)
-        axes.axhspan(50.0, 85.0, color=GREY, alpha=0.15, label="published: 50 to 85 %")
+        if band is not None:
+            axes.axhspan(*band, color=GREY, alpha=0.15, label=f"band: {band[0]:g} to {band[1]:g} %")
         axes.set(title=axis, xlabel="rate gain over that of the card (-)")
     grid[0, 0].set(ylabel="less nozzle movement\nwith the filtered rate (%, 95 %)")
     return figure

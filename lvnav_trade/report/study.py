@@ -176,18 +176,19 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
         _cases(one, asked)
     over = (quantity, many, figure.axis, figure.during)
     metric = figure.model_dump(include={"metric", "at", "during", "statistic"})
+    band = figure.band or (0.5, 2.0)
     arguments: dict[str, tuple[Any, ...]] = {
         "spread": (one.stated.get("references") or (),),
         "errors": over,
         "relative": over,
         "autocorrelation": (many, figure.channels),
-        "locus": (figure.axis, metric, figure.unit, figure.published, figure.band, many, figure.varied),
+        "locus": (figure.axis, metric, figure.unit, figure.published, band, many, figure.varied),
         "missions": (one.flown,),
         "bound": (next((s for s in one.stated.get("statements") or () if s.get("id") == figure.statement), {}),),
-        "sweep": (),
+        "sweep": (figure.band,),
         "interpretations": (),
         "worth": (many,),
-        "apart": (many,),
+        "apart": (many, figure.axes),
         "envelope": (case, quantity),
         "budget": (case, quantity),
         "motion": (case, quantity),

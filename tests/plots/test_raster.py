@@ -67,6 +67,31 @@ def test_a_very_short_logarithmic_axis_has_even_ticks():
     np.testing.assert_allclose(np.diff(found), found[1] - found[0])
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "texts"),
+    [
+        (0.02, 2.0, {"0.02", "0.05", "0.1", "0.2", "0.5", "1", "2"}),
+        (0.0018, 2.3, {"0.002", "0.005", "0.01", "0.02", "0.5", "1", "2"}),  # decades alone would be three
+    ],
+)
+def test_an_axis_of_few_decades_has_labels_at_one_two_and_five(low, high, texts):
+    figure, axes = panel(2.0)
+    axes.plot([low, high], [0.0, 1.0])
+    axes.set(xscale="log", margin=0.0)
+    found = drawn(figure)
+    found.draw_without_rendering()
+    assert texts <= {text.get_text() for text in found.axes[0].get_xticklabels()}
+
+
+def test_an_axis_of_many_decades_has_labels_at_decades_alone():
+    figure, axes = panel(2.0)
+    axes.plot([0.5, 5e4], [0.0, 1.0])
+    axes.set(xscale="log", margin=0.0)
+    found = drawn(figure)
+    found.draw_without_rendering()
+    assert "2" not in {text.get_text() for text in found.axes[0].get_xticklabels()}
+
+
 def test_ticks_of_a_short_logarithmic_axis_are_labelled():
     figure, axes = panel(2.0)
     axes.plot([0.6, 1.4], [0.0, 1.0])

@@ -59,8 +59,16 @@ def test_readings_stand_beside_what_is_stated():
 
 def test_cases_apart_are_drawn_in_percent_of_the_second():
     lines = {line.get_label(): line.get_ydata() for line in drawn(apart(tables(), PAIR)).axes[0].get_lines()}
-    np.testing.assert_allclose(lines["position"], 50.0)  # half of the other case's
-    np.testing.assert_allclose(lines["attitude"], 0.0)
+    np.testing.assert_allclose(lines["position, 3D"], 50.0)  # half of the other case's
+    np.testing.assert_allclose(lines["attitude, 3D"], 0.0)
+
+
+def test_cases_apart_may_show_an_axis_of_a_quantity():
+    axes = drawn(apart(tables(), PAIR, {"attitude": "roll"})).axes[0]
+    lines = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
+    assert "attitude, 3D" not in lines
+    np.testing.assert_allclose(lines["attitude, roll"], 75.0)
+    np.testing.assert_allclose(lines["position, 3D"], 50.0)
 
 
 def test_what_feeds_the_controller_is_drawn_case_by_case():
@@ -81,7 +89,8 @@ def test_what_is_shaded_has_a_name_in_the_legend():
     assert "shaded: all runs, from the least to the largest" in {
         mark.label for mark in movement(tables(), CASE).legend()
     }
-    assert "published: 50 to 85 %" in {mark.label for mark in sweep(tables()).legend()}
+    assert "band: 40 to 80 %" in {mark.label for mark in sweep(tables(), (40.0, 80.0)).legend()}
+    assert not any(mark.label.startswith("band") for mark in sweep(tables()).legend())
 
 
 def test_positions_against_their_biases_stand_out():

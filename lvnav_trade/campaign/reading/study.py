@@ -46,7 +46,12 @@ class Figure(Card):
         "", description="of locus: the quantity that the axis varies, for its label; its name if absent"
     )
     published: float | None = Field(None, description="of locus: the published value, in that unit")
-    band: tuple[float, float] = Field((0.5, 2.0), description="of locus: of ours / published")
+    band: tuple[float, float] | None = Field(
+        None, description="of locus: of ours / published, [0.5, 2] if absent; of sweep: percents that are shaded"
+    )
+    axes: dict[Literal["attitude", "velocity", "position"], str] = Field(
+        default_factory=dict, description="of apart: the axis of each quantity, 3d if absent"
+    )
     channels: str = Field("", description="of autocorrelation: words that a channel's name holds")
 
 

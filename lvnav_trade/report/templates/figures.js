@@ -278,7 +278,8 @@
   // Ticks of a logarithmic axis, as of plots/raster.py.
   const CLOSE = [[1, 2, 5], [1, 1.5, 2, 3, 5, 7], [1, 1.1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9]];
   function decades(u, axis, low, high) {
-    if (high >= 500 * low) { return multiples([1], low, high); }
+    const whole = multiples([1], low, high);
+    if (whole.length >= 4) { return whole; }
     if (high >= 10 * low) { return multiples(CLOSE[0], low, high); }
     const found = CLOSE.map((parts) => multiples(parts, low, high)).find((ticks) => ticks.length >= 4);
     return found || even(low, high);
