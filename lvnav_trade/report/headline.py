@@ -8,6 +8,8 @@ from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, fitted, held, 
 from lvnav_trade.metrics.statements import FAILS
 from lvnav_trade.report.blocks import Block, Text, stated
 
+_EXPRESSION = r"^[^:]*[-+*/(][^:]*: "  # a metric of a statement: the expression, and what its terms are
+
 
 def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataFrame | None = None) -> list[Block]:
     """Return the counts of rows, and the three most important of rows and statements that do not hold; nothing without
@@ -39,8 +41,21 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
         failing = pd.concat([failing, statements[statements.verdict == FAILS]], ignore_index=True)
     blocks: list[Block] = [Text(" ".join(lines))]
     if len(failing):
-        blocks.append(stated("most_important", most_important(failing, important)))
+        whole = frame if statements is None else pd.concat([frame, statements], ignore_index=True)
+        blocks.append(stated("most_important", _short(most_important(failing, important), whole)))
     return blocks
+
+
+def _short(rows: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
+    """Return rows for the first screen: an item of one case alone names its campaign, and an expression is left out
+    where an item says what it is.
+    """
+    said, cases = rows["item"] != "", whole.groupby("item")["case"].nunique()
+    alone = said & rows["item"].map(cases).eq(1)
+    expression = said & rows.metric.str.contains(_EXPRESSION)
+    return rows.assign(
+        case=rows["case"].where(~alone, rows["case"].str.partition(": ")[0]), metric=rows.metric.mask(expression, "")
+    )
 
 
 def those_that_fail(frame: pd.DataFrame) -> list[Block]:

@@ -73,3 +73,18 @@ def test_nothing_is_said_without_rows_and_no_table_where_all_hold() -> None:
     assert headline(ROWS[:0], ()) == []
     assert len(headline(ROWS[:1], ())) == 1
     assert those_that_fail(ROWS[:1]) == []
+
+
+def test_what_an_item_says_is_not_said_again_by_its_case_and_expression() -> None:
+    rows = [
+        _row("one", 9.0, case="campaign: axis=a long level; 10 of b together", metric="position error at injection"),
+        _row("two", 8.0, case="campaign: axis=1"), _row("two", 1.0, case="campaign: axis=2"),
+    ]  # fmt: skip
+    said = [_row("said", 0.1, published=np.nan, verdict=FAILS, case="c: x", metric="a / min(b, c): a error; b error")]
+    found = headline(pd.DataFrame(rows, columns=COLUMNS), (), pd.DataFrame(said, columns=COLUMNS))[1]
+    assert isinstance(found, Table)
+    shown = {row[0]: list(row[1:3]) for row in found.rows}
+    assert shown["one"] == ["campaign", "position error at injection"]
+    assert shown["two"][0] == "campaign: axis=1"
+    assert shown["said"][0] == "c"
+    assert "min" not in shown["said"][1]
