@@ -25,6 +25,7 @@ NOTHING = (np.nan, np.nan, np.nan, "no such case")
 _LEVEL = 0.95
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 _FEWEST = 8  # runs that give an interval
+_BASE = "base"  # level of an axis that is not varied
 _FEWEST_LEVELS = 4  # cases taken together that do
 
 
@@ -166,7 +167,7 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         ours = next((v for v in (found.monte_carlo, found.true, found.formal) if v == v), np.nan)
         yield {
             **{key: str(stated.get(key) or "") for key in ("id", "source", "item")},
-            "case": ", ".join(f"{axis}={level}" for axis, level in {**(stated.get("case") or {}), **levels}.items()),
+            "case": case_named(stated.get("case") or {}, levels),
             "metric": _name(stated),
             "unit": stated.get("unit") or "-",
             **{key: getattr(found, key) for key in (*NUMBERS, "low", "high")},
@@ -181,6 +182,13 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         named = {key: str(stated.get(key) or "") for key in ("id", "source", "item")}
         missing = {"case": "", "metric": _name(stated), "unit": stated.get("unit") or "-", "in_band": False}
         yield {**named, **missing, "verdict": NOT_FLOWN, "remark": "its cases are not among the results"}
+
+
+def case_named(stated: Mapping[str, str], levels: Mapping[str, str]) -> str:
+    """Return the levels that a statement names, and those it is read at; of many axes, each varied alone, the one."""
+    off = {axis: level for axis, level in levels.items() if level != _BASE}
+    named = ", ".join(f"{axis}={level}" for axis, level in {**stated, **off}.items())
+    return named or (_BASE if levels else "")
 
 
 def _read(

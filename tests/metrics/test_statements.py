@@ -18,6 +18,7 @@ from lvnav_trade.metrics.statements import (
     UNDECIDED,
     Value,
     bounds,
+    case_named,
     locus,
     value_of,
     verdict,
@@ -296,3 +297,17 @@ def test_a_ratio_to_the_filters_own_sigma_has_the_bounds_of_so_many_runs(good, w
     for bound, z in ((low, -1.959964), (high, 1.959964)):
         assert bound**2 == pytest.approx((1.0 - 2.0 / (9 * runs) + z * np.sqrt(2.0 / (9 * runs))) ** 3, abs=1e-4)
     assert bounds({"of_runs": 0.95}, 20) == pytest.approx((0.692, 1.307), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("stated", "levels", "named"),
+    [
+        ({}, {"faults": "loss", "imu": "base"}, "faults=loss"),
+        ({}, {"faults": "base", "imu": "base"}, "base"),
+        ({"imu": "base"}, {}, "imu=base"),
+        ({"imu": "fog"}, {"faults": "base"}, "imu=fog"),
+        ({}, {}, ""),
+    ],
+)
+def test_a_reading_is_named_by_the_axis_that_is_varied(stated, levels, named):
+    assert case_named(stated, levels) == named

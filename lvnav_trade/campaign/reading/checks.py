@@ -123,9 +123,7 @@ def statements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     for path, wanted, single in _cases_wanted(campaign, cases):
         if message := unknown_case(wanted, cases, single):
             yield mistake_at(root, path, message)
-    frames = {str(v) for axis in campaign.axes if axis.path == "frame" for v in axis.values or ()}
-    known = list(dict.fromkeys(name for frame in sorted({campaign.base.frame, *frames}) for name in FRAME_AXES[frame]))
-    axes = {"attitude": ["roll", "pitch", "yaw"], "velocity": known, "position": known}
+    axes = _axes_of_errors(campaign)
     named = [(f"{key}.{k}", one) for key in ("references", "orderings") for k, one in enumerate(getattr(campaign, key))]
     named += [
         (f"statements.{k}.terms.{name}", term)
@@ -137,6 +135,13 @@ def statements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
         if quantity in axes and axis not in (*axes[quantity], "3d") and not one.metric.endswith(("_nees", "_coverage")):
             message = f"{quoted(one.metric)}: no such axis; {quantity} has {', '.join(axes[quantity])}"
             yield mistake_at(root, f"{path}.metric", message)
+
+
+def _axes_of_errors(campaign: Campaign) -> dict[str, list[str]]:
+    """Return the axes of attitude, velocity and position in any frame of a campaign."""
+    frames = {str(v) for axis in campaign.axes if axis.path == "frame" for v in axis.values or ()}
+    known = list(dict.fromkeys(name for frame in sorted({campaign.base.frame, *frames}) for name in FRAME_AXES[frame]))
+    return {"attitude": ["roll", "pitch", "yaw"], "velocity": known, "position": known}
 
 
 def _expressions(campaign: Campaign, cases: Sequence[Mapping[str, str]], root: Node) -> Iterator[Mistake]:
@@ -243,7 +248,11 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
     for path, one in wanted:
         if message := unknown_case(one, cases):
             yield path, message
+    known = _axes_of_errors(campaign)
     for i, figure in enumerate(part.figures):
+        for quantity, axis in figure.axes.items():
+            if axis not in (*known[quantity], "3d"):
+                yield f"figures.{i}.axes.{quantity}", f"no axis {quoted(axis)}{meant(axis, known[quantity])}"
         along = {one.id: one.along for one in campaign.statements}
         if figure.plot == "bound" and not along.get(figure.statement):
             yield f"figures.{i}.statement", f"no statement {quoted(figure.statement)} that is along an axis"
