@@ -2,8 +2,8 @@
 
 Each stage is a process of its own on a cache of its own, once empty and once filled; the difference is the compilation.
 Processor time hardly depends on what else the machine does, so this one may be measured beside other work. A campaign
-compiles the ascent first, then the backward pass and the flight on one worker while another compiles linear covariance
-and the rest of its explanation.
+compiles the ascent first, then the backward pass and the flight on one worker while another compiles linear covariance,
+the rest of its explanation and what adds up runs.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from benchmarks.common import HERE
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import work
+from lvnav_trade.engines.simulate import statistics
 
 STAGES = ("ascent", "flight", "covariance")
 
@@ -38,6 +39,7 @@ def _tell(stage: str) -> None:
         found = engine.covariance(prepared)
         spent.append(time.process_time())
         engine.explain(scenario, prepared, found, work.asked_of(campaign))
+        statistics.compile_kernels()
         spent.append(time.process_time())
     print(*(after - before for before, after in zip([start, *spent], spent, strict=False)))
 

@@ -8,6 +8,7 @@ import typer
 
 from lvnav_trade.campaign.text import table
 from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Sets, verb
+from lvnav_trade.errors import InputError
 
 CaseOf = Annotated[
     str | None, typer.Option("--case", metavar="CASE", help="digest of a case, its beginning, or its label [the first]")
@@ -80,6 +81,7 @@ def report(
         Path | None,
         typer.Option("--keep", metavar="FOLDER", help="write the Markdown report, PNG figures and CSV tables here"),
     ] = None,
+    no_tables: Annotated[bool, typer.Option("--no-tables", help="--keep leaves out the CSV tables")] = False,
     figures: Annotated[bool, typer.Option("--figures", help="write PNG and SVG figures beside the report too")] = False,
     brief: Annotated[bool, typer.Option("--brief", help="write brief.html too, for at most ten sheets of A4")] = False,
 ) -> Answer:
@@ -89,10 +91,12 @@ def report(
     from lvnav_trade.store.contents import owned
 
     api.load(folder)
+    if no_tables and keep is None:
+        raise InputError("--no-tables: only --keep writes CSV tables")
     if keep is not None:
         owned(keep, "report")  # refused before the report is built
     page = str(api.build_report(folder, ("png", "svg") if figures else (), brief))
-    kept = str(keep_report(folder, keep)) if keep is not None else None
+    kept = str(keep_report(folder, keep, tables=not no_tables)) if keep is not None else None
     return Answer(f"report: {page}" + (f"\nkept: {kept}" if kept else ""), {"report": page, "kept": kept})
 
 

@@ -192,15 +192,16 @@ def markdown_page(title: str, asked: str, sections: Sequence[Section]) -> str:
     return render("page.md.j2", title=title, asked=asked, sections=sections)
 
 
-def keep(results: Path | str, folder: Path | str) -> Path:
-    """Write what a repository keeps of a report into a folder, and return its Markdown page: page, figures, CSV tables.
+def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
+    """Write what a repository keeps of a report into a folder, and return its Markdown page: page, figures, CSV tables
+    unless these are not wanted.
 
     What an earlier report left there is replaced, and no other file; the HTML page is remade from results, not kept.
     """
     target, made = owned(folder, "report"), make(load(results))
     page = markdown_page(made.title, made.asked, made.sections)
     with writing(folder, "the report cannot be kept there"):
-        target.publish("report", {**made.csv, **pictures(made.sections), "report.md": page})
+        target.publish("report", {**(made.csv if tables else {}), **pictures(made.sections), "report.md": page})
     return target.folder / "report.md"
 
 

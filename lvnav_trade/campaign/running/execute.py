@@ -280,7 +280,7 @@ class _Run:
             function, units = work.answer_or_ahead, [(*unit, None) for unit in units]
         if self.campaign.monte_carlo and self.jobs > 1:
             units.insert(0, (self.job, self.cases[0], work.compile_kernels))
-            units.append((self.job, self.cases[0], work.explain))
+            units += [(self.job, self.cases[0], ahead) for ahead in (work.explain, work.compile_sums)]
         for one in self._stage("covariance", function, units):
             if one is None:
                 continue

@@ -111,7 +111,6 @@ def _compile_kernels(prepared: Prepared, asked: Asked) -> None:
     if asked.adjoint:  # first: another worker wants it after the forward pass, the flight later
         lincov.compile_backward(prepared)
     montecarlo.compile_kernels(prepared)
-    statistics.compile_kernels()
 
 
 ENGINE = Engine(
@@ -213,6 +212,11 @@ def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | No
 def compile_kernels(job: Job, case: Case) -> None:
     """Compile the backward pass of a case and what will fly it."""
     job.engine.compile_kernels(prepared_of(job, case), job.asked)
+
+
+def compile_sums(_job: Job, _case: Case) -> None:
+    """Compile what adds up blocks of runs."""
+    statistics.compile_kernels()
 
 
 def explain(job: Job, case: Case, leave: Leave = scratch.leave) -> Done:
