@@ -43,7 +43,7 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     """Return our number of a case, or of the cases that are taken together, in `unit`.
 
     The root mean square over the cases of a root mean square or a sigma, the median over all runs of a worst case, the
-    median over the cases of a count, the mean of a share. runs: those of all cases.
+    median over the cases of a count, the mean of a share or of an error with its sign. runs: those of all cases.
     """
     if not axes_of(stated):
         return numbers.ours(tables, case, stated, unit)
@@ -53,7 +53,7 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     values = np.array([one.value for one in found])
     if stated.get("statistic") == "worst" and len(runs):
         return Ours(float(np.median(runs)), remark, runs)
-    if numbers.is_ratio(str(stated["metric"])):
+    if numbers.is_mean(stated):
         return Ours(float(np.mean(values)), remark, runs)
     value = np.median(values) if _counts(stated) else np.sqrt(np.mean(values**2))
     return Ours(float(value), remark, runs)

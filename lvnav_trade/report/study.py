@@ -16,7 +16,7 @@ from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.errors.covariances import agreement, by_case
 from lvnav_trade.metrics.errors.coverage import coverage
 from lvnav_trade.metrics.errors.rms import paired_levels
-from lvnav_trade.metrics.held import evidence, held
+from lvnav_trade.metrics.held import evidence, held, own
 from lvnav_trade.metrics.pooled import axes_of, cases_of, ours
 from lvnav_trade.metrics.published import references
 from lvnav_trade.metrics.requirements.requirements import in_words
@@ -101,7 +101,7 @@ def _together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> p
 
 
 def _answer(study: Study, answered: Sequence[Answered], every: pd.DataFrame) -> Section:
-    numbered = is_statement(every, [one.stated for one in answered])
+    numbered = is_statement(every, [one.stated for one in answered]) & ~own(every)
     frame = every[~numbered]
     blocks = [*headline(frame, study.important, every[numbered]), *verdicts(every[numbered])]
     blocks.append(table(pd.DataFrame([_line(one, every) for one in answered]), "The campaigns of this study."))

@@ -97,3 +97,14 @@ def test_a_share_of_cases_together_is_their_mean(tables, monkeypatch):
     none = value_of("a", {"a": columns(tables, "coarse0", stated, "-")})
     assert (none.low, none.monte_carlo) == (0.0, 0.0)
     assert none.high > 0.2  # ten runs without one tell no more
+
+
+def test_a_mean_of_cases_together_keeps_its_sign(tables, monkeypatch):
+    means = dict(zip(LEVELS, (-3.0, -1.0, 1.0, 2.0, -4.0, *[0.0] * 5), strict=True))
+    monkeypatch.setattr(numbers, "ours", lambda _, case, stated, unit: Ours(means[case]))
+    made = {case: Columns(np.nan, 0.5, mean, is_root=False) for case, mean in means.items()}
+    monkeypatch.setattr(numbers, "columns", lambda _, case, stated, unit: made[case])
+    stated = {"metric": "clock_bias_error_time", "statistic": "mean", "during": "flight", "pool": ("realisation",)}
+    assert ours(tables, "fine0", stated, "m").value == pytest.approx(-1.0)
+    found = columns(tables, "fine0", stated, "m")
+    assert (found.true, found.monte_carlo) == (0.5, pytest.approx(-1.0))
