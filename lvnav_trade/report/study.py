@@ -13,6 +13,7 @@ from lvnav_trade.campaign.definition.published import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.study import Figure, Part, Study
 from lvnav_trade.errors import InputError, writing
+from lvnav_trade.metrics.basics.select import in_units
 from lvnav_trade.metrics.errors.covariances import agreement, by_case
 from lvnav_trade.metrics.errors.coverage import coverage
 from lvnav_trade.metrics.errors.rms import paired_levels
@@ -62,6 +63,7 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str, unflow
     replaced. InputError where the folder cannot be written.
     """
     target = owned(folder, "study")
+    answered = [one._replace(tables=in_units(one.tables, study.units)) for one in answered]
     published = _together(answered, [references(one.tables, one.stated) for one in answered])
     published = with_those_left_out(published, study.not_set_up, unflown, study.elsewhere)
     agreed = _together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
@@ -181,7 +183,7 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
         "errors": over,
         "relative": over,
         "autocorrelation": (many, figure.channels),
-        "locus": (figure.axis, metric, figure.unit, figure.published, figure.band, many, figure.varied),
+        "locus": (figure.axis, metric, figure.unit, figure.published, figure.band, many, figure.varied, figure.flown),
         "missions": (one.flown,),
         "bound": (next((s for s in one.stated.get("statements") or () if s.get("id") == figure.statement), {}),),
         "sweep": (),

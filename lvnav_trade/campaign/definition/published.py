@@ -52,7 +52,7 @@ FLIGHT, ENDS = "flight", ("start", "end")
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
 
 # SI unit of every quantity of which results hold an error
-_UNITS = (
+ERROR_UNITS = (
     {"attitude": "rad", "velocity": "m/s", "position": "m", "clock_bias": "m", "clock_drift": "m/s"}
     | {"backup_attitude": "rad", "backup_velocity": "m/s", "backup_position": "m"}
     | {"solution_velocity": "m/s", "solution_position": "m", "receiver_clock_bias": "m", "receiver_clock_drift": "m/s"}
@@ -77,13 +77,13 @@ def unit_of(metric: str) -> str:
         return PROTECTED[metric.partition("_")[0]]
     if metric in NEES or metric in _LIMITED:
         return "s" if metric in CONVERGENCE else "-"
-    unit = _UNITS[split_metric(metric)[0]]
+    unit = ERROR_UNITS[split_metric(metric)[0]]
     return "dimensionless" if unit == "1" else unit
 
 
 def _metric(name: str) -> str:
     stated = re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name)
-    if name not in _NO_ERRORS and not (stated and split_metric(name)[0] in _UNITS):
+    if name not in _NO_ERRORS and not (stated and split_metric(name)[0] in ERROR_UNITS):
         near = hint(name, (*_NO_ERRORS, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
         raise ValueError(f"{quoted(name)} is not a metric{near}")
     return name
@@ -219,7 +219,7 @@ class Measured(Pooled):
         if self.below is not None and self.metric not in _LIMITED:
             yield f"below is the limit of a metric that has one ({', '.join(_LIMITED)})"
         elif self.below is not None and not by_sigma:
-            parse(self.below, _UNITS[self.metric.partition("_")[0]])
+            parse(self.below, ERROR_UNITS[self.metric.partition("_")[0]])
         if by_sigma != (self.sigma_of is not None):
             yield "a limit in sigma or rms has the case that they are of, sigma_of, and no other limit has it"
 

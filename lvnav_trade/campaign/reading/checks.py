@@ -247,6 +247,8 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
         along = {one.id: one.along for one in campaign.statements}
         if figure.plot == "bound" and not along.get(figure.statement):
             yield f"figures.{i}.statement", f"no statement {quoted(figure.statement)} that is along an axis"
+        if figure.flown and (message := unknown_case({figure.axis: figure.flown}, cases)):
+            yield f"figures.{i}.flown", message
     if part.paired and part.paired not in cases[0]:
         yield "paired", f"no axis {quoted(part.paired)}{meant(part.paired, cases[0])}"
 
