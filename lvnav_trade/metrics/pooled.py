@@ -33,10 +33,10 @@ def members(tables: Tables, case: str, pool: Sequence[str]) -> list[str]:
 
 def label_of(tables: Tables, case: str, pool: Sequence[str]) -> str:
     """Return the label of a case, or of the cases that are taken together and how many they are."""
-    if not pool:
+    if not pool or (count := len(members(tables, case, pool))) == 1:
         return tables.labels[case]
     rest = ", ".join(f"{axis}={level}" for axis, level in _others(tables, case, pool) if level != "base")
-    return f"{rest or 'base'}; {len(members(tables, case, pool))} of {', '.join(pool)} together"
+    return f"{rest or 'base'}; {count} of {', '.join(pool)} together"
 
 
 def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
