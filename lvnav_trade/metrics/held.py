@@ -10,8 +10,13 @@ EDGES = (1.0, 99.0)
 
 
 def evidence(rows: pd.DataFrame) -> pd.Series:
-    """Whether each row of `metrics.published.references` says something that no input decides."""
-    return rows.repeats.fillna("") == ""
+    """Whether each row of `metrics.published.references` says something published that no input decides."""
+    return (rows.repeats.fillna("") == "") & ~own(rows)
+
+
+def own(rows: pd.DataFrame) -> pd.Series:
+    """Whether the statement of each row, or its bound, is not published."""
+    return rows.own.fillna("") != ""
 
 
 def fitted(rows: pd.DataFrame) -> pd.Series:

@@ -9,13 +9,12 @@ import pandas as pd
 
 from lvnav_trade import units
 from lvnav_trade.layout import AVAILABILITY, MISSION, MODE_METRICS, PROTECTED, RATES, split_metric
+from lvnav_trade.metrics.basics.per_run import of_each, per_run, signed, within
 from lvnav_trade.metrics.basics.select import (
-    SAME_TIME,
     errors_at,
     errors_by_axis,
     flight_events,
     history_of,
-    instant,
     phase,
     pick,
     rows_between,
@@ -39,7 +38,7 @@ from lvnav_trade.metrics.signals import REACQUIRED, is_of_signals, reacquisition
 from lvnav_trade.metrics.vehicle import inside_envelope, nozzle
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
-from lvnav_trade.store.schema import error_column, rms_column
+from lvnav_trade.store.schema import error_column
 
 # Ends of metrics without a unit; what else ends in "_rate" may be the error of a clock.
 _RATIOS = ("_nees", "_coverage")
@@ -80,7 +79,7 @@ def name_of(stated: Mapping[str, Any]) -> str:
         return f"{found[1]}_{found[2]}, {_WORDS.get(found[1], 'part of ticks, ')}{part}"
     if metric in MODE_METRICS:
         return mode_named(stated)
-    words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of "}
+    words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of ", "mean": "mean "}
     first, during = words.get(stated.get("statistic", "rms"), "linear covariance of "), stated.get("during")
     place = f", {during}" if during else f" at {stated.get('at') or 'injection'}"
     limit = f" below {stated['below']}" if metric.endswith("_coverage") and stated.get("below") else ""
@@ -92,10 +91,15 @@ def is_ratio(metric: str) -> bool:
     return metric.endswith(_RATIOS) or metric in RATES
 
 
+def is_mean(stated: Mapping[str, Any]) -> bool:
+    """Whether a number is a mean over the runs, and no root of one: of ratios, and of errors with their sign."""
+    return is_ratio(str(stated["metric"])) or stated.get("statistic") == "mean"
+
+
 def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
     """Return our number for what is stated of a case, in `unit`; NaN with the reason where these results lack it."""
     metric = str(stated["metric"])
-    if is_ratio(metric) or metric in MODE_METRICS:
+    if is_mean(stated) or metric in MODE_METRICS:
         ratio = columns(tables, case, stated, unit)
         value = ratio.monte_carlo if ratio.monte_carlo == ratio.monte_carlo else ratio.true
         return Ours(value, ratio.remark, np.sort(ratio.runs))
@@ -122,11 +126,11 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     if scale is None:
         return Ours(np.nan, f"unit {unit} does not fit")
     if statistic == "worst":
-        found = _per_run(tables, case, stated, error_column(quantity, axis, rows.unit.iloc[0]))
+        found = per_run(tables, case, stated, error_column(quantity, axis, rows.unit.iloc[0]))
         if not len(found):
             return Ours(np.nan, "no runs, or the phase does not begin and end at events")
         return Ours(float(np.median(found)) / scale, "", np.sort(found) / scale)
-    chosen = _within(tables, case, rows, stated)
+    chosen = within(tables, case, rows, stated)
     if chosen.empty:
         return _NOT_FLOWN
     with_runs = bool(chosen.run_count.iloc[0])
@@ -138,7 +142,7 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     else:
         square = chosen.rms_si**2 if with_runs else chosen.lincov_true_si**2 + chosen.lincov_mean_si**2
     value = float(np.sqrt(time_mean(chosen.t_s.to_numpy(), square.to_numpy()))) / scale
-    each = np.sort(_each(tables, case, stated, rows)) / scale if statistic == "rms" else np.empty(0)
+    each = np.sort(of_each(tables, case, stated, rows)) / scale if statistic == "rms" else np.empty(0)
     return Ours(value, "" if with_runs else "linear covariance", each)
 
 
@@ -184,15 +188,25 @@ def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
     rows = history_of(tables, case, quantity, axis)
     if rows.empty or statistic in ("worst", "least"):
         return _other_columns(tables, case, stated, unit)
-    scale, chosen = 1.0 if unit == "-" else _scale(unit, str(rows.unit.iloc[0])), _within(tables, case, rows, stated)
+    scale, chosen = 1.0 if unit == "-" else _scale(unit, str(rows.unit.iloc[0])), within(tables, case, rows, stated)
     if scale is None or chosen.empty:
         return _NO_COLUMNS._replace(remark=_NOT_FLOWN.remark if scale else f"unit {unit} does not fit")
+    if statistic == "mean":
+        return _mean(tables, case, stated, chosen, scale)
     t, drawn = chosen.t_s.to_numpy(), chosen.rms_si if chosen.run_count.iloc[0] else np.nan * chosen.rms_si
     formal, true, runs = (
         float(np.sqrt(time_mean(t, square.to_numpy(dtype=float)))) / scale
         for square in (chosen.lincov_formal_si**2, chosen.lincov_true_si**2 + chosen.lincov_mean_si**2, drawn**2)
     )
-    return Columns(formal, true, runs, runs=(_each(tables, case, stated, rows) / scale) ** 2)
+    return Columns(formal, true, runs, runs=(of_each(tables, case, stated, rows) / scale) ** 2)
+
+
+def _mean(tables: Tables, case: str, stated: Mapping[str, Any], chosen: pd.DataFrame, scale: float) -> Columns:
+    """Return the mean error over the runs, and over the time of a phase, with its sign."""
+    t = chosen.t_s.to_numpy()
+    true, drawn = (time_mean(t, chosen[name].to_numpy(dtype=float)) / scale for name in ("lincov_mean_si", "mean_si"))
+    each = signed(tables, case, stated, str(chosen.unit.iloc[0])) / scale
+    return Columns(np.nan, true, drawn, runs=each, is_root=False)
 
 
 def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any], unit: str) -> Columns:
@@ -308,42 +322,6 @@ def _scale(unit: str, si: str) -> float | None:
         return None
 
 
-def _within(tables: Tables, case: str, rows: pd.DataFrame, stated: Mapping[str, Any]) -> pd.DataFrame:
-    """Return the rows of a history at the event, or during the phase, that a statement names; none where not flown."""
-    if stated.get("during"):
-        return rows_between(rows, *phase(tables, case, str(stated["during"])))
-    at = instant(tables, case, str(stated.get("at") or "injection"))
-    if not np.isfinite(at):
-        return rows.iloc[:0]
-    nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - at)))
-    return rows.iloc[nearest : nearest + 1]
-
-
-def _each(tables: Tables, case: str, stated: Mapping[str, Any], rows: pd.DataFrame) -> Floats:
-    """Return the number of every run by itself, SI, in the order of the runs; empty where it is not stored."""
-    if stated.get("during"):
-        return _per_run(tables, case, stated, rms_column(*split_metric(str(stated["metric"])), rows.unit.iloc[0]))
-    errors = errors_at(tables, case, str(stated.get("at") or "injection"), str(stated["metric"]))
-    return np.empty(0) if errors is None else errors.size
-
-
-def _per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) -> Floats:
-    """Return each run's largest, or root mean square, error of a phase between events, SI, in the order of the runs;
-    none where the results lack it. A failed run's is infinite.
-    """
-    first, last = phase(tables, case, str(stated["during"]))
-    within = rows_between(pick(tables.worst, case=case), first, last, end="t_end_s")
-    lacks = within.empty or column not in within.columns or within[column].isna().all()
-    if lacks or abs(within.t_s.min() - first) > SAME_TIME or abs(within.t_end_s.max() - last) > SAME_TIME:
-        return np.empty(0)
-    size = within[column].astype(float).mask(within.failure != "", np.inf)
-    if "_rms_" not in column:
-        return size.groupby(within.run_number).max().to_numpy()
-    length = within.t_end_s - within.t_s
-    total, duration = (part.groupby(within.run_number).sum() for part in (size**2 * length, length))
-    return np.sqrt((total / duration).to_numpy())
-
-
 def _of_nozzle(tables: Tables, case: str, axis: str, burn: str) -> Ours:
     """Return by how many percent less a nozzle moves with the filtered than the raw rate, in a burn or a flight."""
     for row in pick(nozzle(tables), case=tables.labels[case], axis=axis, burn=burn).itertuples():
@@ -388,7 +366,7 @@ def _of_signals(tables: Tables, case: str, stated: Mapping[str, Any], unit: str)
         times = reacquisition_times(tables, case, str(stated.get("at") or "injection"))
         return Ours(float(np.median(times)) / scale) if len(times) else _NOT_FLOWN
     rows = values_of(tables, case, metric, stated.get("elevation"), stated.get("altitude"))
-    rows = _within(tables, case, rows, stated) if len(rows) else rows
+    rows = within(tables, case, rows, stated) if len(rows) else rows
     value = rows.value.dropna().to_numpy(dtype=float) if len(rows) else np.empty(0)
     if not len(value):
         return _NOT_FLOWN if len(pick(tables.satellites, case=case)) else _MISSING

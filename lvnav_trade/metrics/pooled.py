@@ -35,17 +35,17 @@ def members(tables: Tables, case: str, pool: Sequence[str]) -> list[str]:
 
 def label_of(tables: Tables, case: str, pool: Sequence[str]) -> str:
     """Return the label of a case, or of the cases that are taken together and how many they are."""
-    if not pool:
+    if not pool or (count := len(members(tables, case, pool))) == 1:
         return tables.labels[case]
     rest = ", ".join(f"{axis}={level}" for axis, level in _others(tables, case, pool) if level != "base")
-    return f"{rest or 'base'}; {len(members(tables, case, pool))} of {', '.join(pool)} together"
+    return f"{rest or 'base'}; {count} of {', '.join(pool)} together"
 
 
 def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
     """Return our number of a case, or of the cases that are taken together, in `unit`.
 
     The root mean square over the cases of a root mean square or a sigma, the median over all runs of a worst case, the
-    median over the cases of a count, the mean of a share. runs: those of all cases.
+    median over the cases of a count, the mean of a share or of an error with its sign. runs: those of all cases.
     """
     if not axes_of(stated):
         return numbers.ours(tables, case, stated, unit)
@@ -55,7 +55,7 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     values = np.array([one.value for one in found])
     if stated.get("statistic") == "worst" and len(runs):
         return Ours(float(np.median(runs)), remark, runs)
-    if numbers.is_ratio(str(stated["metric"])):
+    if numbers.is_mean(stated):
         return Ours(float(np.mean(values)), remark, runs)
     value = np.median(values) if _counts(stated) else np.sqrt(np.mean(values**2))
     return Ours(float(value), remark, runs)

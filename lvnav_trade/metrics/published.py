@@ -18,7 +18,7 @@ from lvnav_trade.store.read import Tables
 
 COLUMNS = [
     "id", "source", "item", "case", "metric", "unit", "published", "formal", "true", "monte_carlo", "low", "high",
-    "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "repeats", "fitted", "verdict",
+    "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "repeats", "fitted", "own", "verdict",
     "remark",
 ]  # fmt: skip
 INTERPRETATIONS = ["during", "error", "case", "stated_percent", "raw_percent", "unbiased_percent"]
@@ -40,7 +40,7 @@ def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.Da
     formal, true, monte_carlo: the same by formal sigma, by the true error of linear covariance, and by the runs, whose
     95 % interval is low to high; verdict: whether they keep the bounds; percentile: part of our runs below a published
     single run, in percent; repeats: the input that decides a number; fitted: whether settings were
-    searched for by it.
+    searched for by it; own: what of the row is not published.
     """
     campaign = tables.campaign if stated is None else stated
     name = str(campaign.get("name") or tables.campaign.get("name") or "")
@@ -82,6 +82,7 @@ def _row(
     return {
         "source": stated["source"],
         "item": stated.get("item") or "",
+        "own": str(stated.get("own") or ""),
         "unit": "-",
         **({key: getattr(found, key) for key in (*NUMBERS, "low", "high")} if found is not None else {}),
         "verdict": word if np.isfinite(tested) else NOT_SET_UP,

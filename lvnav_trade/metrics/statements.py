@@ -166,7 +166,7 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         remarks.append(f"bound reached at {along} = {crossing}" if crossing else "")
         ours = next((v for v in (found.monte_carlo, found.true, found.formal) if v == v), np.nan)
         yield {
-            **{key: str(stated.get(key) or "") for key in ("id", "source", "item")},
+            **{key: str(stated.get(key) or "") for key in ("id", "source", "item", "own")},
             "case": case_named(stated.get("case") or {}, levels),
             "metric": _name(stated),
             "unit": stated.get("unit") or "-",
@@ -179,7 +179,7 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             "remark": "; ".join(dict.fromkeys(remark for remark in remarks if remark)),
         }
     if not found_any:
-        named = {key: str(stated.get(key) or "") for key in ("id", "source", "item")}
+        named = {key: str(stated.get(key) or "") for key in ("id", "source", "item", "own")}
         missing = {"case": "", "metric": _name(stated), "unit": stated.get("unit") or "-", "in_band": False}
         yield {**named, **missing, "verdict": NOT_FLOWN, "remark": "its cases are not among the results"}
 

@@ -1,6 +1,6 @@
 """Published numbers: all ratios, single and flown flights among ours, a metric over a setting; figures of a study."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ import pandas as pd
 from lvnav_trade.metrics.held import at_an_edge
 from lvnav_trade.metrics.numbers import name_of
 from lvnav_trade.metrics.pooled import axes_of, cases_of, label_of, ours
+from lvnav_trade.metrics.requirements.curves import BASE, base_level
 from lvnav_trade.metrics.statements import NUMBERS, bounds
 from lvnav_trade.metrics.statements import locus as values_along
 from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
@@ -18,6 +19,7 @@ from lvnav_trade.units import parse
 
 _DRAWN = 0.02, 50.0  # ratios that are drawn where they are; one beyond is an arrow at the end of the axis
 _AT_AN_EDGE = "in band, published flight none of ours"
+_FLOWN = "flown in the study"
 _UNITS = {"velocity": "m/s", "position": "m"}
 _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
 
@@ -172,8 +174,10 @@ def locus(
     band: tuple[float, float] = (0.5, 2.0),
     cases: Sequence[Mapping[str, str]] = (),
     varied: str = "",
+    flown: str = "",
 ) -> Figure:
-    """Draw a metric over the levels of an axis, with the published value and its band as lines.
+    """Draw a metric over the levels of an axis, with the published value and its band as lines, and a ring around what
+    the study flies: the level `flown`, or that of the base if empty, where its place is known.
 
     axis: name of the axis in the labels of cases; stated: metric, at or during, statistic; one line for each choice of
     the other axes; cases: those drawn, all if empty; varied: the quantity that the axis varies, its name if empty.
@@ -185,19 +189,24 @@ def locus(
             others = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis and level != "base")
             rows.append((levels[axis], others, ours(tables, case, stated, unit).value))
     frame = pd.DataFrame(rows, columns=["level", "others", "value"])
-    if set(frame.level) > {"base"}:  # one at a time: of the base only a word is known, not its place
-        frame = frame[frame.level != "base"]
+    if set(frame.level) > {BASE}:  # one at a time: the base has a word in place of a level
+        frame = frame[frame.level != BASE]
     names = list(dict.fromkeys(frame.level))
     sizes, kind = _sizes(names)
+    frame = frame.assign(x=[sizes[names.index(level)] for level in frame.level])
+    mine = _flown(tables, axis, flown, frame, lambda case: ours(tables, case, stated, unit).value)
     figure, ax = panel(3.0)
-    for number, (others, group) in enumerate(frame.groupby("others", sort=False)):
-        x = [sizes[names.index(level)] for level in group.level]
-        ax.plot(x, group.value, marker="o", ms=4, label=str(others) or "ours", **line_of(number))
+    _levels(ax, [*sizes, *mine.x], names, kind)
+    points = pd.concat([frame, mine[mine.level == BASE]]).sort_values("x", kind="stable") if kind else frame
+    points = points[_placed(ax, points)]
+    for number, others in enumerate(dict.fromkeys(frame.others)):
+        group = points[points.others == others]
+        ax.plot(group.x, group.value, marker="o", ms=4, label=str(others) or "ours", **line_of(number))
     if published is not None:
         ax.axhline(published, color="black", lw=1.1, label="published")
         ax.axhspan(published * band[0], published * band[1], color=SHADE, alpha=0.25, label="band")
-    _levels(ax, sizes, names, kind)
-    scale_up(ax, "y", [*frame.value, *([published] if published else [])])
+    scale_up(ax, "y", [*frame.value, *mine.value, *([published] if published else [])])
+    _rings(ax, mine, kind)
     ax.set(
         xlabel=(varied or axis.replace("_", " ")) + (f" ({kind})" if kind else ""),
         ylabel=f"{name_of(stated).replace('_', ' ')}\n({unit})".replace(", ", ",\n"),
@@ -205,10 +214,41 @@ def locus(
     return figure
 
 
+def _flown(
+    tables: Tables, axis: str, flown: str, frame: pd.DataFrame, value_of: Callable[[str], float]
+) -> pd.DataFrame:
+    """Return the points of what the study flies: of the level, or of the base where that is a case by itself."""
+    base = base_level(tables, axis)
+    level = flown or base.label
+    if (frame.level == level).any():
+        return frame[frame.level == level]
+    case = next((case for case, levels in tables.levels.items() if set(levels.values()) == {BASE}), None)
+    kinds = dict.fromkeys(frame.level)
+    sizes, kind = _sizes([*kinds, f"{base.number!r} {base.unit}".strip()])
+    if flown or case is None or kind is None or not np.isfinite(base.number):
+        return frame[:0]
+    return pd.DataFrame([{"level": BASE, "others": "", "value": value_of(case), "x": sizes[-1]}])
+
+
+def _rings(ax: Panel, mine: pd.DataFrame, kind: str | None) -> None:
+    """Draw rings; a dotted line where a logarithmic axis has no place for zero."""
+    there = _placed(ax, mine)
+    if there.any():
+        look = {"ls": "none", "marker": "o", "ms": 9, "mfc": "none", "color": "black"}
+        ax.plot(mine.x[there], mine.value[there], label=_FLOWN, **look)
+    for value in mine.value[~there]:
+        ax.axhline(value, color="black", ls=":", lw=1.1, label=f"{_FLOWN} (0{f' {kind}' if kind else ''})")
+
+
+def _placed(ax: Panel, rows: pd.DataFrame) -> Any:
+    """Whether the horizontal axis has a place for each row."""
+    return (rows.x > 0.0) | (ax.axes.get("xscale") != "log")
+
+
 def _levels(ax: Panel, sizes: Sequence[float], names: Sequence[str], kind: str | None) -> None:
     """Mark the levels of an axis: by their names where they are no numbers of one unit."""
     if kind is None:
-        ax.set(xticks=list(zip(sizes, map(str, names), strict=True)))
+        ax.set(xticks=list(zip(sizes, map(str, names), strict=False)))  # behind them is what is flown
     else:
         scale_up(ax, "x", sizes, from_zero=False)
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, fitted, held, most_important
+from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, fitted, held, most_important, own
 from lvnav_trade.metrics.statements import FAILS
 from lvnav_trade.report.blocks import Block, Text, stated
 
@@ -34,8 +34,14 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
     if edge:
         points = " % or ".join(f"{point:g}" for point in EDGES)
         lines.append(f"Rows in their band whose published flight is at or beyond the {points} % point of ours: {edge}.")
-    if repeated := len(frame) - len(rows):
+    mine = frame[own(frame)]
+    if repeated := len(frame) - len(rows) - len(mine):
         lines.append(f"Rows that repeat an input, and are not counted: {repeated}.")
+    if len(mine):
+        lines.append(
+            f"Rows of which the statement or its bound is not published, and which are not counted: {len(mine)}, of "
+            f"which {int(held(mine).sum())} hold."
+        )
     failing = rows[~held(rows)]
     if statements is not None:
         failing = pd.concat([failing, statements[statements.verdict == FAILS]], ignore_index=True)
@@ -59,7 +65,11 @@ def _short(rows: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
 
 
 def those_that_fail(frame: pd.DataFrame) -> list[Block]:
-    """Return the rows that do not hold, and those that repeat an input."""
-    counted = evidence(frame)
-    groups = (("out_of_band", frame[counted & ~held(frame)]), ("repeated", frame[~counted]))
+    """Return the rows that do not hold, those that repeat an input, and those that are not published."""
+    counted, mine = evidence(frame), own(frame)
+    groups = (
+        ("out_of_band", frame[counted & ~held(frame)]),
+        ("repeated", frame[~counted & ~mine]),
+        ("own", frame[mine]),
+    )
     return [stated(name, rows) for name, rows in groups if len(rows)]

@@ -37,17 +37,20 @@ def with_those_left_out(
     ]
     left = {"case": "", "metric": "", "unit": "-", "in_band": False}
     found: list[dict[str, Any]] = [
-        {"id": one.id, "source": one.source, "item": one.item, **left, "verdict": word, "remark": remark}
-        for one, word, remark in rows
+        {**_named(one), **left, "verdict": word, "remark": remark} for one, word, remark in rows
     ]
     found += [_of_number(one) for one in elsewhere]
     return pd.concat([frame, pd.DataFrame(found, columns=COLUMNS)], ignore_index=True) if found else frame
 
 
+def _named(one: Stated) -> dict[str, str]:
+    return {"id": one.id, "source": one.source, "item": one.item, "own": one.own}
+
+
 def _of_number(one: Elsewhere) -> dict[str, Any]:
     low, high = (np.nan if bound is None else bound for bound in (one.at_least, one.at_most))
     holds = not (one.value < low or one.value > high)
-    known = {"id": one.id, "source": one.source, "item": one.item, "case": "", "metric": "", "unit": "-"}
+    known = {**_named(one), "case": "", "metric": "", "unit": "-"}
     numbers = {"monte_carlo": one.value, "ours": one.value, "band_low": low, "band_high": high, "in_band": holds}
     return {**known, **numbers, "verdict": HOLDS if holds else FAILS, "remark": one.remark}
 

@@ -13,10 +13,11 @@ from lvnav_trade.campaign.definition.published import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.study import Figure, Part, Study
 from lvnav_trade.errors import InputError, writing
+from lvnav_trade.metrics.basics.select import in_units
 from lvnav_trade.metrics.errors.covariances import agreement, by_case
 from lvnav_trade.metrics.errors.coverage import coverage
 from lvnav_trade.metrics.errors.rms import paired_levels
-from lvnav_trade.metrics.held import evidence, held
+from lvnav_trade.metrics.held import evidence, held, own
 from lvnav_trade.metrics.pooled import axes_of, cases_of, ours
 from lvnav_trade.metrics.published import references
 from lvnav_trade.metrics.requirements.requirements import in_words
@@ -62,6 +63,7 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str, unflow
     replaced. InputError where the folder cannot be written.
     """
     target = owned(folder, "study")
+    answered = [one._replace(tables=in_units(one.tables, study.units)) for one in answered]
     published = _together(answered, [references(one.tables, one.stated) for one in answered])
     published = with_those_left_out(published, study.not_set_up, unflown, study.elsewhere)
     agreed = _together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
@@ -101,7 +103,7 @@ def _together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> p
 
 
 def _answer(study: Study, answered: Sequence[Answered], every: pd.DataFrame) -> Section:
-    numbered = is_statement(every, [one.stated for one in answered])
+    numbered = is_statement(every, [one.stated for one in answered]) & ~own(every)
     frame = every[~numbered]
     blocks = [*headline(frame, study.important, every[numbered]), *verdicts(every[numbered])]
     blocks.append(table(pd.DataFrame([_line(one, every) for one in answered]), "The campaigns of this study."))
@@ -182,7 +184,7 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
         "errors": over,
         "relative": over,
         "autocorrelation": (many, figure.channels),
-        "locus": (figure.axis, metric, figure.unit, figure.published, band, many, figure.varied),
+        "locus": (figure.axis, metric, figure.unit, figure.published, band, many, figure.varied, figure.flown),
         "missions": (one.flown,),
         "bound": (next((s for s in one.stated.get("statements") or () if s.get("id") == figure.statement), {}),),
         "sweep": (figure.band,),

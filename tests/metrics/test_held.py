@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics.held import at_an_edge, evidence, held, most_important
+from lvnav_trade.metrics.held import at_an_edge, evidence, held, most_important, own
 
 ROWS = pd.DataFrame(
     {
@@ -18,6 +18,7 @@ ROWS = pd.DataFrame(
         "band_low": [0.5, 0.5, 0.5, 0.5, 0.0, 0.5],
         "band_high": [2.0, 2.0, 2.0, 2.0, 1.0, 2.0],
         "repeats": ["", "", None, "", "the noise", ""],
+        "own": ["", None, "", "", "", ""],
     }
 )
 
@@ -34,6 +35,12 @@ def test_an_edge_is_the_point_itself_and_what_is_beyond(percentile: float) -> No
 
 def test_a_number_that_an_input_decides_is_no_evidence() -> None:
     assert list(evidence(ROWS)) == [True, True, True, True, False, True]
+
+
+def test_a_statement_or_bound_that_is_not_published_is_no_evidence() -> None:
+    rows = ROWS.assign(own=["", None, "the bound", "", "", ""])
+    assert list(own(rows)) == [False, False, True, False, False, False]
+    assert list(evidence(rows)) == [True, True, False, True, False, True]
 
 
 def test_what_a_study_calls_important_comes_first_then_the_furthest_from_its_band_once_an_item() -> None:

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.campaign.definition.metric_names import RANKS
-from lvnav_trade.metrics.numbers import cases_of, is_ratio, name_of, ours
+from lvnav_trade.metrics.numbers import cases_of, columns, is_ratio, name_of, ours
 from tests import synthetic, vehicle_tables
 
 CASE, FAILED = "aaaaaaaaaaaa", 3
@@ -43,6 +43,24 @@ def test_the_worst_is_the_median_over_runs_of_each_runs_largest(good, drawn):
     largest = np.append(np.sqrt((err[:, within, 6:9] ** 2).sum(axis=2)).max(axis=1), np.inf)
     found = ours(good, CASE, {"metric": "position_error_3d", "during": PHASE, "statistic": "worst"}, "m")
     assert found.value == pytest.approx(np.median(largest), rel=1e-12)
+
+
+def test_a_mean_has_its_sign_and_is_over_runs_and_time(good, drawn):
+    err, t = drawn
+    within = (t >= 50.0) & (t <= 60.0)  # after the run that fails
+    stated = {"metric": "velocity_error_north", "statistic": "mean"}
+    during = stated | {"during": "stage1_cutoff + 10 s to stage1_cutoff + 20 s"}
+    expected = np.trapezoid(err[:, within, 3].mean(axis=0), t[within]) / 10.0
+    found = columns(good, CASE, during, "cm/s")
+    assert found.monte_carlo == pytest.approx(100 * expected, rel=1e-9)
+    assert found.true == pytest.approx(0.0, abs=1e-12)  # linear covariance of what is drawn without a mean
+    assert np.isnan(found.formal)
+    assert not len(found.runs)
+    assert ours(good, CASE, during, "cm/s").value == pytest.approx(100 * expected, rel=1e-9)
+    at_end = columns(good, CASE, stated | {"at": "injection"}, "m/s")
+    assert at_end.monte_carlo == pytest.approx(err[:, np.searchsorted(t, 99.5), 3].mean(), rel=1e-9)
+    assert at_end.runs[np.isfinite(at_end.runs)].mean() == pytest.approx(at_end.monte_carlo, rel=1e-9)
+    assert np.isinf(at_end.runs).sum() == 1
 
 
 def test_a_window_that_begins_after_an_event_is_read_off_the_history(good, drawn):

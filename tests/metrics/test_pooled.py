@@ -30,6 +30,8 @@ def test_one_case_stands_for_those_that_are_taken_together(tables):
     assert members(tables, "coarse0", ("realisation",)) == [f"coarse{k}" for k in range(5)]
     assert label_of(tables, "fine0", ("realisation",)) == "imu=fine; 5 of realisation together"
     assert label_of(tables, "fine0", ()) == "imu=fine, realisation=0"
+    alone = SimpleNamespace(levels={"fine0": LEVELS["fine0"]}, labels=tables.labels)
+    assert label_of(alone, "fine0", ("realisation",)) == "imu=fine, realisation=0"
 
 
 def test_numbers_are_those_of_all_runs_in_one_case(tables, monkeypatch):
@@ -97,3 +99,14 @@ def test_a_share_of_cases_together_is_their_mean(tables, monkeypatch):
     none = value_of("a", {"a": columns(tables, "coarse0", stated, "-")})
     assert (none.low, none.monte_carlo) == (0.0, 0.0)
     assert none.high > 0.2  # ten runs without one tell no more
+
+
+def test_a_mean_of_cases_together_keeps_its_sign(tables, monkeypatch):
+    means = dict(zip(LEVELS, (-3.0, -1.0, 1.0, 2.0, -4.0, *[0.0] * 5), strict=True))
+    monkeypatch.setattr(numbers, "ours", lambda _, case, stated, unit: Ours(means[case]))
+    made = {case: Columns(np.nan, 0.5, mean, is_root=False) for case, mean in means.items()}
+    monkeypatch.setattr(numbers, "columns", lambda _, case, stated, unit: made[case])
+    stated = {"metric": "clock_bias_error_time", "statistic": "mean", "during": "flight", "pool": ("realisation",)}
+    assert ours(tables, "fine0", stated, "m").value == pytest.approx(-1.0)
+    found = columns(tables, "fine0", stated, "m")
+    assert (found.true, found.monte_carlo) == (0.5, pytest.approx(-1.0))

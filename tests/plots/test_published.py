@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -93,6 +95,45 @@ def test_the_base_of_one_at_a_time_has_no_place_among_the_levels(tables):
     ax = drawn(locus(other, "imu", STATED, "cm/s")).axes[0]
     assert list(ax.get_lines()[0].get_xdata()) == [2.0]
     assert ax.get_xlabel() == "imu (deg/h)"
+
+
+def _one_at_a_time(tables, values, base):
+    """The first synthetic case as the base, the second as the only other level of an axis."""
+    labels = [f"{value} deg" for value in values]
+    cases = tables.cases.assign(axes=['{"heading": "base"}', json.dumps({"heading": labels[0]})])
+    other = tables.with_frames(cases=cases)
+    axis = {"path": "initial.heading", "labels": labels, "values": [f"{np.radians(value)} rad" for value in values]}
+    other.campaign = tables.campaign | {"axes": [axis], "base": {"initial": {"heading": f"{np.radians(base)} rad"}}}
+    return other
+
+
+@pytest.mark.parametrize("base", [1.0, 4.0])
+def test_a_ring_marks_what_the_study_flies_and_the_line_goes_through_it(tables, base):
+    """Whether it is none of the levels, or one whose case is the base."""
+    other = _one_at_a_time(tables, (2.0, 4.0), base)
+    line, ring = drawn(locus(other, "heading", STATED, "cm/s")).axes[0].get_lines()
+    values = {case: ours(tables, case, STATED, "cm/s").value for case in ("aaaaaaaaaaaa", "bbbbbbbbbbbb")}
+    expected = sorted([(base, values["aaaaaaaaaaaa"]), (2.0, values["bbbbbbbbbbbb"])])
+    np.testing.assert_allclose(np.transpose(line.get_data()), expected)
+    np.testing.assert_allclose(np.transpose(ring.get_data()), [(base, values["aaaaaaaaaaaa"])])
+    assert ring.get_label() == "flown in the study"
+
+
+def test_a_zero_that_is_flown_is_a_line_where_the_axis_is_logarithmic(tables):
+    other = _one_at_a_time(tables, (2.0, 4.0), 0.0)
+    more = other.cases.iloc[[1]].assign(case="cccccccccccc", axes='{"heading": "400 deg"}')
+    wide = other.with_frames(cases=pd.concat([other.cases, more]))
+    wide.campaign = other.campaign
+    ax = drawn(locus(wide, "heading", STATED, "cm/s")).axes[0]
+    assert [line.get_label() for line in ax.get_lines()] == ["ours", "flown in the study (0 deg)"]
+    assert 0.0 not in ax.get_lines()[0].get_xdata()
+
+
+def test_a_ring_is_around_the_level_of_every_line_that_the_study_names(tables):
+    ax = drawn(locus(tables, "imu", STATED, "cm/s", flown="coarse")).axes[0]
+    ring = ax.get_lines()[-1]
+    assert list(ring.get_xdata()) == [1.0]
+    assert ring.get_ydata()[0] == pytest.approx(ours(tables, "bbbbbbbbbbbb", STATED, "cm/s").value)
 
 
 FLOWN = [

@@ -23,12 +23,12 @@ RUNS = {
         "axes.2.labels=[in the second burn]",
         "axes.3.values=[0]",
     ),
-    "delay": (),
+    "delay": ("axes.5.values=[0]",),
     "delay_by_satellites": (),
-    "hil_like": (),
+    "hil_like": ("axes.5.values=[0]",),
     "hil_sizes": ("axes=[{path: constellation.range_error, values: [0 m, 8 m]}]",),
     "imu_temperature": (),
-    "pvt_sources": (),
+    "pvt_sources": ("axes.1.values=[0]",),
     "receiver_limits": (),
     "receiver": (
         "axes.0.values=[{kind: bancroft, range_sigma: 2 m, rate_sigma: 0.1 m/s, refinements: 0, reported: true}, "
@@ -39,7 +39,7 @@ RUNS = {
         "axes.1.labels=[none]",
         "axes.2.values=[0]",
     ),
-    "troposphere": (),
+    "troposphere": ("axes.2.values=[0]",),
 }
 """What each small version leaves out."""
 LOCI = {

@@ -60,6 +60,20 @@ def test_numbers_that_settings_were_searched_for_by_are_counted_apart() -> None:
     assert "searched for by 2 of the numbers, of which 1 hold; of the 1 that the search did not see, 1." in text.text
 
 
+def test_rows_that_are_not_published_are_counted_apart_and_have_a_table() -> None:
+    mine = [_row("bound of ours", 1.0, own="the bound"), _row("limit of ours", 9.0, own="the limit")]
+    rows = pd.concat([ROWS, pd.DataFrame(mine, columns=COLUMNS)], ignore_index=True)
+    text = headline(rows, ("limit of ours",))[0]
+    assert isinstance(text, Text)
+    assert text.text.startswith("Of 6 published rows that no input decides, 2 hold")
+    assert "Rows that repeat an input, and are not counted: 1." in text.text
+    assert text.text.endswith("is not published, and which are not counted: 2, of which 1 hold.")
+    assert [row[0] for row in headline(rows, ("limit of ours",))[1].rows] == ["far", "out", "main"]
+    tables = those_that_fail(rows)
+    assert [[row[0] for row in one.rows] for one in tables[1:]] == [["input"], ["bound of ours", "limit of ours"]]
+    assert "the limit" in tables[2].rows[1]
+
+
 def test_every_row_that_fails_and_every_input_stands_in_a_table_of_its_own() -> None:
     failing, repeated = those_that_fail(ROWS)
     assert isinstance(failing, Table)

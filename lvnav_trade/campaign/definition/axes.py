@@ -37,8 +37,10 @@ class Case(NamedTuple):
     scenario: Scenario
 
 
-def levels(design: str, sizes: Sequence[int]) -> Iterator[tuple[int | None, ...]]:
-    """Yield for each case the level of every axis; None leaves the base's own value."""
+def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> Iterator[tuple[int | None, ...]]:
+    """Yield for each case the level of every axis; None leaves the base's own value. Of one at a time the axes at the
+    places `crossed` have each of their levels in every case of the others.
+    """
     if not sizes:
         yield ()
     elif design == "grid":
@@ -46,10 +48,11 @@ def levels(design: str, sizes: Sequence[int]) -> Iterator[tuple[int | None, ...]
     elif design == "zip":
         yield from ((index,) * len(sizes) for index in range(sizes[0]))
     else:
-        yield (None,) * len(sizes)
+        every = [range(size) if axis in crossed else (None,) for axis, size in enumerate(sizes)]
+        yield from itertools.product(*every)
         for axis, size in enumerate(sizes):
-            for level in range(size):
-                yield tuple(level if index == axis else None for index in range(len(sizes)))
+            if axis not in crossed:
+                yield from itertools.product(*[range(size) if k == axis else one for k, one in enumerate(every)])
 
 
 def combinations(
@@ -66,7 +69,8 @@ def combinations(
     """
     names = axis_names(axes)
     found: dict[tuple[int | None, ...], None] = {}
-    for chosen in levels(design, [len(axis.values or axis.cards or ()) for axis in axes]):
+    crossed = [place for place, axis in enumerate(axes) if axis.crossed]
+    for chosen in levels(design, [len(axis.values or axis.cards or ()) for axis in axes], crossed):
         labels = choice(axes, chosen)
         nested: list[int | None] = []
         for axis, name, index in zip(axes, names, chosen, strict=True):

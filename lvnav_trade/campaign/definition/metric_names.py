@@ -54,7 +54,7 @@ _NO_ERRORS = (*MISSION, *COUNTED, *STEERED, *RANKS, *_OF_RUNS)
 LIMITED = (*CONVERGENCE, *AVAILABILITY)
 
 # SI unit of every quantity of which results hold an error
-UNITS = (
+ERROR_UNITS = (
     {"attitude": "rad", "velocity": "m/s", "position": "m", "clock_bias": "m", "clock_drift": "m/s"}
     | {"backup_attitude": "rad", "backup_velocity": "m/s", "backup_position": "m"}
     | {"solution_velocity": "m/s", "solution_position": "m", "receiver_clock_bias": "m", "receiver_clock_drift": "m/s"}
@@ -79,14 +79,14 @@ def unit_of(metric: str) -> str:
         return "s" if metric in CONVERGENCE else "-"
     if metric in MODE_METRICS:
         return MODE_METRICS[metric]
-    unit = UNITS[split_metric(metric)[0]]
+    unit = ERROR_UNITS[split_metric(metric)[0]]
     return "dimensionless" if unit == "1" else unit
 
 
 def known_metric(name: str) -> str:
     """Return the name of a metric; ValueError with what may be meant where it is none."""
     stated = re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name)
-    if name not in _NO_ERRORS and not (stated and split_metric(name)[0] in UNITS):
+    if name not in _NO_ERRORS and not (stated and split_metric(name)[0] in ERROR_UNITS):
         near = hint(name, (*_NO_ERRORS, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
         raise ValueError(f"{quoted(name)} is not a metric{near}")
     return name

@@ -11,14 +11,14 @@ from lvnav_trade.campaign.definition.metric_names import (
     CONVERGENCE,
     COUNTED,
     COVERAGE,
+    ERROR_UNITS,
     LIMITED,
     NEES,
-    UNITS,
     known_metric,
     unit_of,
 )
 from lvnav_trade.errors import quoted
-from lvnav_trade.layout import LEVELS, MODE_METRICS, RATES
+from lvnav_trade.layout import LEVELS, MISSION, MODE_METRICS, RATES
 from lvnav_trade.records import MODES, REASONS
 from lvnav_trade.units import Angle, Card, Length, parse
 
@@ -83,6 +83,11 @@ class Stated(Card):
     source: str
     item: str = ""
     remark: str = ""
+    own: str = Field(
+        "",
+        max_length=200,
+        description="what of it is not published: the statement, or its bound, and why; a study counts it apart",
+    )
 
 
 class Pooled(Card):
@@ -110,10 +115,11 @@ class Measured(Pooled):
     at: Annotated[str | None, AfterValidator(_place)] = Field(
         None, validate_default=True, description="event; injection if no phase is given"
     )
-    statistic: Literal["rms", "worst", "least", "formal", "lincov"] = Field(
+    statistic: Literal["rms", "mean", "worst", "least", "formal", "lincov"] = Field(
         "rms",
-        description="rms over runs (and time); worst: median over runs of each run's largest during the phase; least: "
-        "the same of the smallest, of what is counted; formal: the filter's own sigma; lincov: sigma of the true error",
+        description="rms over runs (and time); mean: of the error of an axis, with its sign; worst: median over runs "
+        "of each run's largest during the phase; least: the same of the smallest, of what is counted; formal: the "
+        "filter's own sigma; lincov: sigma of the true error",
     )
 
     elevation: tuple[Angle, Angle] | None = Field(None, description="of signals: of the satellites, from and to")
@@ -144,6 +150,9 @@ class Measured(Pooled):
             yield f"statistic {self.statistic} is of a phase; give during in place of at"
         if self.statistic == "least" and self.metric not in COUNTED:
             yield f"statistic least is of what is counted ({', '.join(COUNTED)})"
+        signed = "_error" in self.metric and not self.metric.endswith("_3d") and self.metric not in MISSION
+        if self.statistic == "mean" and not signed:
+            yield "statistic mean is of the error of one axis, which has a sign"
         if (self.elevation or self.altitude) and self.metric not in COUNTED[1:-2]:
             yield f"elevation and altitude choose signals ({', '.join(COUNTED[1:-2])})"
         if any(pair is not None and pair[0] >= pair[1] for pair in (self.elevation, self.altitude)):
@@ -175,7 +184,7 @@ class Measured(Pooled):
         if self.below is not None and self.metric not in (*LIMITED, *COVERAGE):
             yield f"below is the limit of a metric that has one ({', '.join((*LIMITED, *COVERAGE))})"
         elif self.below is not None and not by_sigma:
-            parse(self.below, UNITS[self.metric.partition("_")[0]])
+            parse(self.below, ERROR_UNITS[self.metric.partition("_")[0]])
         if by_sigma != (self.sigma_of is not None):
             yield "a limit in sigma or rms has the case that they are of, sigma_of, and no other limit has it"
 
@@ -237,6 +246,11 @@ class Ordering(Measured, Stated):
 
     cases: tuple[Case, ...] = Field(min_length=2, description="level of each axis, by its label; smallest first")
     factor: float = Field(1.0, gt=0, description="largest ratio of a case to the next")
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if self.statistic == "mean":
+            yield "an order is of sizes, and a mean has a sign"
 
 
 class Innovations(Pooled, Stated):

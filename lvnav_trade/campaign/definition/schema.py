@@ -77,6 +77,9 @@ class Axis(units.Card):
     range: tuple[Any, Any, Any] | None = Field(None, description="or [first, last, step]")
     between: tuple[Any, Any] | None = Field(None, description="or [least, largest], of a design that is sampled")
     log: bool = Field(False, description="samples are even in the logarithm")
+    crossed: bool = Field(
+        False, description="in a design one_at_a_time: each of its levels with every case of the other axes"
+    )
     when: dict[str, str | tuple[str, ...]] = Field(
         {}, description="varied only where another axis has this level, or one of these; else the base's own value"
     )

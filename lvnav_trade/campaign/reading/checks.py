@@ -98,6 +98,11 @@ _WITHOUT: tuple[tuple[str, Callable[[Campaign], bool], str], ...] = (
         "no effect: observability is off",
     ),
     ("design", lambda c: c.design != "grid" and not c.axes, "no effect: the campaign has no axes"),
+    (
+        "axes",
+        lambda c: c.design != "one_at_a_time" and any(axis.crossed for axis in c.axes),
+        "crossed has no effect: it is of a design one_at_a_time",
+    ),
 )
 """The campaign's own settings that mean nothing without another: path, whether it is so, message. Reading does not show
 it: they are read once runs have been flown.
@@ -256,6 +261,8 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
         along = {one.id: one.along for one in campaign.statements}
         if figure.plot == "bound" and not along.get(figure.statement):
             yield f"figures.{i}.statement", f"no statement {quoted(figure.statement)} that is along an axis"
+        if figure.flown and (message := unknown_case({figure.axis: figure.flown}, cases)):
+            yield f"figures.{i}.flown", message
     if part.paired and part.paired not in cases[0]:
         yield "paired", f"no axis {quoted(part.paired)}{meant(part.paired, cases[0])}"
 
@@ -272,7 +279,7 @@ def named_cases(campaign: Campaign) -> list[dict[str, str]]:
         for chosen in chosen_levels(campaign)
         if campaign.design != "one_at_a_time"
         or not any(
-            index is not None and (axis.values or ())[index] == value
+            index is not None and not axis.crossed and (axis.values or ())[index] == value
             for index, axis, value in zip(chosen, campaign.axes, own, strict=True)
         )
     ]
@@ -331,15 +338,17 @@ def replaced(kind: str, axes: Sequence[Varied]) -> Iterator[Mistake]:
     for later, (above, _) in enumerate(axes):
         for number, (axis, node) in enumerate(axes[:later]):
             is_same = axis.steps == above.steps
-            if is_same or (kind != "one_at_a_time" and axis.steps[: len(above.steps)] == above.steps):
+            if is_same or ((kind != "one_at_a_time" or axis.crossed) and axis.steps[: len(above.steps)] == above.steps):
                 what = "varies the same field" if is_same else "replaces it; put that axis first"
                 message = f"{quoted(axis.path)}: the later axis {quoted(above.path)} {what}"
                 yield mistake_at(node, "path", message, f"axes.{number}")
 
 
-def too_many(kind: str, sizes: Sequence[int], root: Node) -> Iterator[Mistake]:
+def too_many(kind: str, sizes: Sequence[int], root: Node, crossed: Sequence[int] = ()) -> Iterator[Mistake]:
     """Yield a mistake where a design of axes of these sizes has more cases than are computed."""
-    count = {"grid": math.prod(sizes), "zip": max(sizes, default=1)}.get(kind, 1 + sum(sizes))
+    one = 1 + sum(size for axis, size in enumerate(sizes) if axis not in crossed)
+    one *= math.prod(sizes[axis] for axis in crossed)
+    count = {"grid": math.prod(sizes), "zip": max(sizes, default=1)}.get(kind, one)
     if len(sizes) > AXES:
         yield mistake_at(root, "axes", f"{len(sizes)} axes; at most {AXES} are varied")
     elif count > CASES:

@@ -66,7 +66,8 @@ class _Loader:
         self.design = str(kind.value) if kind else "grid"
         axes = self._axes()
         sizes = [len(varied.levels) for varied in axes]
-        beyond = [*checks.too_many(self.design, sizes, self.root), *checks.replaced(self.design, axes)]
+        crossed = [place for place, varied in enumerate(axes) if varied.axis.crossed]
+        beyond = [*checks.too_many(self.design, sizes, self.root, crossed), *checks.replaced(self.design, axes)]
         self.mistakes += beyond
         if beyond:  # before anything is built
             self._raise()

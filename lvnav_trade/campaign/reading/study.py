@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field, ValidationError, field_validator
 
+from lvnav_trade.campaign.definition.metric_names import ERROR_UNITS
 from lvnav_trade.campaign.definition.published import Case, Published, Stated
 from lvnav_trade.campaign.definition.schema import Campaign, MonteCarlo
 from lvnav_trade.campaign.reading.checks import of_study
@@ -13,8 +14,8 @@ from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.errors import InputError, refuse_all
-from lvnav_trade.units import Card, Duration
+from lvnav_trade.errors import InputError, quoted, refuse_all
+from lvnav_trade.units import Card, Duration, parse
 
 FILE = "study.yaml"
 Shown = Literal["requirements", "logic", "coverage", "paired", "error_bound", "integrity", "tested_errors"]
@@ -45,6 +46,7 @@ class Figure(Card):
     varied: str = Field(
         "", description="of locus: the quantity that the axis varies, for its label; its name if absent"
     )
+    flown: str = Field("", description="of locus: the level that the study flies; that of the base if absent")
     published: float | None = Field(None, description="of locus: the published value, in that unit")
     band: tuple[float, float] | None = Field(
         None, description="of locus: of ours / published, [0.5, 2] if absent; of sweep: percents that are shaded"
@@ -135,6 +137,9 @@ class Study(Card):
         (),
         description="beginnings of items, the most important first: of those that do not hold, three are named first",
     )
+    units: dict[str, str] = Field(
+        {}, description="unit by quantity, such as attitude: deg, of figures and tables; the tool's own where absent"
+    )
     campaigns: tuple[Part, ...] = Field((), description="in the order in which they stand; all of the folder if absent")
 
     @field_validator("campaigns")
@@ -191,11 +196,23 @@ def _read(place: Path, names: tuple[str, ...]) -> Study:
         study = Study.model_validate(tree.plain(root))
     except ValidationError as error:
         raise InputError(records=explain(error, root, Study, "")) from None
+    refuse_all([tree.mistake_at(root, f"units.{quantity}", text) for quantity, text in _unknown_units(study)])
     for index, part in enumerate(study.campaigns):
         if part.campaign not in names:
             message = f"no campaign {part.campaign!r} in this folder{tree.hint(part.campaign, names)}"
             raise InputError(records=[tree.mistake_at(root, f"campaigns.{index}.campaign", message)])
     return study.model_copy(update={"name": place.resolve().name, "campaigns": study.campaigns or every})
+
+
+def _unknown_units(study: Study) -> Iterator[tuple[str, str]]:
+    for quantity, unit in study.units.items():
+        if quantity not in ERROR_UNITS:
+            yield quantity, f"no error is of {quoted(quantity)}{tree.hint(quantity, ERROR_UNITS)}"
+            continue
+        try:
+            parse(f"1 {unit}", ERROR_UNITS[quantity])
+        except ValueError as error:
+            yield quantity, str(error)
 
 
 def _with_runs(campaign: Campaign, runs: int | None) -> Campaign:

@@ -1,7 +1,7 @@
 """Picking what a metric needs out of the tables: series, events, instants and phases, names of metrics, run errors."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -27,6 +27,17 @@ _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<off
 def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame:
     """Return the history of one error of a case."""
     return pick(tables.history, case=case, quantity=quantity, axis=axis)
+
+
+def in_units(tables: Tables, units: Mapping[str, str]) -> Tables:
+    """Return the same results with other units for people: a unit by quantity."""
+    if not units:
+        return tables
+    outputs = tables.outputs.copy()
+    for row in outputs[outputs.quantity.isin(units)].itertuples():
+        unit = units[row.quantity]
+        outputs.loc[row.Index, ["label_unit", "label_factor_ratio"]] = unit, 1.0 / parse(f"1 {unit}", row.unit)
+    return tables.with_frames(outputs=outputs)
 
 
 class Errors(NamedTuple):

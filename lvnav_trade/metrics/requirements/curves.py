@@ -60,11 +60,37 @@ def _in_si(values: list[Any]) -> tuple[str, list[float]] | None:
     return None if None in read or len(units) != 1 else (units.pop(), [float(one[1]) for one in read if one])
 
 
+class BaseLevel(NamedTuple):
+    """The base's own level of an axis: its label where it is one of the levels, its number in a unit where these are
+    numbers (NaN: not known).
+    """
+
+    label: str = ""
+    number: float = float("nan")
+    unit: str = ""
+
+
+def base_level(tables: Tables, name: str) -> BaseLevel:
+    """Return the base's own level of an axis, which one of the levels may be, as far as it is known."""
+    names = list(next(iter(tables.levels.values()), {}))
+    axes = dict(zip(names, tables.campaign.get("axes") or (), strict=False))
+    if (axis := axes.get(name)) is None:
+        return BaseLevel()
+    own = _at(tables.campaign.get("base"), axis["path"])
+    label = next((str(one) for one, value in zip(axis["labels"], axis["values"], strict=True) if value == own), "")
+    numbers = next((one for one in numeric_axes(tables) if one.name == name and BASE in one.values), None)
+    return BaseLevel(label) if numbers is None else BaseLevel(label, numbers.values[BASE], numbers.unit)
+
+
+def _at(base: Any, path: str) -> Any:
+    for key in path.removeprefix("base.").split("."):
+        base = base[int(key)] if isinstance(base, list) else (base or {}).get(key)
+    return base
+
+
 def _base_value(tables: Tables, path: str, unit: str) -> float | None:
     """Return the base's own value of a field, in a unit; None where it is no number."""
-    value: Any = tables.campaign.get("base")
-    for key in path.removeprefix("base.").split("."):
-        value = value[int(key)] if isinstance(value, list) else (value or {}).get(key)
+    value = _at(tables.campaign.get("base"), path)
     if value is None or isinstance(value, bool) or (read := _QUANTITY.fullmatch(str(value))) is None:
         return None
     if (read[2] or "") == unit:

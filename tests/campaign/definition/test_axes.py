@@ -42,6 +42,23 @@ def test_one_at_a_time_varies_each_axis_around_the_base_and_asks_nothing_twice(s
     assert labels(study, "one_at_a_time") == ["base", "imu=poor", "gate=4", "gate=5"]
 
 
+def test_an_axis_that_is_crossed_has_its_levels_in_every_case_of_one_at_a_time(study) -> None:
+    crossed = "  - {path: initial.tilt, values: [0.1 deg, 0.2 deg], crossed: true}\n"
+    study.append(f"{TWO}{crossed}design: one_at_a_time\n")
+    found = cases(load(study.path))
+    others = ["base", "poor", "4", "5"]
+    assert [case.label.replace("base, ", "") for case in found] == [
+        f"{other}tilt={tilt} deg" for other in ("", "imu=poor, ", "gate=4, ", "gate=5, ") for tilt in (0.1, 0.2)
+    ]
+    assert len(found) == 2 * len(others)
+
+
+def test_crossing_is_of_one_at_a_time(study) -> None:
+    study.append("axes:\n  - {path: initial.tilt, values: [0.1 deg, 0.2 deg], crossed: true}\n")
+    with pytest.raises(InputError, match="crossed has no effect"):
+        load(study.path)
+
+
 def test_a_design_without_axes_has_one_case() -> None:
     assert list(levels("grid", [])) == [()]
 

@@ -32,6 +32,8 @@ def test_a_number_of_a_phase_names_both_events_and_survives_being_written():
         ({"during": "liftoff to injection + 3"}, "has no unit"),
         ({"during": "flight", "at": "injection"}, "not both"),
         ({"statistic": "worst"}, "statistic worst is of a phase"),
+        ({"statistic": "mean"}, "error of one axis"),
+        ({"statistic": "mean", "metric": "perigee_error", "unit": "m"}, "error of one axis"),
         ({"statistic": "least", "during": "flight"}, "statistic least is of what is counted"),
         ({"value": 0.0}, "0 has no ratio"),
         ({"band": (2.0, 0.5)}, "growing ratios"),
@@ -48,7 +50,10 @@ def test_an_order_has_two_cases_at_least():
     stated = {"source": "A paper", "metric": "position_error_3d", "cases": [{"filter": "tight"}]}
     with pytest.raises(ValidationError, match="at least 2 items"):
         Ordering(**stated)
-    assert Ordering(**stated | {"cases": [{"filter": "tight"}, {"filter": "loose"}]}).factor == 1.0
+    both = stated | {"cases": [{"filter": "tight"}, {"filter": "loose"}]}
+    assert Ordering(**both).factor == 1.0
+    with pytest.raises(ValidationError, match="a mean has a sign"):
+        Ordering(**both | {"metric": "position_error_x", "statistic": "mean"})
 
 
 def test_innovations_are_white_unless_stated_otherwise():

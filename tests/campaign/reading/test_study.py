@@ -69,6 +69,15 @@ def test_the_runs_asked_for_take_the_place_of_the_campaigns_own(folder: Path) ->
         ),
         (("plot: errors", "plot: erors"), r"study.yaml:4:\d+: campaigns.0.figures.0.plot: "),
         (("plot: errors", "plot: apart, axes: {attitude: rol}"), r"axes.attitude: no axis 'rol' \(did you mean 'roll'"),
+        (
+            ("title:", "units: {atitude: deg}\ntitle:"),
+            r"study.yaml:1:\d+: units.atitude: no error is of 'atitude' \(did",
+        ),
+        (("title:", "units: {attitude: m}\ntitle:"), r"study.yaml:1:\d+: units.attitude: "),
+        (
+            ("quantity: velocity}", "quantity: velocity}, {plot: locus, axis: imu, flown: x}"),
+            r"study.yaml:4:\d+: campaigns.0.figures.1.flown: no axis 'imu'",
+        ),
         (("title:", "titel:"), r"titel: unknown key \(did you mean 'title'\?\)"),
         (("campaign: second", "campaign: first"), "a campaign stands twice"),
     ],

@@ -10,12 +10,14 @@ from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics.basics.select import (
     errors_at,
     final_event,
+    in_units,
     instant,
     once,
     phase,
     phases,
     time_mean,
 )
+from lvnav_trade.metrics.errors.rms import rms
 from lvnav_trade.store.read import load
 
 
@@ -111,3 +113,15 @@ def test_a_caller_that_changes_its_frame_changes_nobody_elses(good):
     frame = metric(tables)
     frame["case"] = "other"
     assert metric(tables).case.tolist() == ["all"]
+
+
+def test_units_for_people_may_be_others_and_the_numbers_follow(good):
+    other = in_units(good, {"attitude": "deg", "gyro_scale_factor": "%"})
+    assert other.people["attitude", "3d"] == ("deg", pytest.approx(np.degrees(1.0)))
+    assert other.people["velocity", "3d"] == good.people["velocity", "3d"]
+    assert good.people["attitude", "3d"][0] == "mrad"
+    both = [rms(one).set_index(["case", "phase_or_event", "metric", "axis"]) for one in (good, other)]
+    key = (good.labels["aaaaaaaaaaaa"], "injection", "attitude_error", "3d")
+    assert both[1].rms[key] == pytest.approx(np.degrees(1e-3 * both[0].rms[key]))
+    assert both[1].unit[key] == "deg"
+    assert in_units(good, {}) is good

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.requirements.curves import crossed, numeric_axes
+from lvnav_trade.metrics.requirements.curves import base_level, crossed, numeric_axes
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -47,6 +47,13 @@ def test_an_axis_is_numeric_in_the_unit_of_its_labels_or_in_si(numeric, tmp_path
     named = tables(tmp_path / "named", ["small", "large"], ("0.1 rad", "0.2 rad"))
     assert numeric_axes(named)[0][1:] == ("rad", {"small": 0.1, "large": 0.2, "base": 0.5})
     assert not numeric_axes(tables(tmp_path / "cards", ["small", "large"], ("{a: 1}", "{a: 2}")))
+
+
+def test_the_level_of_the_base_is_known_by_its_number_or_as_one_of_the_levels(numeric, tmp_path):
+    assert base_level(numeric, "heading") == ("", pytest.approx(np.degrees(0.5)), "deg")
+    named = tables(tmp_path / "same", ["small", "large"], ("0.1 rad", "0.5 rad"))
+    assert base_level(named, "heading") == ("large", 0.5, "rad")
+    assert base_level(named, "imu")[0] == ""
 
 
 def test_a_curve_crosses_its_limit_where_the_error_that_grows_with_the_axis_reaches_it(numeric):

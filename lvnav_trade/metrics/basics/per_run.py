@@ -1,0 +1,68 @@
+"""A number of a case at an event or during a phase: its rows of the history, and the same of every run by itself."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.layout import split_metric
+from lvnav_trade.metrics.basics.select import (
+    SAME_TIME,
+    errors_at,
+    errors_by_axis,
+    instant,
+    phase,
+    pick,
+    rows_between,
+)
+from lvnav_trade.records import Floats
+from lvnav_trade.store.read import Tables
+from lvnav_trade.store.schema import error_column, rms_column
+
+
+def within(tables: Tables, case: str, rows: pd.DataFrame, stated: Mapping[str, Any]) -> pd.DataFrame:
+    """Return the rows of a history at the event, or during the phase, that a statement names; none where not flown."""
+    if stated.get("during"):
+        return rows_between(rows, *phase(tables, case, str(stated["during"])))
+    at = instant(tables, case, str(stated.get("at") or "injection"))
+    if not np.isfinite(at):
+        return rows.iloc[:0]
+    nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - at)))
+    return rows.iloc[nearest : nearest + 1]
+
+
+def of_each(tables: Tables, case: str, stated: Mapping[str, Any], rows: pd.DataFrame) -> Floats:
+    """Return the number of every run by itself, SI, in the order of the runs; empty where it is not stored."""
+    if stated.get("during"):
+        return per_run(tables, case, stated, rms_column(*split_metric(str(stated["metric"])), rows.unit.iloc[0]))
+    errors = errors_at(tables, case, str(stated.get("at") or "injection"), str(stated["metric"]))
+    return np.empty(0) if errors is None else errors.size
+
+
+def per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) -> Floats:
+    """Return each run's largest, or root mean square, error of a phase between events, SI, in the order of the runs;
+    none where the results lack it. A failed run's is infinite.
+    """
+    first, last = phase(tables, case, str(stated["during"]))
+    within = rows_between(pick(tables.worst, case=case), first, last, end="t_end_s")
+    lacks = within.empty or column not in within.columns or within[column].isna().all()
+    if lacks or abs(within.t_s.min() - first) > SAME_TIME or abs(within.t_end_s.max() - last) > SAME_TIME:
+        return np.empty(0)
+    size = within[column].astype(float).mask(within.failure != "", np.inf)
+    if "_rms_" not in column:
+        return size.groupby(within.run_number).max().to_numpy()
+    length = within.t_end_s - within.t_s
+    total, duration = (part.groupby(within.run_number).sum() for part in (size**2 * length, length))
+    return np.sqrt((total / duration).to_numpy())
+
+
+def signed(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Floats:
+    """Return the error of every run with its sign, SI, in the order of the runs; empty for a phase, of which none is
+    stored. A failed run's is infinite.
+    """
+    quantity, axis = split_metric(str(stated["metric"]))
+    if stated.get("during"):
+        return np.empty(0)
+    rows = errors_by_axis(tables, case, str(stated.get("at") or "injection"), quantity)
+    return rows[error_column(quantity, axis, unit)].astype(float).mask(rows.failure != "", np.inf).to_numpy()
