@@ -55,10 +55,11 @@ demo: $(VENV)/.installed
 	$(call run,demo)
 	@test -s results/demo/report.html || { echo "the demo campaign left no report" >&2; exit 1; }
 
-test: lint unit smoke
+test: lint smoke unit
 	@echo "all tests passed"
 
-# Each waits for the one before it, so that `make -j` neither mixes their output nor compiles a kernel twice.
+# Each waits for the one before it, so that `make -j` neither mixes their output nor compiles a kernel twice: the small
+# campaign compiles the kernels that most tests fly with, which the processes of the tests would each do for themselves.
 lint: $(VENV)/.installed-test
 	@$(bin)/ruff check --quiet
 	@$(bin)/ruff format --check --quiet || { $(bin)/ruff format --check; exit 1; }
@@ -66,14 +67,14 @@ lint: $(VENV)/.installed-test
 	@$(bin)/lint-imports --no-logo > "$(VENV)/imports.log" 2>&1 || { cat "$(VENV)/imports.log"; exit 1; }
 	@echo "style, types and architecture: good"
 
-unit: lint
-	@$(bin)/python -m pytest -m "not slow" --numprocesses $(JOBS) --dist loadfile --no-header
-
-smoke: unit
+smoke: lint
 	$(call run,smoke)
 	@test -s results/smoke/report.html || { echo "the small campaign left no report" >&2; exit 1; }
 	$(call compare,tests/baseline/smoke,results/smoke)
 	@echo "a small campaign from end to end: good"
+
+unit: smoke
+	@$(bin)/python -m pytest -m "not slow" --numprocesses $(JOBS) --dist loadfile --no-header
 
 slow: $(VENV)/.installed-test
 	@$(bin)/python -m pytest -m slow

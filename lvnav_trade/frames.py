@@ -76,7 +76,9 @@ def eci_from_ecef(r_e: ArrayLike, theta: ArrayLike) -> Floats:
 def earth_velocity(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
     """Return the velocity relative to the rotating Earth, (..., 3) m/s in inertial components."""
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
-    return np.asarray(v_i - OMEGA * np.stack([-r_i[..., 1], r_i[..., 0], np.zeros_like(r_i[..., 0])], axis=-1))
+    across = np.zeros(r_i.shape)
+    across[..., 0], across[..., 1] = -r_i[..., 1], r_i[..., 0]
+    return np.asarray(v_i - OMEGA * across)
 
 
 # --- geodetic and local frames ----------------------------------------------------------------------------------------
@@ -97,7 +99,8 @@ def geodetic_from_ecef(r_e: ArrayLike) -> tuple[Floats, Floats, Floats]:
     to geostationary height and beyond. Longitude of a point on the polar axis is zero.
     """
     # contiguous: of strided columns numpy 2.0 gives arctan2 to another last bit, by where in memory they are
-    x, y, z = np.ascontiguousarray(np.moveaxis(np.asarray(r_e, dtype=float), -1, 0))
+    r_e = np.asarray(r_e, dtype=float)
+    x, y, z = np.ascontiguousarray(r_e if r_e.ndim == 1 else np.moveaxis(r_e, -1, 0))
     p = np.hypot(x, y)
     reduced = np.arctan2(SEMI_MAJOR * z, SEMI_MINOR * p)
     lat = reduced
@@ -215,6 +218,16 @@ def unit(v: Floats) -> Floats:
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
+def cross(a: Floats, b: Floats) -> Floats:
+    """Return the cross products of vectors a and b (..., 3): `np.cross` to the last bit, in a quarter of its time for
+    a few of them.
+    """
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        found[..., k] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
+    return found
+
+
 def _angle(v: Floats, x: Floats, y: Floats) -> Floats:
     """Return the angle of v in the plane of the unit vectors x and y, from x towards y."""
     return np.asarray(np.arctan2(np.sum(v * y, axis=-1), np.sum(v * x, axis=-1)))
@@ -222,4 +235,8 @@ def _angle(v: Floats, x: Floats, y: Floats) -> Floats:
 
 def _matrix(rows: list[list[Floats]]) -> Floats:
     """Stack rows of arrays (...,) to matrices (..., 3, 3)."""
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    found = np.empty((*np.shape(rows[0][0]), 3, 3))
+    for j, row in enumerate(rows):
+        for k, entry in enumerate(row):
+            found[..., j, k] = entry
+    return found

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, PPoly, make_interp_spline
 
-from lvnav_trade.frames import earth_angle, earth_velocity, eci_from_ecef, geodetic_from_ecef, matrices, unit
+from lvnav_trade.frames import cross, earth_angle, earth_velocity, eci_from_ecef, geodetic_from_ecef, matrices, unit
 from lvnav_trade.kernels.earth import OMEGA, gravity_along
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.records import Floats, Motion, Reference
@@ -368,6 +368,6 @@ def body_axes(x: Floats, right: Floats, roll: Floats) -> Floats:
     At zero roll the y axis is the part of `right` (n, 3) across x; both in frame i.
     """
     level = unit(right - np.sum(right * x, axis=1, keepdims=True) * x)
-    below = np.cross(x, level)
+    below = cross(x, level)
     c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
     return np.stack([x, c * level + s * below, c * below - s * level], axis=-1)

@@ -36,6 +36,7 @@ def test_outputs_are_24_states_and_the_samples_beside_them(runs):
     assert not runs.failed.any()
 
 
+@pytest.mark.slow  # the kernel of one run by itself
 @pytest.mark.parametrize("card", [MODEL, BASELINE])
 def test_eight_lanes_and_one_run_at_a_time_agree_to_rounding(card):
     prepared = modelled(card)

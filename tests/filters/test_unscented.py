@@ -213,6 +213,7 @@ def test_for_small_errors_it_is_the_extended_filter():
     assert 0.0 < np.abs((one.err - other.err) / other.sigma).max() < 0.02
 
 
+@pytest.mark.slow  # the kernel of one run by itself
 def test_a_run_is_the_same_alone_and_among_eight():
     prepared = flown()
     one, eight = run_block(prepared, SEED, 0, 2, lanes=False), run_block(prepared, SEED, 0, 2)

@@ -42,6 +42,8 @@ RUNS = {
     "troposphere": ("axes.2.values=[0]",),
 }
 """What each small version leaves out."""
+OWN_KERNELS = {"imu_temperature"}
+"""No other test flies what these do, and to compile it takes most of a minute."""
 LOCI = {
     "delay_cost": ("axes=[{path: receiver.latency, values: [0 ms, 300 ms]}]",),
     "settings": ("axes=[{path: filter.imu.gyro_bias_walk, values: [0.0001 deg/s/sqrt(s), 0.0292 deg/s/sqrt(s)]}]",),
@@ -76,7 +78,9 @@ def test_every_campaign_of_the_folder_is_in_the_study_and_has_a_small_version() 
     assert study.assumptions
 
 
-@pytest.mark.parametrize("name", RUNS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in OWN_KERNELS)) for name in RUNS]
+)
 def test_what_is_published_holds_with_a_few_runs(name: str, tmp_path: Path) -> None:
     results = api.run(FOLDER / f"{name}.yaml", (*SMALL, *RUNS[name]), tmp_path, jobs=1, report=False)
     assert results.failures == []

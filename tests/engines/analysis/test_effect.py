@@ -26,13 +26,11 @@ LATE = {"kind": "buffered"}
     ("settings", "fields"),
     [
         ((MATCHED,), {}),
-        (
-            (MATCHED, LOOSE, "base.receiver.latency=0.3 s"),
-            {"filter.feedback": "open", "filter.delay_compensation": LATE},
-        ),
+        ((MATCHED, LOOSE), {"filter.feedback": "open"}),
+        ((MATCHED, LOOSE, "base.receiver.latency=0.3 s"), {"filter.delay_compensation": LATE}),
         ((LOOSE,), {"sensors": RADAR, "filter.measurements": ["position", "velocity", "altitude"], "filter.gate": 4.0}),
     ],
-    ids=["tight", "open loop", "sensor"],
+    ids=["tight", "open loop", "late", "sensor"],
 )
 def test_after_its_preparation_a_flight_reads_what_is_said_of_it_and_nothing_else(settings, fields, tmp_path: Path):
     scenario = with_fields(loaded(*settings), **fields)

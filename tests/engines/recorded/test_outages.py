@@ -41,7 +41,7 @@ def test_the_error_at_the_end_is_that_of_the_run_and_its_covariance_has_the_solu
 @pytest.mark.parametrize("changes", [
     {"feedback": "open"},
     {"delay_compensation": {"kind": "buffered", "delay": "0.5 s"}},
-    {"logic": {}},
+    {"logic": {}, "feedback": "open"},
     {"update": "joseph", "feedback": "direct"},
 ])  # fmt: skip
 def test_the_policies_of_a_filter_hold_on_a_log(drive, changes):

@@ -190,6 +190,7 @@ def test_its_rows_count_in_what_a_stretch_can_tell():
     assert one.rows == none.rows + 30
 
 
+@pytest.mark.slow  # a kernel of its own; a late sensor in an open loop is below
 def test_an_open_loop_takes_it_too():
     closed, opened = (
         run_block(prepare_hop(with_fields(radar(), **{"filter.feedback": loop})), 3, 0, 8).err[:, -1, 6:9]

@@ -83,6 +83,7 @@ def test_a_filter_without_the_tests_keeps_the_error():
     assert np.median(np.linalg.norm(block.err[:, at, 6:9], axis=1)) > 3.0 * np.median(with_tests)
 
 
+@pytest.mark.slow  # the kernel of one run by itself
 @pytest.mark.parametrize("name", ["channel", "inertial"])
 def test_one_run_decides_as_it_does_among_eight(name):
     one = run_block(prepared(name), 3, 0, 2, lanes=False)

@@ -64,17 +64,21 @@ def _shared(signals: Signals, epoch: int, channels: Ints) -> Floats:
 
 
 def simulated(signals: Signals) -> Chain:
-    """Return the chain of a simulated solution: white noise and what its axes share, new at every epoch."""
+    """Return the chain of a simulated solution: white noise and what its axes share, new at every epoch.
+
+    Its arrays lie in memory as those of `solved` do: in another order they would be a kernel of their own.
+    """
     n_epoch, axes = len(signals.n_used), np.arange(6)
+    sigma, variance = (np.ascontiguousarray(found[:, axes]) for found in (signals.sigma, signals.variance))
     return Chain(
         move=np.zeros((n_epoch, 6, 6)),
         white=np.tile(-np.eye(6), (n_epoch, 1, 1)),
-        variance=signals.sigma[:, axes] ** 2,
+        variance=sigma**2,
         kind=np.repeat(np.array([PLACE, SPEED]), 3),
         shared=-np.array([_shared(signals, k, axes) for k in range(n_epoch)]).reshape(n_epoch, 6, -1),
         push=np.zeros((n_epoch, 6)),
         pick=axes,
-        reported=np.einsum("ki,ij->kij", signals.variance[:, axes], np.eye(6)),
+        reported=variance[:, :, None] * np.eye(6),
         solved=signals.n_used >= 4,
         point=np.hstack([signals.position, signals.velocity]),
     )

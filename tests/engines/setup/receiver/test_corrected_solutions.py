@@ -21,7 +21,7 @@ TRUE = f"base.atmosphere.ionosphere={KLOBUCHAR}"
 
 
 def _position(*settings: str) -> np.ndarray:
-    return run_block(case(*LOOSE, *settings), 20261120, 0, 2, lanes=False).err[:, :, POS : POS + 3]
+    return run_block(case(*LOOSE, *settings), 20261120, 0, 8).err[:, :, POS : POS + 3]
 
 
 @pytest.fixture(scope="module")

@@ -106,3 +106,5 @@ def test_a_simulated_solution_has_no_memory_and_its_axes_their_own_noise():
     np.testing.assert_array_equal(chain.white[3], -np.eye(6))
     np.testing.assert_allclose(chain.reported[3], np.diag([2.2**2] * 3 + [0.11**2] * 3))
     assert chain.kind.min() > RANGE
+    # in memory as those of a receiver that solves: in another order they would be a kernel of their own
+    assert all(array.flags.c_contiguous for array in (*chain, *flown("point", "loose", "")[0].chain))
