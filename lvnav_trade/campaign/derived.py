@@ -1,8 +1,9 @@
 """Computed from a case: process noise and gains as filter cards, and what a study's report shows of them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -151,14 +152,12 @@ def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], 
 
 
 class Behind(NamedTuple):
-    """noise: estimates of process noise by the length of a step (s); single: one flight, see `flight_of`; clocks: see
-    `clocks_of`; antennas: see `antennas_of`; None where a study does not ask.
+    """noise: estimates of process noise by the length of a step (s); drawn: table of each figure that results alone do
+    not give, by its place among the figures, see `flight_of`, `clocks_of`, `antennas_of`.
     """
 
     noise: tuple[tuple[float, ProcessNoise], ...] = ()
-    single: pd.DataFrame | None = None
-    clocks: pd.DataFrame | None = None
-    antennas: pd.DataFrame | None = None
+    drawn: Mapping[int, pd.DataFrame] = MappingProxyType({})
 
 
 def behind(part: Part, campaign: Campaign) -> Behind:
@@ -166,15 +165,16 @@ def behind(part: Part, campaign: Campaign) -> Behind:
     noise: tuple[tuple[float, ProcessNoise], ...] = ()
     if (asked := part.noise) is not None:
         noise = tuple((step, process_noise(campaign, cases(campaign)[0], asked.runs, step)) for step in asked.steps)
-    single = clocks = antennas = None
-    if (chosen := part.single) is not None:
-        aided, unaided = (_case(campaign, levels) for levels in (chosen.aided, chosen.unaided))
-        single = flight_of(campaign, aided, unaided, chosen.run)
-    if (timed := part.clocks) is not None:
-        clocks = clocks_of(campaign, [_case(campaign, levels) for levels in timed.cases], timed.run)
-    if part.antennas is not None:
-        antennas = antennas_of(_case(campaign, part.antennas))
-    return Behind(noise, single, clocks, antennas)
+    drawn = {}
+    for place, figure in enumerate(part.figures):
+        chosen = [_case(campaign, levels) for levels in figure.cases]
+        if figure.plot == "single":
+            drawn[place] = flight_of(campaign, chosen, figure.run)
+        elif figure.plot == "clocks":
+            drawn[place] = clocks_of(campaign, chosen, figure.run)
+        elif figure.plot == "antennas":
+            drawn[place] = antennas_of(_case(campaign, figure.case))
+    return Behind(noise, drawn)
 
 
 def _case(campaign: Campaign, levels: Levels) -> Case:
@@ -184,11 +184,12 @@ def _case(campaign: Campaign, levels: Levels) -> Case:
     raise InputError(f"study.yaml: {campaign.name}: no case {levels}")
 
 
-def flight_of(campaign: Campaign, aided: Case, unaided: Case, run: int) -> pd.DataFrame:
-    """Return one run of two cases on the same draws: t_s, and for every axis of position (m) and velocity (m/s), in the
-    reporting frame, QUANTITY_AXIS_true (error of the unaided system), _estimated (what the aided one takes off), _left.
+def flight_of(campaign: Campaign, chosen: Sequence[Case], run: int) -> pd.DataFrame:
+    """Return one run of two cases, aided and unaided, on the same draws: t_s, and for every axis of position (m) and
+    velocity (m/s), in the reporting frame, QUANTITY_AXIS_true (error of the unaided system), _estimated (what the aided
+    one takes off), _left.
     """
-    flown = [prepare(case.scenario, campaign.keep.history) for case in (aided, unaided)]
+    flown = [prepare(case.scenario, campaign.keep.history) for case in chosen]
     errors = [run_block(one, campaign.seed, run, 1).err[0] for one in flown]
     if not np.array_equal(flown[0].t_hist, flown[1].t_hist):
         raise InputError(f"study.yaml: {campaign.name}: the two cases of a single flight do not fly the same flight")

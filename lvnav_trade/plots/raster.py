@@ -7,6 +7,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from joblib import Parallel, delayed
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Drawing
@@ -162,7 +163,9 @@ def _scale(axes: Any, side: str, scale: str | None) -> None:
 
 
 class _Decades(LogLocator):
-    """Ticks at decades; at 1, 2 and 5 where fewer than four decades lie within, and closer ones in less than one."""
+    """Ticks at decades; at 1, 2 and 5 where fewer than four decades lie within and there is room, and closer ones in
+    less than one.
+    """
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
         """Return the ticks between limits."""
@@ -170,6 +173,8 @@ class _Decades(LogLocator):
         if 0 < low < high < 10 * low:
             return within_a_decade(low, high)
         few = 0 < low and np.floor(np.log10(high)) - np.ceil(np.log10(low)) < _FEW_DECADES - 1
+        room = self.axis.get_tick_space() if isinstance(self.axis, Axis) else _FEW_DECADES
+        few = few and 3.0 * np.log10(high / low) <= max(3, room)  # else numbers would overlap
         self.set_params(subs=(1.0, 2.0, 5.0) if few else (1.0,))
         return super().tick_values(vmin, vmax)
 

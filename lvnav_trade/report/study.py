@@ -38,6 +38,7 @@ from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import Tables
 
 _MANY = 12  # cases: a table of them has one event
+_FLOWN_APART: dict[str, Callable[[pd.DataFrame], Drawing]] = {"single": single, "clocks": clocks, "antennas": antennas}
 
 
 class Answered(NamedTuple):
@@ -140,8 +141,8 @@ def _campaign(one: Answered) -> Section:
     shown = [(f"{place}-{figure.plot}", figure) for place, figure in enumerate(part.figures, 1)]
     if not any(figure.plot == "spread" for figure in part.figures):
         shown.append(("spread", Figure(plot="spread")))
-    for name, figure in shown:
-        drawn = _draw(one, figure)
+    for place, (name, figure) in enumerate(shown):
+        drawn = _draw(one, figure) if figure.plot not in _FLOWN_APART else _draw_apart(one, figure.plot, place)
         if drawn is not None:
             caption = figure.caption or note(figure.plot, "figures_of_a_study", **figure.model_dump())
             blocks.append(Picture(f"{part.campaign}-{name}", drawn, " ".join(caption.split())))
@@ -156,15 +157,6 @@ def _behind(one: Answered) -> list[Block]:
     blocks: list[Block] = []
     if one.behind is None:
         return blocks
-    if one.behind.single is not None:
-        caption = f"One flight (run {one.part.single.run if one.part.single else 0}): what the filter estimates."
-        blocks.append(Picture(f"{one.part.campaign}-single", single(one.behind.single), caption))
-    if one.behind.clocks is not None:
-        caption = "One flight: the receiver's clock, and what its own solution makes of it, as values."
-        blocks.append(Picture(f"{one.part.campaign}-clocks", clocks(one.behind.clocks), caption))
-    if one.behind.antennas is not None:
-        caption = "Gain of one antenna off its boresight, and of all around the body; none beyond the cut-off."
-        blocks.append(Picture(f"{one.part.campaign}-antennas", antennas(one.behind.antennas), caption))
     for step, found in one.behind.noise:
         drawn = steps(found.steps, [phase[:3] for phase in found.phases])
         caption = f"Error of the unaided system, and what the transition misses of it in steps of {step:g} s."
@@ -197,6 +189,11 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
     }
     drawn: Drawing | None = PLOTS[figure.plot](one.tables, *arguments.get(figure.plot, (case,)))
     return drawn
+
+
+def _draw_apart(one: Answered, plot: str, place: int) -> Drawing | None:
+    """Draw a figure that results alone do not give, of what was computed beside them."""
+    return None if one.behind is None else _FLOWN_APART[plot](one.behind.drawn[place])
 
 
 def _cases(one: Answered, case: Case) -> list[str]:

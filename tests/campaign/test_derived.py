@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.derived import antennas_of, clocks_of, process_noise
+from lvnav_trade.campaign.derived import antennas_of, behind, clocks_of, process_noise
 from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.reading.study import Part
 from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.errors import InputError
 from tests.building import LOOSE, MATCHED, flying, hop
@@ -82,3 +83,15 @@ def test_antennas_are_heard_within_their_cutoff_and_look_where_they_are_told():
     assert np.isinf(found.right[180])
     assert np.isinf(found.off_boresight[150])
     np.testing.assert_array_equal(found.off_boresight[:100], found.right[:100])
+
+
+def test_a_figure_that_results_do_not_give_is_computed_for_its_place_among_the_figures():
+    campaign = load(campaign_file("campaigns/smoke.yaml"), (LOOSE, SOLVES))
+    label = cases(campaign)[0].axes
+    figures = [{"plot": "errors"}, {"plot": "single", "cases": [label, label], "run": 1}, {"plot": "antennas"}]
+    with flying(hop()):
+        found = behind(Part.model_validate({"campaign": "smoke", "figures": figures}), campaign)
+    assert list(found.drawn) == [1, 2]
+    left = found.drawn[1]
+    assert (left.velocity_down_estimated == 0.0).all()  # the aided system and the unaided one are the same case
+    assert (left.velocity_down_true != 0.0).any()

@@ -248,8 +248,6 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
                for k, one in enumerate(figure.cases)]  # fmt: skip
     wanted += [(f"flown.{i}.case", one.case) for i, one in enumerate(part.flown)]
     wanted.append(("kml", part.kml or {}))
-    if part.single is not None:
-        wanted += [("single.aided", part.single.aided), ("single.unaided", part.single.unaided)]
     for path, one in wanted:
         if message := unknown_case(one, cases):
             yield path, message
@@ -261,6 +259,10 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
         along = {one.id: one.along for one in campaign.statements}
         if figure.plot == "bound" and not along.get(figure.statement):
             yield f"figures.{i}.statement", f"no statement {quoted(figure.statement)} that is along an axis"
+        if figure.plot == "single" and len(figure.cases) != 2:
+            yield f"figures.{i}", "single has two cases, the aided and the unaided one"
+        if figure.plot == "clocks" and not figure.cases:
+            yield f"figures.{i}", "clocks has at least one of cases"
         if figure.flown and (message := unknown_case({figure.axis: figure.flown}, cases)):
             yield f"figures.{i}.flown", message
     if part.paired and part.paired not in cases[0]:

@@ -28,13 +28,16 @@ class Figure(Card):
         "errors", "relative", "locus", "spread", "bound", "envelope", "budget", "consistency", "autocorrelation",
         "trajectory", "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
         "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "interpretations",
-        "apart", "allan", "decisions",
+        "apart", "allan", "decisions", "single", "clocks", "antennas",
     ]  # fmt: skip
     caption: str = ""
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")
     cases: tuple[Case, ...] = Field(
-        (), description="of errors, relative, worth: the cases, all if absent; of apart: pairs of cases"
+        (),
+        description="of errors, relative, worth: the cases, all if absent; of apart: pairs of cases; of single: the "
+        "aided case and the unaided one; of clocks: those whose receivers solve for themselves",
     )
+    run: int = Field(0, ge=0, description="of single and clocks: the run that is drawn, the same in each case")
     quantity: str = Field("position", description="of errors, envelope, budget and motion")
     axis: str = Field("3d", description="of errors, relative: the axis; of locus: the axis that is varied")
     during: str | None = Field(None, description="of errors, relative, locus: the phase")
@@ -64,21 +67,6 @@ class Ensemble(Card):
     steps: tuple[Duration, ...] = Field(description="lengths of a step")
 
 
-class Single(Card):
-    """One flight of two cases on the same draws."""
-
-    aided: Case
-    unaided: Case
-    run: int = Field(0, ge=0)
-
-
-class Clocks(Card):
-    """One flight of cases whose receivers solve for themselves, on the same draws."""
-
-    cases: tuple[Case, ...] = Field(min_length=1)
-    run: int = Field(0, ge=0)
-
-
 class Part(Card):
     """A campaign of the study."""
 
@@ -92,15 +80,6 @@ class Part(Card):
         (), description="published numbers of single flights, shown among ours; items are 'MISSION, WHAT'"
     )
     noise: Ensemble | None = Field(None, description="process noise of an ensemble of the first case, as estimate-q")
-    single: Single | None = Field(
-        None, description="one flight: the unaided error, what is estimated of it, what is left"
-    )
-    clocks: Clocks | None = Field(
-        None, description="one flight: the receiver's clock, and what each case's own solution makes of it"
-    )
-    antennas: Case | None = Field(
-        None, description="level of each axis: the case whose receiver's antennas are drawn, gain by direction"
-    )
     kml: Case | None = Field(
         None, description="level of each axis: the case whose flight is kept as KML, with its 3-sigma position errors"
     )

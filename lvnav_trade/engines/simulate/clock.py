@@ -3,6 +3,7 @@
 import numpy as np
 
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.simulate.sensing import step_clock
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.random import normals, seed_words
 from lvnav_trade.records import Floats
@@ -19,9 +20,8 @@ def _walk(
     path[0, 0], path[0, 1] = start[0] * n0, start[1] * n1
     for epoch in range(jump.shape[0]):
         n0, n1, _, _ = normals(k0, k1, at_epoch, run, np.uint64(epoch + 1), zero)
-        bias, drift = path[epoch, 0], path[epoch, 1]
-        path[epoch + 1, 0] = bias + interval * drift + step[0] * n0 + jump[epoch, 0]
-        path[epoch + 1, 1] = drift + step[1] * n0 + step[2] * n1 + jump[epoch, 1]
+        path[epoch + 1, 0], path[epoch + 1, 1] = path[epoch, 0], path[epoch, 1]
+        step_clock(path[epoch + 1], step, interval, jump[epoch], n0, n1)
 
 
 def true_clock(prepared: Prepared, seed: int, run: int) -> Floats:

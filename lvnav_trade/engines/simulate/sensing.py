@@ -176,13 +176,18 @@ def sense(work, own, unit, units, first, n_tick, k0, k1):
 
 
 @jit
+def step_clock(clock, step, interval, jump, n0, n1):
+    """Step bias (m) and drift (m/s) of a clock over an interval (s), with two normals and the jumps of faults."""
+    clock[0] = clock[0] + interval * clock[1] + step[0] * n0 + jump[0]
+    clock[1] = clock[1] + step[1] * n0 + step[2] * n1 + jump[1]
+
+
+@jit
 def _step_receiver(work, signals, word, epoch, k0, k1):
     """Step the receiver's clock and the errors that measurements share to an epoch."""
     run = work.run[0]
     n0, n1, _, _ = normals(k0, k1, signals.sources[0], run, word, _ZERO)
-    step = signals.clock_step
-    work.clock[0] = work.clock[0] + signals.interval * work.clock[1] + step[0] * n0 + signals.clock_jump[epoch, 0]
-    work.clock[1] = work.clock[1] + step[1] * n0 + step[2] * n1 + signals.clock_jump[epoch, 1]
+    step_clock(work.clock, signals.clock_step, signals.interval, signals.clock_jump[epoch], n0, n1)
     shared = signals.shared
     for m in range(shared.walk.shape[0]):
         if shared.walk[m] > 0.0:

@@ -68,6 +68,8 @@ def test_the_runs_asked_for_take_the_place_of_the_campaigns_own(folder: Path) ->
             r"study.yaml:4:16: campaigns.0.campaign: no campaign 'secnd'.*second",
         ),
         (("plot: errors", "plot: erors"), r"study.yaml:4:\d+: campaigns.0.figures.0.plot: "),
+        (("plot: errors", "plot: single"), r"campaigns.0.figures.0: single has two cases"),
+        (("plot: errors", "plot: clocks"), r"campaigns.0.figures.0: clocks has at least one"),
         (("plot: errors", "plot: apart, axes: {attitude: rol}"), r"axes.attitude: no axis 'rol' \(did you mean 'roll'"),
         (
             ("title:", "units: {atitude: deg}\ntitle:"),
