@@ -38,7 +38,7 @@ def label_of(tables: Tables, case: str, pool: Sequence[str]) -> str:
     if not pool or (count := len(members(tables, case, pool))) == 1:
         return tables.labels[case]
     rest = ", ".join(f"{axis}={level}" for axis, level in _others(tables, case, pool) if level != "base")
-    return f"{rest or 'base'}; {count} of {', '.join(pool)} together"
+    return f"{rest or 'base'}; {count} levels of {', '.join(pool)} together"
 
 
 def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:

@@ -222,7 +222,7 @@ def _over(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -> Colu
             each, level = (np.full(len(one), whole.formal**2) for one in (whole.runs, whole.levels))
             whole = whole._replace(true=whole.formal, monte_carlo=whole.formal, runs=each, levels=level)
         together = len(members(tables, case, axes_of(term))) if axes_of(term) else 0
-        words = f"{together} cases of {', '.join(axes_of(term))} together" if together else ""
+        words = f"{together} levels of {', '.join(axes_of(term))} together" if together else ""
         return whole._replace(remark="; ".join(text for text in (whole.remark, words) if text))
     mine = {axis: level for axis, level in tables.levels[case].items() if axis != over}
     cases = [other for other, levels in tables.levels.items() if mine.items() <= levels.items()]

@@ -28,7 +28,7 @@ def test_one_case_stands_for_those_that_are_taken_together(tables):
     assert cases_of(tables, {}, ("realisation",)) == ["fine0", "coarse0"]
     assert cases_of(tables, {"imu": "fine"}, ()) == [f"fine{k}" for k in range(5)]
     assert members(tables, "coarse0", ("realisation",)) == [f"coarse{k}" for k in range(5)]
-    assert label_of(tables, "fine0", ("realisation",)) == "imu=fine; 5 of realisation together"
+    assert label_of(tables, "fine0", ("realisation",)) == "imu=fine; 5 levels of realisation together"
     assert label_of(tables, "fine0", ()) == "imu=fine, realisation=0"
     alone = SimpleNamespace(levels={"fine0": LEVELS["fine0"]}, labels=tables.labels)
     assert label_of(alone, "fine0", ("realisation",)) == "imu=fine, realisation=0"

@@ -80,7 +80,7 @@ def test_launches_of_a_mission_count_as_one_case(tmp_path):
     tables = results_of(tmp_path / "r")
     frame = METRICS["references"](tables).set_index("item")
     row = frame.loc["table 2 by Monte Carlo, rate roll, boost"]
-    assert row["case"] == "base; 2 of realisation together"
+    assert row["case"] == "base; 2 levels of realisation together"
     assert row["formal"] == pytest.approx(88.1, abs=0.5)
     assert row["monte_carlo"] > 88.0
     frame = frame.set_index("id")
