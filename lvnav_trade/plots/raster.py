@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from joblib import Parallel, delayed
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, YAxis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Drawing
@@ -174,6 +174,7 @@ class _Decades(LogLocator):
             return within_a_decade(low, high)
         few = 0 < low and np.floor(np.log10(high)) - np.ceil(np.log10(low)) < _FEW_DECADES - 1
         room = self.axis.get_tick_space() if isinstance(self.axis, Axis) else _FEW_DECADES
+        room *= 2 if isinstance(self.axis, YAxis) else 1  # matplotlib leaves a line between two numbers
         few = few and 3.0 * np.log10(high / low) <= max(3, room)  # else numbers would overlap
         self.set_params(subs=(1.0, 2.0, 5.0) if few else (1.0,))
         return super().tick_values(vmin, vmax)

@@ -83,6 +83,20 @@ def test_an_axis_of_few_decades_has_labels_at_one_two_and_five(low, high, texts)
     assert texts <= {text.get_text() for text in found.axes[0].get_xticklabels()}
 
 
+@pytest.mark.parametrize(("side", "columns", "close"), [("x", 1, True), ("y", 1, True), ("x", 5, False)])
+def test_numbers_between_decades_stand_where_there_is_room(side, columns, close):
+    figure, grid = canvas(1, columns, 2.0)
+    axes = grid[0, 0]
+    at, level = [20.0, 5e4], [0.0, 1.0]
+    axes.plot(*((at, level) if side == "x" else (level, at)))
+    axes.set(margin=0.0, **{f"{side}scale": "log"})
+    found = drawn(figure)
+    found.draw_without_rendering()
+    texts = {text.get_text() for text in getattr(found.axes[0], f"get_{side}ticklabels")()}
+    assert ({"200", "500"} <= texts) == close
+    assert {"100", "1000"} <= texts
+
+
 def test_an_axis_of_many_decades_has_labels_at_decades_alone():
     figure, axes = panel(2.0)
     axes.plot([0.5, 5e4], [0.0, 1.0])
