@@ -280,9 +280,18 @@
   function decades(u, axis, low, high) {
     const whole = multiples([1], low, high);
     if (whole.length >= 4) { return whole; }
-    if (high >= 10 * low) { return multiples(CLOSE[0], low, high); }
+    if (high >= 10 * low) {
+      const close = multiples(CLOSE[0], low, high);
+      return roomFor(u, axis, close) ? close : whole;
+    }
     const found = CLOSE.map((parts) => multiples(parts, low, high)).find((ticks) => ticks.length >= 4);
     return found || even(low, high);
+  }
+  function roomFor(u, axis, ticks) {
+    const px = u.pxRatio || 1, width = u.bbox.width / px || u.width, height = u.bbox.height / px || u.height;
+    return axis > 0
+      ? 12 * ticks.length <= height
+      : ticks.reduce((sum, at) => sum + 6.3 * short(at).length + 8, 0) <= width;
   }
   function multiples(parts, low, high) {
     const found = [];
