@@ -26,11 +26,12 @@ def found(**asked):
 def test_a_part_that_asks_for_nothing_gets_nothing():
     nothing, _ = found()
     assert nothing.noise == ()
-    assert nothing.single is None
+    assert not nothing.drawn
 
 
 def test_one_flight_is_the_run_of_both_cases_and_the_estimate_their_difference():
-    single = found(single={"aided": {"filter": "loose"}, "unaided": {"filter": "inertial"}, "run": 3})[0].single
+    asked = {"plot": "single", "cases": [{"filter": "loose"}, {"filter": "inertial"}], "run": 3}
+    single = found(figures=[asked])[0].drawn[0]
     seed = load(campaign_file("campaigns/smoke.yaml")).seed
     aided, unaided = (run_block(case(MATCHED, one), seed, 3, 1).err[0] for one in (LOOSE, INERTIAL))
     np.testing.assert_array_equal(single.position_down_true, unaided[:, 8])
@@ -46,4 +47,4 @@ def test_noise_is_estimated_of_the_first_case_for_every_length_of_a_step():
 
 def test_a_case_that_is_not_there_is_reported():
     with pytest.raises(InputError, match="no case"):
-        found(single={"aided": {"filter": "tight"}, "unaided": {"filter": "inertial"}})
+        found(figures=[{"plot": "single", "cases": [{"filter": "tight"}, {"filter": "inertial"}]}])
