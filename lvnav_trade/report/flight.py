@@ -18,6 +18,8 @@ from lvnav_trade.report.blocks import (
 from lvnav_trade.report.escape import note
 from lvnav_trade.store.read import Tables
 
+_SIDE_BY_SIDE = 6  # cases that a table holds beside each other
+
 
 @of("orbit", "No case ends in an orbit that clears the ground.")
 def orbit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
@@ -97,7 +99,11 @@ def _range(values: pd.Series) -> str:
 
 @of("interpretations")
 def interpretations_table(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return improvements of all cases that references hold against raw samples, side by side; nothing without any."""
+    """Return improvements of all cases that references hold against raw samples, side by side; nothing without any, or
+    of more cases than a page has room for.
+    """
+    if frame.case.nunique() > _SIDE_BY_SIDE:
+        return []
     keys = ["error", "during"]
     found = frame[keys].drop_duplicates().reset_index(drop=True)
     each, cases = pd.MultiIndex.from_frame(found), frame.case.unique()

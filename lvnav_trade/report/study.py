@@ -37,6 +37,7 @@ from lvnav_trade.report.statements import is_statement, verdicts, with_those_lef
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import Tables
 
+_ACRONYMS = {"ekf", "fdir", "hil", "imu", "pvt", "ukf"}
 _MANY = 12  # cases: a table of them has one event
 _FLOWN_APART: dict[str, Callable[[pd.DataFrame], Drawing]] = {"single": single, "clocks": clocks, "antennas": antennas}
 
@@ -150,7 +151,13 @@ def _campaign(one: Answered) -> Section:
         file = f"{part.campaign}.kml"
         blocks.append(Text(f"The flight with its 3-sigma position errors, for viewers of the Earth: {file}."))
     blocks += [Text(" ".join(paragraph.split())) for paragraph in part.text.split("\n\n") if paragraph.strip()]
-    return Section(part.campaign, part.campaign.replace("_", " ").capitalize(), blocks)
+    return Section(part.campaign, heading(part.campaign), blocks)
+
+
+def heading(campaign: str) -> str:
+    """Return the name of a campaign as a heading: ``imu_noise`` is IMU noise."""
+    first, *rest = [word.upper() if word in _ACRONYMS else word for word in campaign.split("_")]
+    return " ".join([first[:1].upper() + first[1:], *rest])
 
 
 def _behind(one: Answered) -> list[Block]:

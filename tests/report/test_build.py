@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import importlib
 import json
 import re
 from html.parser import HTMLParser
@@ -85,6 +86,13 @@ def test_a_report_that_is_kept_again_replaces_what_it_wrote_and_nothing_else(pag
     assert (kept / "report.md").read_bytes() == twin
     for name in own:
         (kept / name).unlink()
+
+
+def test_a_page_is_kept_without_its_tables_where_these_are_not_wanted(page, tmp_path, monkeypatch):
+    monkeypatch.setattr(importlib.import_module("lvnav_trade.report.build"), "pictures", lambda sections: {})
+    assert (keep(page.parent, tmp_path / "kept").parent / "rms.csv").exists()
+    assert keep(page.parent, tmp_path / "kept", tables=False).exists()
+    assert not list((tmp_path / "kept").glob("*.csv"))
 
 
 @pytest.mark.parametrize("name", ["data.csv", "figures/photo.png", "report.md", "contents.json", "manifest.json"])

@@ -14,7 +14,7 @@ from lvnav_trade.campaign.reading.study import Study
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.published import references
 from lvnav_trade.report.blocks import Table, Text
-from lvnav_trade.report.study import Answered, build, missions_table, noise_table, study_tables
+from lvnav_trade.report.study import Answered, build, heading, missions_table, noise_table, study_tables
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -194,6 +194,12 @@ def test_a_bounded_noise_is_reported_by_case_with_its_weakest_direction():
 def test_coverage_and_parting_have_their_columns(tables):
     assert set(cells(study_tables(tables, ("coverage",), ""), "honest")) <= {"yes", "no"}
     assert set(cells(study_tables(tables, ("paired",), "imu"), "levels")) == {"fine and coarse"}
+
+
+def test_a_campaign_is_headed_by_its_name_in_words():
+    assert [heading(name) for name in ("imu_noise", "ekf_ukf", "delay", "tested_imu")] == [
+        "IMU noise", "EKF UKF", "Delay", "Tested IMU",
+    ]  # fmt: skip
 
 
 def test_missions_stand_in_rows_and_ours_below_them(tables):
