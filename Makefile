@@ -14,11 +14,11 @@ from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
 wheels_needed := pip 'hatchling>=1.27,<2' editables
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint unit smoke slow bounds lowest test-lowest bench docs study-conae study-dlr study-drdc study-gains recorded test-s3 trade wheelhouse clean
+.PHONY: help demo test lint unit smoke slow browser bounds lowest test-lowest bench docs study-conae study-dlr study-drdc study-gains recorded test-s3 trade wheelhouse clean
 
 help:
 	@sed -n 's/^# //p' Makefile | head -4
-	@echo 'also: make slow | bounds | lowest | bench | docs | study-conae | study-dlr | study-drdc | study-gains | recorded | test-s3 | wheelhouse | clean'
+	@echo 'also: make slow | browser | bounds | lowest | bench | docs | study-conae | study-dlr | study-drdc | study-gains | recorded | test-s3 | wheelhouse | clean'
 
 # A stamp stands for an installation and is older than pyproject.toml when that must be repeated.
 $(bin)/python:
@@ -76,8 +76,20 @@ smoke: lint
 unit: smoke
 	@$(bin)/python -m pytest -m "not slow" --numprocesses $(JOBS) --dist loadfile --no-header
 
+# The report in a browser and on paper; needs chromium and poppler-utils (apt-get install chromium poppler-utils).
+browser: $(VENV)/.installed-test
+	@command -v chromium >/dev/null && command -v pdftotext >/dev/null || \
+	    { echo "chromium or pdftotext is missing: apt-get install chromium poppler-utils" >&2; exit 1; }
+	@$(bin)/python -m pytest -m "slow or not slow" tests/report/test_browser.py
+
 slow: $(VENV)/.installed-test
 	@$(bin)/python -m pytest -m slow
+
+# Seeded mutants of files of data, campaigns and results, as many as docs/hardening.md states.
+fuzz: $(VENV)/.installed-test
+	@$(bin)/python -m tests.fuzzing data 10000
+	@$(bin)/python -m tests.fuzzing results 1000
+	@$(bin)/python -m tests.fuzzing campaigns 3000
 
 # Small campaigns of every filter, delay, sensor and fault, with each index of a compiled array checked.
 bounds: $(VENV)/.installed-test
@@ -98,17 +110,27 @@ docs: $(VENV)/.installed-docs
 	@$(bin)/mkdocs build --quiet --clean
 	@echo "the manual: site/index.html"
 
-bench: $(VENV)/.installed-bench
-	@OPENBLAS_NUM_THREADS=1 $(bin)/python -m benchmarks.run  # as in worker processes
+# What a target installs beyond the tests' packages goes into a folder of its own: no other target sees it.
+$(VENV)-%/.installed: pyproject.toml | $(bin)/python
+	@test -x "$(VENV)-$*/bin/python" || $(PYTHON) -m venv "$(VENV)-$*"
+	@echo "installing lvnav-trade[$(extras_$*)] into $(VENV)-$*$(if $(WHEELS), from $(WHEELS))"
+	@"$(VENV)-$*/bin/python" -m pip --disable-pip-version-check -qq install $(from_wheels) \
+	    --editable '.[$(extras_$*)]' $(more_$*)
+	@touch $@
+
+extras_bench := bench
+bench: $(VENV)-bench/.installed
+	@OPENBLAS_NUM_THREADS=1 "$(VENV)-bench/bin/python" -m benchmarks.run  # as in worker processes
 
 # A published study again, every campaign of its folder: an hour or so; killed, the same command goes on.
 study-conae study-dlr study-drdc study-gains: study-%: $(VENV)/.installed
-	@$(bin)/lvnav-trade study $* --keep reports/$* --jobs $(JOBS)
+	@$(bin)/python campaigns/$*/study.py --keep reports/$* --jobs $(JOBS)
 
 # Results on a server of S3 on this machine (the packages of both are installed for it).
-test-s3: $(VENV)/.installed-test
-	@$(bin)/pip install -q 's3fs>=2024.2' 'moto[server]>=5,<6'
-	@$(bin)/python -m pytest -q tests/store/test_remote.py
+extras_s3 := test
+more_s3 := 's3fs>=2024.2,<2028' 'moto[server]>=5,<6'
+test-s3: $(VENV)-s3/.installed
+	@"$(VENV)-s3/bin/python" -m pytest -q tests/store/test_remote.py
 
 # Recorded sets of others, from the folder that holds them: SETS=... make recorded
 recorded: $(VENV)/.installed
@@ -135,5 +157,5 @@ wheelhouse: pyproject.toml | $(bin)/python
 	@echo "wheelhouse/ holds $$(ls wheelhouse | wc -l) wheels, $$(du -sh wheelhouse | cut -f1)"
 
 clean:
-	@rm -rf "$(VENV)" "$(VENV)-lowest" build dist results wheelhouse site .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	@rm -rf "$(VENV)" "$(VENV)-lowest" "$(VENV)-bench" "$(VENV)-s3" build dist results wheelhouse site .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -74,7 +74,9 @@ def _cell(text: str) -> str:
 
 def validation() -> str:
     """Return the page on every model, what checks it and what it leaves out, from the list that reports quote."""
-    stored = tomllib.loads((ROOT / "lvnav_trade/report/templates/models.toml").read_text(encoding="utf-8"))
+    from lvnav_trade.report.models import registry
+
+    stored = registry()
     counts = Counter(check["by"] for one in stored["model"] for check in one["checks"])
     lines = [
         "# Validation",
@@ -143,7 +145,7 @@ def _paths(path: str, seen: set[str] | None = None) -> Iterator[tuple[str, list[
 
 def metrics() -> str:
     """Return what a requirement can name, and the tables made from it."""
-    from lvnav_trade.campaign.reading.quantities import known_metrics
+    from lvnav_trade.campaign.definition.metric_names import known_metrics
     from lvnav_trade.metrics import METRICS
 
     known = [[f"`{one[0]}`", *map(str, one[1:])] for one in known_metrics()]
@@ -163,12 +165,19 @@ def tables() -> str:
         "# Tables",
         "",
         "Parquet files of a results folder; `results.NAME` in Python. Every table begins with `case`.",
+        "A table without rows is not written: Python reads it as a frame without rows.",
+        "`contents.json` of a folder lists its tables and the feature that each belongs to.",
         "",
     ]
+    features = [[f"[{name}](#{name})", feature] for name, feature in stored["features"].items()]
+    lines += [_table(["table", "feature"], features), ""]
+    reported = [[f"`{name}.csv`", feature] for name, feature in stored["reported"].items()]
+    lines += ["Beside a report, where they have rows:", "", _table(["table", "feature"], reported), ""]
     lines += [_table(["end of a name", "unit"], [[f"`_{end}`", unit] for end, unit in stored["units"].items()])]
     for name, columns in stored["tables"].items():
         rows = [[f"`{column}`", meaning or stored["shared"].get(column, "")] for column, meaning in columns.items()]
-        lines += ["", f"## {name}", "", _table(["column", "meaning"], rows)]
+        feature = stored["features"][name]
+        lines += ["", f"## {name}", "", f"Feature: {feature}.", "", _table(["column", "meaning"], rows)]
     return "\n".join(lines) + "\n"
 
 
@@ -188,17 +197,68 @@ def commands() -> str:
 
 
 def python() -> str:
-    """Return signatures and docstrings of what `lvnav_trade` exports."""
+    """Return the public functions and records with their docstrings."""
     import inspect
 
     import lvnav_trade
+    from lvnav_trade import api
 
-    lines = ["# Python", "", "```text", inspect.cleandoc(lvnav_trade.__doc__ or ""), "```"]
-    for name in lvnav_trade.__all__:
-        thing = getattr(lvnav_trade, name)
-        signature = "" if isinstance(thing, type) and issubclass(thing, Exception) else str(inspect.signature(thing))
-        lines += ["", f"## {name}", "", "```text", f"{name}{signature}", "", inspect.getdoc(thing) or "", "```"]
+    lines = ["# Python", "", "How they are used: [Python](../python.md).", "", "## Conventions", ""]
+    lines += ["```text", inspect.cleandoc(lvnav_trade.__doc__ or ""), "```"]
+    things = {name: getattr(api, name) for name in api.__all__}
+    for title, chosen in (("Functions", inspect.isfunction), ("Records", inspect.isclass)):
+        lines += ["", f"## {title}"]
+        for name, thing in things.items():
+            if chosen(thing):
+                lines += ["", f"### {name}", "", *_signature(name, thing), *_sections(inspect.getdoc(thing) or "")]
+                lines += _methods(thing) if inspect.isclass(thing) else []
     return "\n".join(lines) + "\n"
+
+
+def _signature(name: str, thing: Any) -> list[str]:
+    """Return the call of a function, a parameter per line."""
+    import inspect
+
+    if inspect.isclass(thing):
+        return []
+    found = inspect.signature(thing)
+    taken = "".join(f"    {_parameter(one)},\n" for one in found.parameters.values())
+    returned = f" -> {found.return_annotation}" if found.return_annotation is not found.empty else ""
+    return ["```python", f"{name}(\n{taken}){returned}" if taken else f"{name}(){returned}", "```", ""]
+
+
+def _parameter(one: Any) -> str:
+    """Return a parameter with its type and default."""
+    default = "" if one.default is one.empty else f" = {one.default!r}"
+    return f"{one.name}: {one.annotation}{default if '<' not in default else ''}"
+
+
+def _methods(kind: type) -> list[str]:
+    """Return the public methods of a record, each with the first line of its docstring."""
+    import inspect
+
+    methods = {n: m for n, m in vars(kind).items() if inspect.isfunction(m) and not n.startswith("_")}
+    rows = [[f"`{name}()`", (method.__doc__ or "").partition("\n")[0]] for name, method in methods.items()]
+    return ["", _table(["method", ""], rows)] if rows else []
+
+
+_HEADING = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
+
+
+def _sections(docstring: str) -> list[str]:
+    """Return a numpydoc docstring as Markdown: its text, and a table for each section."""
+    text, *parts = _HEADING.split(docstring)
+    lines = [text.strip().replace("``", "`")]
+    for heading, body in zip(parts[::2], parts[1::2], strict=True):
+        rows: list[list[str]] = []
+        for line in body.strip("\n").splitlines():
+            if line and not line.startswith(" "):
+                name, _, kind = line.partition(" : ")
+                rows.append([f"`{name}`", kind, ""])
+            elif rows:
+                rows[-1][2] = f"{rows[-1][2]} {line.strip()}".strip().replace("``", "`")
+        lines += ["", f"**{heading}**", "", _table(["", "", ""], rows)]
+    return lines
 
 
 def cards() -> str:

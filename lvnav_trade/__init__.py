@@ -1,7 +1,8 @@
 """Trade-offs for launch-vehicle navigation: which inertial unit, receiver and filter bring a vehicle to injection.
 
-``run`` runs a campaign, ``load`` reads results, ``check`` validates a campaign without running it; `InputError` is an
-input error, reported in one line. The conventions that hold everywhere:
+``run`` runs a campaign, ``load`` reads results, ``check`` validates a campaign without running it; every other verb of
+the command line is a function of `lvnav_trade.api`. `InputError` is an input error, reported in one line. The
+conventions that hold everywhere:
 
 Frames
     One letter each: ``i`` Earth-centred inertial (true equator; ``e`` turns against it about z by theta0 + omega t),
@@ -32,10 +33,10 @@ Randomness
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from lvnav_trade.api import Results, check, load, run
+    from lvnav_trade.api import Results, check, compare, load, plan, replay, run, solve, tune
     from lvnav_trade.errors import InputError
 
-__all__ = ["InputError", "Results", "check", "load", "run"]
+__all__ = ["InputError", "Results", "check", "compare", "load", "plan", "replay", "run", "solve", "tune"]
 
 
 def __dir__() -> list[str]:

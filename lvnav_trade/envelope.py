@@ -1,4 +1,4 @@
-"""How fast a launcher may turn and accelerate: the envelope that a filter of its rate assumes."""
+"""Envelope of a launcher's motion: steps of rate and acceleration that a filter model assumes."""
 
 import math
 
@@ -17,19 +17,19 @@ class EnvelopeCard(units.Card):
     Desbiens, Gagnon and Landry, section 2.3 (equations 7 to 10).
     """
 
-    roll: units.AngularAccelerationSigma = 0.002
-    burn: units.AngularAccelerationSigma = 0.02
-    coast: units.AngularAccelerationSigma = 0.002
-    turn_gain: float = Field(5.0, ge=0.0)
-    turn_time: units.TimeConstant = 2.0
-    axial_burn: units.JerkSigma = 15.0
-    axial_coast: units.JerkSigma = 10.0
-    axial_change: units.JerkSigma = 15000.0
-    before_change: units.Pause = 1.0
-    after_change: units.Pause = 2.0
-    lateral: units.JerkSigma = 10.0
-    nozzle_gain: units.AccelerationSigma = 30.0
-    nozzle_time: units.TimeConstant = 0.035
+    roll: units.AngularAccelerationSigma = 0.002  # roll acceleration
+    burn: units.AngularAccelerationSigma = 0.02  # unknown pitch and yaw acceleration in burns
+    coast: units.AngularAccelerationSigma = 0.002  # unknown pitch and yaw acceleration in coasts
+    turn_gain: float = Field(5.0, ge=0.0)  # gain on the commanded angular acceleration
+    turn_time: units.TimeConstant = 2.0  # time constant of the response to that command
+    axial_burn: units.JerkSigma = 15.0  # axial jerk in burns
+    axial_coast: units.JerkSigma = 10.0  # axial jerk in coasts
+    axial_change: units.JerkSigma = 15000.0  # axial jerk around ignition, cut-off and separation
+    before_change: units.Pause = 1.0  # time before such a change for which it is assumed
+    after_change: units.Pause = 2.0  # time after such a change for which it is assumed
+    lateral: units.JerkSigma = 10.0  # unknown lateral jerk
+    nozzle_gain: units.AccelerationSigma = 30.0  # lateral acceleration per nozzle angle
+    nozzle_time: units.TimeConstant = 0.035  # time constant of the response to the nozzle
     start_rate: units.AngularRateSigma = Field(0.017453292519943295, description="of the rate before the first sample")
     start_acceleration: units.AccelerationSigma = Field(20.0, description="of the acceleration before the first sample")
 

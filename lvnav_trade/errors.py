@@ -1,14 +1,41 @@
-"""Errors that a user can mend: one line that says where and what."""
+"""Input errors: one line with the place and the remedy."""
 
 from __future__ import annotations
 
 import errno
 import os
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple, TypeGuard
 
 from lvnav_trade.limits import MESSAGE_LENGTH, MESSAGES, QUOTED_LENGTH
+
+# Control characters but for tabs and line breaks, and those that change the direction of what follows
+HIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ufeff]")
+# Within an address: name and password, to its last @ (a secret may have a slash), and what a query signs
+_USER, _QUERY = re.compile(r"(?<=://)[^\s'\"]*@"), re.compile(r"(://[^\s'\"?#]*)[?#][^\s'\"]*")
+
+
+def visible(text: str) -> str:
+    """Return the text with hidden characters written as their escape sequences; lines and tabs stay."""
+    return HIDDEN.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def without_credentials(text: str) -> str:
+    """Return the text with the user, password, query and fragment of every address in it replaced by asterisks."""
+    return _QUERY.sub(r"\1?***", _USER.sub("***@", text)) if "://" in text else text
+
+
+def credentials(address: str) -> list[str]:
+    """Return the parts of an address that are secret, the longest first: other programs quote them in messages."""
+    found = [
+        part
+        for text in (*_USER.findall(address), *(one.partition("?")[2] for one in address.split()))
+        if text
+        for part in (text.rstrip("@"), *re.split("[:&=]", text.rstrip("@")))
+    ]
+    return sorted({part for part in found if len(part) > 3}, key=len, reverse=True)
 
 
 def printable(text: str) -> str:
@@ -42,9 +69,9 @@ class Mistake(NamedTuple):
     column: int = 0
 
     def cleaned(self) -> Mistake:
-        """Return the same fit to be printed: each part in one line of bounded length without control characters."""
-        message, path = (shortened(printable(text), MESSAGE_LENGTH) for text in self[:2])
-        return self._replace(message=message, path=path, file=printable(self.file))
+        """Return the same fit to be printed: each part in one bounded line without control characters and passwords."""
+        message, path = (shortened(printable(without_credentials(text)), MESSAGE_LENGTH) for text in self[:2])
+        return self._replace(message=message, path=path, file=printable(without_credentials(self.file)))
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file

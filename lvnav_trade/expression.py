@@ -1,15 +1,19 @@
-"""Arithmetic of named numbers written as text, and the cases that the names stand for.
+"""Arithmetic of named numbers written as text.
 
 ``a / b``, ``max(a, b, c) / min(a, b, c)``, ``100 * (a / b - 1)``.
 """
 
 import ast
-from collections.abc import Callable, Mapping, Sequence
+import math
+import re
+from collections.abc import Callable, Mapping
 from functools import reduce
-from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+
+from lvnav_trade.decimals import DECIMAL
+from lvnav_trade.errors import quoted
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide,
@@ -20,6 +24,7 @@ _CALLED: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
     "sqrt": np.sqrt,
 }
+_SINGLE = ("abs", "sqrt")  # these have one argument, the others one or more
 _LENGTH = 500  # characters
 
 
@@ -30,20 +35,39 @@ def _parsed(text: str) -> ast.expr:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise ValueError("should be an expression such as 'a / b' or 'max(a, b) / min(a, b)'") from None
+    called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     for node in ast.walk(tree):
-        if not _known(node):
-            raise ValueError(f"should be made of terms, numbers, + - * /, {', '.join(_CALLED)} and brackets")
+        if fault := _fault(node, text.strip(), id(node) in called):
+            raise ValueError(fault)
     return tree
 
 
-def _known(node: ast.AST) -> bool:
-    if isinstance(node, ast.Call):
-        return isinstance(node.func, ast.Name) and node.func.id in _CALLED and bool(node.args) and not node.keywords
-    if isinstance(node, ast.Constant):
-        return isinstance(node.value, int | float) and not isinstance(node.value, bool)
-    if isinstance(node, ast.UnaryOp):
-        return isinstance(node.op, ast.USub)
-    return isinstance(node, (ast.BinOp, ast.Name, ast.Load, ast.USub, *_BINARY))
+def _fault(node: ast.AST, text: str, is_called: bool) -> str:
+    """Return in words why a node of the tree of `text` has no meaning here, empty where it has one.
+
+    is_called : whether the node is the function of a call
+    """
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _CALLED:
+        fits = node.args and not node.keywords and (len(node.args) == 1 or node.func.id not in _SINGLE)
+        return "" if fits else _call(node.func.id)
+    if isinstance(node, ast.Name) and node.id in _CALLED and not is_called:
+        return _call(node.id)
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
+        written = ast.get_source_segment(text, node) or ""
+        if not re.fullmatch(DECIMAL, written):
+            return f"should have decimal numbers such as 1000.5, not {quoted(written)}"
+        return "" if math.isfinite(float(written)) else f"should have numbers below 1e308, not {quoted(written)}"
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        return ""
+    if isinstance(node, (ast.BinOp, ast.Name, ast.Load, ast.USub, *_BINARY)):
+        return ""
+    return f"should be made of terms, numbers, + - * /, {', '.join(_CALLED)} and brackets"
+
+
+def _call(name: str) -> str:
+    if name in _SINGLE:
+        return f"should call {name} with one value, as in {name}(a)"
+    return f"should call {name} with its values, as in {name}(a, b)"
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -75,40 +99,3 @@ def evaluate(text: str, values: Mapping[str, Any]) -> Any:
 
     with np.errstate(divide="ignore", invalid="ignore"):
         return value(_parsed(text))
-
-
-class Reading(NamedTuple):
-    """Levels of the axes that no term names, and the number of each term's case."""
-
-    levels: dict[str, str]
-    cases: dict[str, int]
-
-
-def matching(known: Sequence[Mapping[str, str]], levels: Mapping[str, str]) -> list[int]:
-    """Return the numbers of the cases (level of every axis of each) that have all the levels."""
-    return [k for k, one in enumerate(known) if all(one.get(axis) == level for axis, level in levels.items())]
-
-
-def readings(known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]]) -> list[Reading]:
-    """Return the cases of each term for all levels, in turn, of the axes that no term names.
-
-    known: level of every axis of each case; wanted: levels that each term names. Axes that vary together (design zip)
-    need not all be named: the fewest are read that leave each term one case, of those that read the most cases (one
-    axis varied at a time: every axis).
-    """
-    named = {axis for levels in wanted.values() for axis in levels}
-    free = [axis for axis in (known[0] if known else ()) if axis not in named]
-    sizes = range(len(free) + 1)
-    return max((_read_by(known, wanted, axes) for n in sizes for axes in combinations(free, n)), key=len)
-
-
-def _read_by(
-    known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]], axes: Sequence[str]
-) -> list[Reading]:
-    found = []
-    for choice in dict.fromkeys(tuple(levels[axis] for axis in axes) for levels in known):
-        levels = dict(zip(axes, choice, strict=True))
-        cases = {name: matching(known, {**one, **levels}) for name, one in wanted.items()}
-        if all(len(one) == 1 for one in cases.values()):
-            found.append(Reading(levels, {name: one[0] for name, one in cases.items()}))
-    return found

@@ -22,6 +22,19 @@ from lvnav_trade.kernels.earth import (
 from lvnav_trade.records import Floats
 
 
+def reporting_axes(frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: float) -> Floats:
+    """Return the matrices (n, 3, 3) from frame i to the frame that errors are reported in, at the true state.
+
+    Velocity errors are errors of inertial velocity resolved in these axes.
+    """
+    if frame == "inertial":
+        return np.tile(np.eye(3), (t.size, 1, 1))
+    if frame == "orbital":
+        return rotation_i_o(r_i, v_i)
+    theta = earth_angle(theta0, t)
+    return rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
+
+
 class Elements(NamedTuple):
     """Osculating Kepler elements: a (m), e, inclination, node, argument of perigee, true anomaly (rad)."""
 

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
-from lvnav_trade.per_axis import PerAxis
+from lvnav_trade.per_axis import PerAxis, axes
 from lvnav_trade.records import Ints, Output
 
 
@@ -20,6 +20,8 @@ class ParameterKind(NamedTuple):
 
 _DEG_H = 206264.80624709636
 _DEG_S, _MG = 180.0 / math.pi, 1e3 / 9.80665
+
+NO_SENSOR = -1
 
 # Every kind of inertial parameter by name; a kind with several drivers takes several blocks of three.
 PARAMETERS = {
@@ -37,19 +39,37 @@ PARAMETERS = {
 }
 
 
-class ParameterBlock(NamedTuple):
-    """Three parameter states: offset of the first, sensor, driver; initial sigma and walk (root PSD), alike or by axis;
-    time constant.
+class ErrorTerm(NamedTuple):
+    """An error parameter on the three axes of a sensor: true error of an IMU, or states of a filter.
+
+    The error of a measured quantity is the parameter times its driver. The parameter begins with `sigma`, and is a
+    Gauss-Markov process that holds it, or a constant with a random walk.
+
+    name : Physical cause of a true error; of a filter's states their kind, as in `PARAMETERS`.
+    part : Number of the term among those of its name.
+    sensor : GYRO, ACCEL, or NO_SENSOR for what acts on the vehicle.
+    driver : Quantity that it multiplies, as in `kernels.transition`.
+    sigma : SI, of all axes or by axis. Sigma at the start.
+    walk : SI per root second, of all axes or by axis. Root PSD of the random walk.
+    time_constant : s. Time constant of a process that holds `sigma`; infinite: none.
+    triad : Triad of the IMU array that has the error.
+    offset : First of the three filter states that it is, or that stand for it; -1 none.
     """
 
     name: str
     part: int
-    offset: int
     sensor: int
     driver: int
     sigma: PerAxis
-    walk: PerAxis
-    time_constant: float
+    walk: PerAxis = 0.0
+    time_constant: float = math.inf
+    triad: int = 0
+    offset: int = -1
+
+    @property
+    def varies(self) -> bool:
+        """Whether it has a size on any axis."""
+        return max(*axes(self.sigma), *axes(self.walk)) > 0.0
 
 
 # Every kind of extra state that rows share, by name: SI unit, unit and factor for people.
@@ -79,20 +99,28 @@ RELATIVE = {"angle_difference": "gyro_relative_bias", "velocity_difference": "ac
 
 
 class ExtraBlock(NamedTuple):
-    """States that measurements share: name; labels of its components; offset of the first; member (n_channel,)
-    component in each channel, -1 none; initial sigma; time constant (s, inf: constant); SI unit, unit and factor for
-    people; walk (root PSD); correlation of a relative bias with the bias of the fused triad, at the start.
+    """States of one kind that several measurements share, or that belong to a sensor.
+
+    name : Kind of the states, such as range_bias.
+    labels : (n,). Label of each state: a satellite, a system or an axis; empty for a common state.
+    offset : First state.
+    member : (n_channel,). State of the block that enters the channel, -1 none.
+    sigma : SI. Initial sigma; of a relative bias by axis or not, as its walk and its correlation.
+    time_constant : s. Correlation time; infinite for a constant.
+    unit : SI unit, display unit, and factor from SI to display unit.
+    walk : SI per root second. Root PSD of the random walk.
+    correlation : Initial correlation of a relative bias with the bias of the combined triad.
     """
 
     name: str
     labels: tuple[str, ...]
     offset: int
     member: Ints
-    sigma: float
+    sigma: PerAxis
     time_constant: float
     unit: tuple[str, str, float]
-    walk: float = 0.0
-    correlation: float = 0.0
+    walk: PerAxis = 0.0
+    correlation: PerAxis = 0.0
 
 
 def standing_for(extras: tuple[ExtraBlock, ...], state: str, label: str) -> list[tuple[int, int]]:
@@ -108,15 +136,26 @@ def standing_for(extras: tuple[ExtraBlock, ...], state: str, label: str) -> list
 
 
 class StateLayout(NamedTuple):
-    """Attitude, velocity, position (0, 3, 6), parameter blocks, clock (bias, drift; -1 for none), extra blocks, in
-    storage order; last the motion of the vehicle (rate, acceleration; -1 for none).
+    """Order of the error states of a filter.
 
-    States from n_estimated on are considered, not estimated, but n_delayed of them from `delayed` on, of which nothing
-    is reported: noises of an epoch (extra blocks), then, from `clone` on (-1 for none), what the states `cloned` were
-    at the epoch before. samples: the samples of the inertial unit are reported beside the states.
+    Attitude, velocity and position come first (0, 3, 6), then parameters, clock and extra states, and the vehicle's
+    motion. States from `n_estimated` on are considered, not estimated, except the `n_delayed` states from `delayed` on.
+    These belong to the earlier epoch of a difference and are not reported: noise states of that epoch, then clones.
+
+    parameters : IMU parameters, three states each.
+    clock : State of the clock bias, followed by the drift; -1 without a clock.
+    n_estimated : Number of estimated states before those of the earlier epoch.
+    n_state : Number of states.
+    extras : Blocks of extra states.
+    motion : First of six states of the vehicle's motion, rate (3) and specific force (3); -1 none.
+    samples : Whether errors of the IMU samples are reported after those of the states.
+    delayed : First state of the earlier epoch.
+    n_delayed : Number of states of the earlier epoch.
+    clone : First cloned state, -1 none.
+    cloned : States that are cloned, in the order of the clones.
     """
 
-    parameters: tuple[ParameterBlock, ...]
+    parameters: tuple[ErrorTerm, ...]
     clock: int
     n_estimated: int
     n_state: int
@@ -214,31 +253,8 @@ def _of_motion(prefix: str) -> list[Output]:
     ]
 
 
-# Quantities that have a protection level, and its metrics; the metrics of how long it stays below a limit
+# Quantities that have a protection level, and its SI unit
 PROTECTED = {"position": "m", "velocity": "m/s"}
-LEVELS = tuple(f"{quantity}_protection_level" for quantity in PROTECTED)
-AVAILABILITY = tuple(f"{quantity}_availability" for quantity in PROTECTED)
-# Shares of runs by what a filter that tests for faults decides during a phase
-RATES = ("false_alarm_rate", "detection_rate", "isolation_rate", "wrong_isolation_rate")
-# What a filter's logic does in a phase, by the mode that is asked for, and the SI units
-MODE_METRICS = {"mode_entry_time": "s", "mode_entry_share": "-", "mode_duration": "s", "mode_changes": "-"}
-# Metrics of a mission that a requirement may name: functions of the errors of velocity and position together
-MISSION = {
-    name: Output(name, "3d", unit, label_unit, factor)
-    for name, unit, label_unit, factor in (
-        ("semi_major_axis_error", "m", "km", 1e-3),
-        ("eccentricity_error", "dimensionless", "-", 1.0),
-        ("eccentricity_vector_error", "dimensionless", "-", 1.0),
-        ("perigee_error", "m", "km", 1e-3),
-        ("apogee_error", "m", "km", 1e-3),
-        ("inclination_error", "rad", "deg", 180.0 / math.pi),
-        ("node_error", "rad", "deg", 180.0 / math.pi),
-        ("correction_delta_v", "m/s", "m/s", 1.0),
-        ("impact_error", "m", "km", 1e-3),
-        ("impact_error_down", "m", "km", 1e-3),
-        ("impact_error_cross", "m", "km", 1e-3),
-    )
-}
 
 
 def split_metric(name: str) -> tuple[str, str]:

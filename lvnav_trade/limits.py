@@ -24,6 +24,7 @@ AXES = 20  # axes of a campaign
 CASES = 500  # cases of a campaign
 RUNS = 1_000_000  # runs of a case
 SPOT_CHECK = 32  # fewest runs of a spot check of linear covariance
+FINEST_HISTORY = 1e-3  # s between the times of a stored history: few IMUs sample faster
 STREAM = 86_400.0  # s of a stream of an inertial unit
 FAULTS = 100  # faults of a case
 STATEMENTS = 1_000  # requirements, references, orderings or statements on innovations of a campaign
@@ -32,9 +33,11 @@ STATEMENTS = 1_000  # requirements, references, orderings or statements on innov
 
 QUANTITY_LENGTH = 80  # characters of a quantity
 EXPONENT = 9.0  # exponent of a unit
+SMALLEST = 1e-60  # smallest absolute value of a quantity that is not zero, in SI; below it a number was mistyped
 # Largest absolute value by SI unit; beyond it a number was mistyped
 LARGEST = MappingProxyType(
     {"m": 1e12, "s": 1e18, "rad": 1e6, "m/s": 3e8, "rad/s": 1e6, "m/s**2": 1e9, "Hz": 1e12, "kg": 1e12, "K": 1e6}
+    | {"dimensionless": 1e6}
     | dict.fromkeys(("dB", "dB-Hz", "dBi", "dBW"), 1e3)
 )
 LARGEST_ELSE = 1e30  # the same for every other unit, and for numbers without one

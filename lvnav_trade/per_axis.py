@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, PlainSerializer, WithJsonSchema
+from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 from pydantic_core import PydanticKnownError
 
 from lvnav_trade import units
@@ -23,7 +23,7 @@ def by_axis(unit: str) -> Any:
         several = isinstance(value, list | tuple)
         if several and len(value) != 3:
             raise ValueError(f"expected one quantity in a unit of {units.example(unit)}, or three, of x, y and z")
-        found = tuple(units.read(one, unit) for one in (value if several else [value]))
+        found = tuple(units.read(one, unit, has_sign=False) for one in (value if several else [value]))
         if min(found) < 0.0:
             raise PydanticKnownError("greater_than_equal", {"ge": 0})
         return found[0] if len(set(found)) == 1 else found  # type: ignore[return-value]
@@ -63,13 +63,15 @@ def squares(value: PerAxis) -> tuple[float, float, float]:
 
 
 # One-sigmas of a triad's axes, alike or each its own.
-Angle: Any = by_axis("rad")
-AngularRate: Any = by_axis("rad/s")
-Acceleration: Any = by_axis("m/s**2")
-AngleRandomWalk: Any = by_axis("rad/s**0.5")
-VelocityRandomWalk: Any = by_axis("m/s**1.5")
+Angle: Any = units.at_most(by_axis("rad"), math.pi / 2.0, "90 deg")
+AngularRate: Any = units.at_most(by_axis("rad/s"), math.radians(1000.0), "1000 deg/s")
+Acceleration: Any = units.at_most(by_axis("m/s**2"), 980.665, "100 g")
+AngleRandomWalk: Any = units.at_most(by_axis("rad/s**0.5"), math.radians(1000.0) / 60.0, "1000 deg/sqrt(h)")
+VelocityRandomWalk: Any = units.at_most(by_axis("m/s**1.5"), 9.80665, "1 g/sqrt(Hz)")
 RateRandomWalk: Any = by_axis("rad/s**1.5")
 AccelerationRandomWalk: Any = by_axis("m/s**2.5")
 GSensitivity: Any = by_axis("rad*s/m")
 ScaleDrift: Any = by_axis("1/s**0.5")
-Fraction: Any = by_axis("dimensionless")
+_One = Annotated[float, Field(gt=-1.0, lt=1.0)]
+Correlation = _One | tuple[_One, _One, _One]
+Fraction: Any = units.at_most(by_axis("dimensionless"), 1.0, "100 %")

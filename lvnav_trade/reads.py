@@ -1,4 +1,4 @@
-"""Which fields of cards code reads: what shows that a setting has no effect."""
+"""Record of the card fields that code reads: a setting that is never read has no effect."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping

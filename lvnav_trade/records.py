@@ -83,17 +83,23 @@ class Transition(NamedTuple):
 class Sky(NamedTuple):
     """Satellites over a flight, each at the time of transmission of the signal received at the epoch.
 
-    t (n_epoch,); names (n_sat,) such as "G05"; systems (n_sat,) letters as in RINEX; r_i (n_epoch, n_sat, 3) m at
-    transmission; v_i (n_epoch, n_sat, 3) the
-    derivative of r_i with respect to *reception* time; azimuth, elevation (n_epoch, n_sat) rad at the antenna in frame
-    n; tracked (n_epoch, n_sat) bool: what is measured at the epoch.
-
-    antenna (n_epoch, n_sat) number of the antenna that hears the satellite best; cn0 (n_epoch, n_sat) dB-Hz as the
-    loops have it, NaN where there is no link budget or nothing is heard; range_sigma (m), rate_sigma (m/s) (n_epoch,
-    n_sat) true white noise, phase_sigma (m) that of a carrier phase; continuous (n_epoch, n_sat) bool: the carrier was
-    followed since the epoch before; state (n_epoch, n_sat) int8, see TRACKING; lever_arms (n_antenna, 3) m, phase
-    centres from the inertial unit, body axes; transitions of the receiver's channels in order of time (none without a
-    tracking card).
+    t : (n_epoch,) s since lift-off.
+    names : (n_sat,). Names such as "G05".
+    r_i : (n_epoch, n_sat, 3) m. Position at transmission, frame i.
+    v_i : (n_epoch, n_sat, 3) m/s. Derivative of r_i with respect to *reception* time.
+    azimuth : (n_epoch, n_sat) rad. At the antenna, frame n.
+    elevation : (n_epoch, n_sat) rad. At the antenna, frame n.
+    tracked : (n_epoch, n_sat). Whether the satellite is measured at the epoch.
+    antenna : (n_epoch, n_sat). Antenna that receives the satellite best.
+    cn0 : (n_epoch, n_sat) dB-Hz. C/N0 in the tracking loops; NaN without a link budget or a signal.
+    range_sigma : (n_epoch, n_sat) m. True sigma of white noise in the pseudorange.
+    rate_sigma : (n_epoch, n_sat) m/s. True sigma of white noise in the range rate.
+    phase_sigma : (n_epoch, n_sat) m. True sigma of white noise in the carrier phase.
+    continuous : (n_epoch, n_sat). Whether the carrier has been tracked since the epoch before.
+    state : (n_epoch, n_sat). State of the receiver's channel, as in TRACKING.
+    lever_arms : (n_antenna, 3) m. Antenna phase centres relative to the IMU, body axes.
+    systems : (n_sat,). Letter of the system, as in RINEX.
+    transitions : State changes of the receiver's channels in order of time; none without a tracking card.
     """
 
     t: Floats
@@ -116,16 +122,24 @@ class Sky(NamedTuple):
 
 
 class RunBlock(NamedTuple):
-    """What a block of Monte-Carlo runs leaves. Error is truth minus estimate, in reporting axes (see layout.Output).
+    """Results of a block of Monte Carlo runs. Error is truth minus estimate, in reporting axes, SI (see `Output`).
 
-    first_run; t (n_hist,) s; err, sigma (n_run, n_hist, n_out) error and the filter's own one-sigma, SI;
-    nees (n_run, n_hist); t_epoch (n_epoch,); nis (n_run, n_epoch) summed squares of normalised innovations of the
-    accepted rows; n_row, n_reject (n_run, n_epoch) rows accepted and rejected by the gate; innovation
-    (n_run, n_epoch, n_channel) normalised innovation before the gate, NaN where no row; failed (n_run,) int8, 0 good,
-    1 not finite, 2 diverged (position error over the scenario's limit); t_failed (n_run,) s or NaN; changes (n_change,
-    5) of what filters with a logic do, run after run: run, t s, mode before, mode after, reason (see MODES); decisions
-    (n_decision, 4) of filters that test for faults: run, t s, what was isolated (see ISOLATED), channel of the filter
-    that was excluded (-1 none, of inertial units see FIRST_UNIT).
+    first_run : Number of the first run.
+    t : (n_hist,) s since lift-off. History times.
+    err : (n_run, n_hist, n_out). Estimation error.
+    sigma : (n_run, n_hist, n_out). Standard deviation in the filter's own covariance.
+    nees : (n_run, n_hist). Normalised estimation error squared.
+    t_epoch : (n_epoch,) s since lift-off. Epochs.
+    nis : (n_run, n_epoch). Sum of squared normalised innovations of the accepted scalar measurements.
+    n_row : (n_run, n_epoch). Number of accepted scalar measurements.
+    n_reject : (n_run, n_epoch). Number of scalar measurements that the gate rejected.
+    innovation : (n_run, n_epoch, n_channel). Normalised innovation before the gate, NaN without a measurement.
+    failed : (n_run,). 0 good; 1 not finite; 2 diverged: position error beyond the scenario's limit.
+    t_failed : (n_run,) s since lift-off. Time of the failure, NaN without.
+    changes : (n_change, 5). Mode changes, run after run: run, time (s), mode before, mode after, reason (see MODES,
+        REASONS).
+    decisions : (n_decision, 4). Fault decisions: run, time (s), kind isolated (see ISOLATED), channel excluded (-1
+        none; of an IMU see FIRST_UNIT).
     """
 
     first_run: int
@@ -145,14 +159,22 @@ class RunBlock(NamedTuple):
 
 
 class CovHistory(NamedTuple):
-    """Linear covariance over a flight, in the same reporting axes as RunBlock.
+    """Linear covariance over a flight, in the reporting axes of RunBlock, SI.
 
-    t (n_hist,); formal, true_sigma, mean (n_hist, n_out): the filter's own sigma, the sigma of the true error about its
-    mean, that mean; sources (n_source,) names; budget (n_hist, n_source, n_out) variance of the true error by source
-    (sums over sources to true_sigma squared); formal_cov, true_cov (n_hist, n_out, n_out) full matrices;
-    t_epoch, n_row (n_epoch,); expected_nees (n_hist,), expected_nis (n_epoch,); false_rejection (n_epoch,)
-    probability that the gate rejects a good measurement, of the most endangered row; decisions (n_decision, 4) of a
-    filter that tests for faults, on the mean of its innovations, as in RunBlock.
+    t : (n_hist,) s since lift-off. History times.
+    formal : (n_hist, n_out). Standard deviation in the filter's own covariance.
+    true_sigma : (n_hist, n_out). Standard deviation of the true error about its mean.
+    mean : (n_hist, n_out). Mean of the true error.
+    sources : (n_source,). Names of the error sources.
+    budget : (n_hist, n_source, n_out). Variance of the true error by source; sums to `true_sigma` squared.
+    formal_cov : (n_hist, n_out, n_out). The filter's own covariance.
+    true_cov : (n_hist, n_out, n_out). Covariance of the true error about its mean.
+    t_epoch : (n_epoch,) s since lift-off. Epochs.
+    n_row : (n_epoch,). Number of scalar measurements.
+    expected_nees : (n_hist,). Expected normalised estimation error squared.
+    expected_nis : (n_epoch,). Expected sum of squared normalised innovations.
+    false_rejection : (n_epoch,). Largest probability that the gate rejects a good scalar measurement.
+    decisions : (n_decision, 4). Fault decisions on the mean innovations, as in RunBlock.
     """
 
     t: Floats
@@ -193,11 +215,21 @@ class Protecting(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What linear covariance leaves of a case: budget by source over the flight; and of the event `at` (empty:
-    injection, or else the last one) when each source acted, what a better one is worth, by source the covariance at
-    `events` too; observability by phase, or by windows of that many seconds; nonlinearity at every event; bounds of
-    the assumed noise; the runs of a spot check, with the campaign's seed; and of its inertial units the Allan deviation
-    of a stream of `allan` s; protection levels, None: none.
+    """Results of linear covariance that a campaign requires of a case.
+
+    at : Event of the diagnostics; if empty, injection or else the last event.
+    events : Further events for the covariance by source.
+    adjoint : Contribution of each source to the errors at the event, by time.
+    sensitivity : Effect of each source's sigma on the errors at the event.
+    observability : Observability by phase, or by windows.
+    budget : Error budget by source over the flight.
+    window : s. Length of the observability windows; 0: phases.
+    nonlinearity : Measure of nonlinearity at every event and gap.
+    error_bound : Whether the modelled noise bounds the error.
+    spot_check : Number of simulation runs for the spot check; 0 none.
+    seed : Seed of the campaign, for these runs.
+    allan : s. Length of the IMU stream for the Allan deviation; 0 none.
+    protection : Settings of the protection levels; None: none.
     """
 
     at: str = ""

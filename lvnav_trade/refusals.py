@@ -1,4 +1,4 @@
-"""Combinations of policies and measurements that make no sense: one table, each with its reason in physics."""
+"""Meaningless combinations of policies and measurements: one table, each with its reason in physics."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -58,7 +58,7 @@ def _late_sensors(scenario: Any) -> bool:
 REFUSALS = (
     Refusal(
         "filter.delay_compensation",
-        "the filter takes nothing that could be late: nothing of the receiver, no sensor of a latency",
+        "it has no effect: the filter uses neither the receiver nor a sensor with latency",
         lambda s: _delay(s) is not None and not _receiver(s) and not _late_sensors(s),
     ),
     Refusal(

@@ -12,19 +12,20 @@ from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, Receive
 from lvnav_trade.kernels.transition import ACCEL, GYRO
 from lvnav_trade.layout import RELATIVE
 from lvnav_trade.limits import FAULTS
-from lvnav_trade.observables.imu_difference import ImuDifferenceCard
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_of
-from lvnav_trade.per_axis import each_axis
+from lvnav_trade.observables.sensors.imu_difference import ImuDifferenceCard
+from lvnav_trade.per_axis import PerAxis, each_axis
 from lvnav_trade.refusals import refused
-from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
+from lvnav_trade.units import AttitudeSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.control_cards import ControlledCard
 from lvnav_trade.world.fault_cards import Fault
 from lvnav_trade.world.flight.trajectory import TrajectoryCard
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.receiver.receiver import DirectSolution, ReceiverCard, SmoothingCard
+from lvnav_trade.world.sensors.differences import RelativeErrors, relative_errors
 from lvnav_trade.world.sensors.imu import ImuCard
-from lvnav_trade.world.sensors.units import Imu, ImuSet, RelativeErrors, equivalent, relative_errors
+from lvnav_trade.world.sensors.units import Imu, ImuSet, equivalent
 from lvnav_trade.world.sky.constellation import Constellation, parts_of
 
 
@@ -33,36 +34,36 @@ class InitialErrors(Card):
     velocity.
     """
 
-    tilt: AngleSigma
-    heading: AngleSigma
-    position: LengthSigma
-    velocity: SpeedSigma
+    tilt: AttitudeSigma
+    heading: AttitudeSigma
+    position: Annotated[LengthSigma, Field(le=1e6)]
+    velocity: Annotated[SpeedSigma, Field(le=1e5)]
 
 
 class Scenario(Card):
     """Everything that one case needs; cards are already resolved into it."""
 
     OLD_KEYS: ClassVar[Mapping[str, str]] = {
-        "altimeter": "replaced by sensors, such as sensors: {altimeter: altimeters/radar_004}; "
+        "altimeter": "replaced by sensors, such as sensors: {altimeter: CARD}; "
         "the filter lists altitude among its measurements",
-        "attitude_reference": "replaced by sensors, such as sensors: {attitude_reference: "
-        "attitude_references/magnetometer_003}; the filter lists attitude among its measurements",
+        "attitude_reference": "replaced by sensors, such as sensors: {attitude_reference: CARD}; "
+        "the filter lists attitude among its measurements",
     }
 
-    trajectory: Annotated[TrajectoryCard, Field(discriminator="kind")]
-    imu: Imu
-    constellation: Annotated[Constellation, Field(discriminator="kind")]
-    receiver: ReceiverCard
-    filter: FilterCard
-    initial: InitialErrors
+    trajectory: Annotated[TrajectoryCard, Field(discriminator="kind")]  # true flight
+    imu: Imu  # IMU or IMU array
+    constellation: Annotated[Constellation, Field(discriminator="kind")]  # satellites
+    receiver: ReceiverCard  # GNSS receiver
+    filter: FilterCard  # navigation filter
+    initial: InitialErrors  # true initial errors
     sensors: dict[str, Sensor | None] = Field(
         {}, description="beside the IMU and the receiver, by names of your own; null removes one"
     )
     control: ControlledCard | None = Field(None, description="the ascent's vehicle steered, beside the navigation")
-    faults: tuple[Fault, ...] = Field((), max_length=FAULTS)
+    faults: tuple[Fault, ...] = Field((), max_length=FAULTS)  # of satellites, receiver, IMU and sensors
     atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="what is true of the signals' delays")
     gravity: GravityCard | None = Field(None, description="what true gravity has beyond the model of the truth")
-    frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"
+    frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"  # axes in which errors are reported
     diverged: Length = Field(100e3, gt=0.0, description="a run whose position error exceeds this counts as failed")
 
     @model_validator(mode="before")
@@ -91,6 +92,10 @@ class Scenario(Card):
             yield from self.control.misfits(len(self.trajectory.vehicle.stages))
         elif self.control is not None:
             yield f"control: the ascent of a vehicle is steered, not a trajectory of kind {self.trajectory.kind}"
+        again = next((k for k, fault in enumerate(self.faults) if fault in self.faults[:k]), None)
+        if again is not None:
+            first = self.faults.index(self.faults[again])
+            yield f"faults.{again}: is the same as faults.{first}; leave one of them out"
         for name in self.filter.measurements:  # where a sensor is null the filter does without it
             provided = None in self.sensors.values() or sensors_measuring(self, name)
             if name in SENSOR_MEASUREMENTS and not provided:
@@ -197,7 +202,7 @@ def _matched_imu(imu: ImuCard) -> ImuModel:
 
 def _with_differences(model: ImuModel, scenario: Scenario) -> ImuModel:
     """Return the model with the relative biases of the units whose difference is measured."""
-    found: dict[str, float] = {}
+    found: dict[str, PerAxis] = {}
     for card in sensors_used(scenario).values():
         if isinstance(card, ImuDifferenceCard):
             state, errors = RELATIVE[card.measurement], difference_of(scenario, card)

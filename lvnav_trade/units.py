@@ -2,14 +2,14 @@
 
 import math
 import re
+import unicodedata
 from collections.abc import Iterable, Sequence
 from datetime import datetime
+from decimal import Decimal
 from functools import lru_cache
 from itertools import pairwise
-from pathlib import Path
 from typing import Annotated, Any, Self
 
-import pint
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -23,73 +23,81 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from lvnav_trade.decimals import DECIMAL as _NUMBER
+from lvnav_trade.decimals import is_plain
 from lvnav_trade.errors import quoted
-from lvnav_trade.limits import EXPONENT, LARGEST, LARGEST_ELSE, QUANTITY_LENGTH, YEARS
+from lvnav_trade.limits import LARGEST, LARGEST_ELSE, QUANTITY_LENGTH, SMALLEST, YEARS
+from lvnav_trade.marks import ASSUMED, SECOND_HAND, Marks, misnamed
+from lvnav_trade.unit_spelling import UnknownUnitError, conversion, product
 
-
-@lru_cache(maxsize=1)
-def registry() -> "pint.UnitRegistry[Any]":
-    """Return the one unit registry: pint's own, the spellings of inertial datasheets, and angles as a dimension.
-
-    With pint's own dimensionless radian 10 rad/s would be read as 10 Hz.
-    """
-    units: pint.UnitRegistry[Any] = pint.UnitRegistry(None, autoconvert_offset_to_baseunit=True)
-    units.load_definitions(str(Path(pint.__file__).with_name("default_en.txt")))
-    for definition in (
-        "radian = [angle] = rad",
-        # In a datasheet "g" is standard gravity and "h" is an hour; pint's gram and Planck constant are never meant.
-        "g_standard = 9.80665 m/s^2 = g",
-        "milli_g = 1e-3 * g_standard = mg",
-        "micro_g = 1e-6 * g_standard = ug",
-        "h = hour",
-        "t = 1000 kg",
-        "rtHz = Hz ** 0.5",
-        "dB_Hz = [cn0]",
-        "TECU = 1e16 / m**2",
-    ):
-        units.define(definition)
-    return units
-
-
-_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_SIZE = r"\u00b1|\+/-|\+-"
 _ENDLESS = r"[+-]?(?:nan|inf|infinity)"
-_QUANTITY = re.compile(rf"({_NUMBER}|{_ENDLESS}) (\S+)", re.IGNORECASE)
-_BARE = re.compile(rf"(?:{_NUMBER}|{_ENDLESS})\s*", re.IGNORECASE)
-_BESIDE = re.compile(rf"({_NUMBER})([^\W\d]\S*)")  # a unit without the space
+_QUANTITY = re.compile(rf"(?P<size>{_SIZE})?(?P<number>{_NUMBER}|{_ENDLESS}) (?P<unit>\S+)", re.IGNORECASE)
+_BARE = re.compile(rf"(?:{_SIZE})?(?:{_NUMBER}|{_ENDLESS})\s*", re.IGNORECASE)
+_BESIDE = re.compile(rf"((?:{_SIZE})?{_NUMBER})([^\W\d]\S*|[%\u00b0]\S*)")  # a unit without the space
 _SEPARATED = re.compile(r"[+-]?[0-9.]+[ ,_']+[0-9]|[+-]?[0-9]+\.[0-9]+\.")
+_MINUS = re.compile(r"^\u2212|(?<=[0-9.][eE])\u2212")
+
+# Logarithms of ratios, and multiples of a filter's own sigma, have spellings of their own and no factor; each has what
+# is added to it.
+_LEVELS = {
+    "dB-Hz": {"dB-Hz": 0.0, "dBHz": 0.0, "dB*Hz": 0.0, "dB\u00b7Hz": 0.0},
+    "dB": {"dB": 0.0},
+    "dBi": {"dBi": 0.0, "dBic": 0.0},
+    "dBW": {"dBW": 0.0, "dBm": -30.0},
+    "sigma": {"sigma": 0.0},
+}
 
 
 @lru_cache(maxsize=4096)
-def parse(text: str, unit: str) -> float:
+def parse(text: str, unit: str, has_sign: bool = True) -> float:
     """Return the number of SI `unit` that the text states.
 
-    The text is one number, one space and one unit in the datasheet's spelling (``0.2 deg/sqrt(h)``,
-    ``50 ug/sqrt(Hz)``); the number has a decimal point and no thousands separators.
+    The text is one number, one space and one unit in the datasheet's spelling (``0.2 deg/sqrt(h)``, ``0.2 deg/rt-h``,
+    ``50 ug/sqrt(Hz)``); the number has a decimal point and no thousands separators. Units are those of `unit_list`.
+
+    has_sign : whether the quantity may be negative; one that may not, such as a sigma, is read with a plus-minus sign
 
     Raises
     ------
     ValueError
         In one line: the text is anything else, the unit is unknown or of another dimension (an angle is a dimension),
-        or the number is not finite or beyond `limits.LARGEST`.
+        the number is not finite or beyond `limits.LARGEST`, or a temperature is below absolute zero.
     """
     if len(text) > QUANTITY_LENGTH:
         raise ValueError(f"{quoted(text)} is not a quantity: {len(text)} characters, at most {QUANTITY_LENGTH}")
-    match = _QUANTITY.fullmatch(text)
+    match = _QUANTITY.fullmatch(with_ascii_minus(text))
     if match is None:
         raise ValueError(_no_quantity(text, unit))
-    value, spelled = float(match[1]), match[2]
+    if match["size"] and (has_sign or match["number"].startswith(("+", "-"))):
+        raise ValueError(f"{text!r} has both signs where the quantity has one; write one number")
+    value = float(match["number"])
     if math.isfinite(value):
-        value = _converted(text, value, spelled, unit)
+        value = _converted(text, value, match["unit"], unit)
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not a finite quantity")
     largest = LARGEST.get(unit, LARGEST_ELSE)
     if abs(value) > largest:
         raise ValueError(f"{text!r} is too large; at most {largest:g} {unit}")
+    if 0.0 < abs(value) < SMALLEST:
+        raise ValueError(f"{text!r} is too small; write 0, or at least {SMALLEST:g} {unit}")
+    if unit == "K" and value < 0.0:
+        raise ValueError(f"{text!r} is below absolute zero")
     return value
+
+
+def with_ascii_minus(text: str) -> str:
+    """Return a text with the sign of its number, and of its exponent, in ASCII: a PDF has U+2212 there."""
+    return _MINUS.sub("-", text)
 
 
 def _no_quantity(text: str, unit: str) -> str:
     """Say what is wrong with a text that is no number, space and unit."""
+    number, _, _ = text.partition(" ")
+    letter = next((one for one in number if not one.isascii() and one not in "\u00b1\u00b0\u00b5\u03bc"), "")
+    if letter:
+        named = f"U+{ord(letter):04X} {unicodedata.name(letter, 'without a name')}"
+        return f"{quoted(text)} is not a quantity: {named}; write digits 0 to 9, '-' and a space, as in '-0.5 deg/h'"
     if _BARE.fullmatch(text):
         return f"{quoted(text)} has no unit; write it as a quantity in a unit of {example(unit)}"
     beside = _BESIDE.fullmatch(text)
@@ -99,53 +107,24 @@ def _no_quantity(text: str, unit: str) -> str:
 
 
 def _converted(text: str, value: float, spelled: str, unit: str) -> float:
-    """Return a value of the unit `spelled` in SI `unit`; levels are read as they stand."""
+    """Return a value of the unit `spelled` in SI `unit`."""
     if unit in _LEVELS:
-        if spelled != unit:
+        if spelled not in _LEVELS[unit]:
             raise ValueError(f"{text!r} has the wrong unit; expected {unit}")
-        return value
+        return value + _LEVELS[unit][spelled]
     try:
-        return float(registry().Quantity(value, registry().parse_units(_spelled_for_pint(spelled))).to(unit).magnitude)
-    except pint.DimensionalityError:
-        raise ValueError(f"{text!r} has the wrong unit; expected {example(unit)}") from None
+        source, target = product(spelled), product(unit)
+    except UnknownUnitError as error:
+        if error.remedy:
+            raise ValueError(f"{text!r}: {error.part!r} {error.remedy}") from None
+        raise ValueError(f"{text!r} has no unit that is known ({error.part!r}); expected {example(unit)}") from None
+    if source.dimension != target.dimension:
+        raise ValueError(f"{text!r} has the wrong unit; expected {example(unit)}")
+    try:
+        return value * conversion(source, target) + source.offset
     except OverflowError:
         return math.inf
-    except Exception as error:  # what is no unit fails in the grammar, in the registry or in the conversion
-        raise ValueError(f"{text!r} has no unit that is known ({spelled!r}); expected {example(unit)}") from error
 
-
-_EXPONENT = r"-?[0-9]+(?:\.[0-9]+)?"
-_POWER = rf"(?:[^\W\d]+|%|°|1(?=/)|<[0-9]+>)(?:(?:\^|\*\*)(?:{_EXPONENT}|\({_EXPONENT}\)))?"
-_PRODUCT = rf"{_POWER}(?:[*/]{_POWER})*"
-_GROUP = re.compile(rf"(?<![^\W\d])(sqrt)?\(({_PRODUCT})\)")
-
-
-def _spelled_for_pint(unit: str) -> str:
-    """Return a unit such as ``deg/sqrt(h)`` as pint reads it; ValueError where it is none: nothing else reaches pint.
-
-    It is a product or quotient of names, 1, groups in brackets and square roots, each perhaps to one bounded power.
-    """
-    if "<" in unit or any(one.isnumeric() and one not in "0123456789" for one in unit):
-        raise ValueError("characters that no unit has")
-    groups: list[str] = []
-
-    def numbered(group: re.Match[str]) -> str:
-        groups.append(f"(({group[2]})**0.5)" if group[1] else f"({group[2]})")
-        return f"<{len(groups) - 1}>"
-
-    while _GROUP.search(unit):
-        unit = _GROUP.sub(numbered, unit, count=1)
-    if not re.fullmatch(_PRODUCT, unit):
-        raise ValueError("no unit")
-    for number, group in reversed([*enumerate(groups)]):
-        unit = unit.replace(f"<{number}>", group)
-    if any(float(exponent) > EXPONENT for exponent in re.findall(r"(?:\^|\*\*)\(?-?([0-9.]+)", unit)):
-        raise ValueError("an exponent that no unit has")
-    return unit.replace("^", "**").replace("%", "percent")
-
-
-# Levels are read as they stand: they are logarithms, and which ratio each is of is said by its one spelling.
-_LEVELS = ("dB-Hz", "dB", "dBi", "dBW")
 
 _EXAMPLES = {
     "m": "length (m, km, cm)",
@@ -155,10 +134,10 @@ _EXAMPLES = {
     "m/s": "speed (m/s, km/s)",
     "m/s**2": "acceleration (m/s^2, g, mg, ug)",
     "Hz": "frequency (Hz)",
-    "kg": "mass (kg, t)",
+    "kg": "mass (kg, t, lb)",
     "W": "power (W)",
     "m**3": "volume (l, m^3, cm^3)",
-    "N": "force (N, kN)",
+    "N": "force (N, kN, lbf)",
     "rad/s**0.5": "angle random walk (deg/sqrt(h), deg/h/sqrt(Hz))",
     "m/s**0.5": "position random walk (m/sqrt(s))",
     "m/s**1.5": "velocity random walk (m/s/sqrt(h), ug/sqrt(Hz))",
@@ -173,15 +152,15 @@ _EXAMPLES = {
     "dB": "ratio of powers (dB)",
     "dBi": "antenna gain (dBi)",
     "dBW": "power (dBW)",
-    "K": "temperature (K)",
+    "K": "temperature (K, degC)",
     "1/m**2": "electron content (TECU)",
-    "Pa": "pressure (Pa, hPa, mbar)",
+    "Pa": "pressure (Pa, hPa, mbar, psi)",
     "rad/s**2": "angular acceleration (rad/s^2, deg/s^2)",
     "1/s": "gain (1/s)",
     "rad*s**2/m": "angle per specific force (rad/g, deg/g)",
     "m/s**3": "jerk (m/s^3, g/s)",
     "1/s**2": "variance of jerk per squared acceleration (1/s^2)",
-    "T": "magnetic flux density (nT, uT, T)",
+    "T": "magnetic flux density (nT, uT, gauss)",
     "m*s**2": "variance of range per acceleration (m*s^2)",
 }
 
@@ -197,21 +176,44 @@ def quantity(unit: str, minimum: float | None = None, above: float | None = None
     It is refused below `minimum`, and unless it is greater than `above` (both SI). Dumped in JSON mode it becomes text
     again (``"0.0003 m/s"``), so that a resolved card reads back to the same number.
     """
+    has_sign = not any(bound is not None and bound >= 0.0 for bound in (minimum, above))
     return Annotated[
         float,
-        BeforeValidator(lambda value: read(value, unit)),
+        BeforeValidator(lambda value: read(value, unit, has_sign)),
         PlainSerializer(lambda value: f"{value!r} {unit}", return_type=str, when_used="json"),
         WithJsonSchema({"type": ["string", "number"], "description": f"quantity with a unit: {example(unit)}"}),
         Field(ge=minimum, gt=above, allow_inf_nan=False),
     ]
 
 
-def read(value: Any, unit: str) -> float:
-    """Return the number of SI `unit` that a field of a card states; ValueError where it is none."""
+def at_most(annotation: Any, largest: float, written: str) -> Any:
+    """Return the annotation of a quantity that is refused above `largest` (SI), which is `written` with its unit."""
+
+    def check(value: Any) -> Any:
+        if max(value if isinstance(value, tuple) else (value,)) > largest * (1.0 + 1e-9):
+            raise ValueError(f"is too large for such a device; at most {written}")
+        return value
+
+    return Annotated[annotation, AfterValidator(check)]
+
+
+def at_least(annotation: Any, least: float, written: str) -> Any:
+    """Return the annotation of a quantity that is refused below `least` (SI), which is `written` with its unit."""
+
+    def check(value: float) -> float:
+        if value < least * (1.0 - 1e-9):
+            raise ValueError(f"is too small for such a device; at least {written}")
+        return value
+
+    return Annotated[annotation, AfterValidator(check)]
+
+
+def read(value: Any, unit: str, has_sign: bool = True) -> float:
+    """Return the number of SI `unit` that a field of a card states; ValueError where it is none, as of `parse`."""
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise ValueError(f"expected a quantity in a unit of {example(unit)}")
     if isinstance(value, str):
-        return parse(str(value), unit)
+        return parse(str(value), unit, has_sign)
     if value == 0:
         return 0.0  # zero is the same in every unit
     raise ValueError(f"{quoted(value)} has no unit; write it as a quantity in a unit of {example(unit)}")
@@ -235,16 +237,18 @@ def _stricter(schema: Any) -> Any:
 def _plain_number(value: Any) -> Any:
     if isinstance(value, bool):
         raise ValueError(f"should be a number, not {str(value).lower()}")
-    if isinstance(value, int | float) and math.isfinite(value) and abs(value) > LARGEST_ELSE:
+    if isinstance(value, str) and not is_plain(value):
+        raise ValueError(f"{quoted(value)} is not a decimal number: digits 0 to 9 without separators")
+    if (isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))) and abs(value) > LARGEST_ELSE:
         raise ValueError(f"{quoted(value)} is too large; at most {LARGEST_ELSE:g}")
     return value
 
 
 def distinct(values: Sequence[Any]) -> Sequence[Any]:
-    """Return the values; ValueError names the first that stands twice."""
+    """Return the values; ValueError names the first that is listed twice."""
     for index, value in enumerate(values):
         if value in values[:index]:
-            raise ValueError(f"{quoted(value)} stands twice")
+            raise ValueError(f"{quoted(value)} is listed twice")
     return values
 
 
@@ -257,8 +261,7 @@ def require_rising(name: str, values: Sequence[float]) -> None:
 class Card(BaseModel):
     """Base of every settings object: frozen, and a key that it does not know is an error.
 
-    So are a truth value where a number belongs, a number that is not finite, and a word that stands twice in a list of
-    known words.
+    So are a truth value where a number belongs, a number that is not finite, and a known word that is listed twice.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -288,8 +291,32 @@ class NamedCard(Card):
     """A card of something that has a name, and where its numbers are from."""
 
     name: str
-    source: str
+    source: str = Field(description="where each number is from")
+    assumed: Marks = ASSUMED
+    second_hand: Marks = SECOND_HAND
 
+    @model_validator(mode="after")
+    def _marked(self) -> Self:
+        for wrong in misnamed(self):
+            raise ValueError(wrong)
+        return self
+
+
+def _share(value: Any) -> Any:
+    """Return the number of a fraction that is written with a unit: ``99.73 %``; anything else as it is."""
+    if not isinstance(value, str) or not (" " in value or "%" in value):
+        return value
+    fraction = parse(value, "dimensionless")
+    number, _, unit = with_ascii_minus(value).partition(" ")
+    return float(Decimal(number).scaleb(-2)) if unit in ("%", "percent") else fraction  # 99.73 % is 0.9973 to the bit
+
+
+Share = Annotated[
+    float,
+    BeforeValidator(_share),
+    WithJsonSchema({"type": ["number", "string"], "description": "number, or a fraction with a unit (99.73 %)"}),
+]
+"""A probability, a confidence or another part of one: a plain number or a percentage."""
 
 Length = quantity("m")
 Duration = quantity("s")
@@ -342,6 +369,16 @@ TimeConstant = quantity("s", above=0.0)
 Force = quantity("N", above=0.0)
 Pressure = quantity("Pa", above=0.0)
 ScaleHeight = quantity("m", above=0.0)
+
+# Limits of either sign: of deflection, full scale.
+AngleLimit = quantity("rad", above=0.0)
+# Of sensors: below these a gyro is clipped by any manoeuvre, an accelerometer by a tenth of gravity
+AngularRateLimit = at_least(quantity("rad/s", above=0.0), math.pi / 180.0, "1 deg/s")
+AccelerationLimit = at_least(quantity("m/s**2", above=0.0), 0.980665, "0.1 g")
+# How often a sensor or a filter takes a step
+StepRate = at_most(Frequency, 2e4, "20 kHz")
+# One-sigma of an attitude: beyond half a turn it says nothing
+AttitudeSigma = at_most(AngleSigma, math.pi, "180 deg")
 
 
 def _epoch(text: str) -> str:

@@ -8,25 +8,29 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
+from ruamel.yaml import YAML
 from scipy.integrate import solve_ivp
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.engines.setup import prepare as room
-from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.setup import flight as room
+from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.frames import quaternions
 from lvnav_trade.kernels.earth import gravity_j4
+from lvnav_trade.observables.sensors import SENSORS, kind_of
 from lvnav_trade.scenario import Scenario, filter_models
 from lvnav_trade.world.flight.trajectory import Phase, Trajectory, reference
 from lvnav_trade.world.truth import attitude_spline, position_spline
 
 Floats = NDArray[np.float64]
+ROOT = Path(__file__).parents[1]
 
 SITE_R = np.array([4.05e6, -3.10e6, -4.12e6])  # m, frame i: 200 km above 39 S
 SITE_V = np.array([2900.0, 3300.0, 700.0])  # m/s, frame i
@@ -36,6 +40,15 @@ def loaded(*settings: str) -> Scenario:
     """Return the scenario of the smoke campaign with settings such as ``base.filter=filters/loose``."""
     campaign = load(campaign_file("campaigns/smoke.yaml"), settings)
     return campaign.base
+
+
+@lru_cache(maxsize=1)
+def shipped_sensors() -> dict[str, str]:
+    """Return a shipped card of every kind of sensor that has one, the first of its folder, as a campaign names it."""
+    configs, kinds = ROOT / "configs", {kind_of(card) for card in SENSORS}
+    read = {path: YAML(typ="safe").load(path) for path in sorted(configs.rglob("*.yaml"), reverse=True)}
+    named = {card["kind"]: path for path, card in read.items() if card.get("kind") in kinds}
+    return {kind: str(path.relative_to(configs).with_suffix("")) for kind, path in sorted(named.items())}
 
 
 def with_fields(card: Any, **fields: Any) -> Any:
@@ -150,7 +163,7 @@ def flying(trajectory: Trajectory) -> Iterator[None]:
 def prepare_hop(scenario: Scenario, trajectory: Trajectory | None = None, **how: Any) -> Prepared:
     """Prepare a scenario on the short flight (or another trajectory)."""
     with flying(trajectory or hop()):
-        return room.prepare(scenario, **how)
+        return prepare(scenario, **how)
 
 
 IDEAL = ("base.imu.gyro.bandwidth=null", "base.imu.accel.bandwidth=null")
@@ -173,4 +186,4 @@ def case(*settings: str) -> Prepared:
 @lru_cache(maxsize=8)
 def ascent(*settings: str) -> Prepared:
     """Return the shipped ascent, prepared, of the smoke campaign's scenario with settings."""
-    return room.prepare(loaded(*settings))
+    return prepare(loaded(*settings))

@@ -49,7 +49,8 @@ def flight(r_i: np.ndarray, v_i: np.ndarray) -> Any:
     back = coast(r_i, v_i, np.concatenate([[at], t[t < at][::-1]]))
     ahead = coast(r_i, v_i, np.concatenate([[at], t[t >= at]]))
     y = np.concatenate([back.y[:, :0:-1], ahead.y[:, 1:]], axis=1).T
-    return SimpleNamespace(**{**vars(made), "reference": made.reference._replace(r_i=y[:, :3], v_i=y[:, 3:])})
+    flight = made.reference._replace(r_i=y[:, :3], v_i=y[:, 3:])
+    return SimpleNamespace(**{**vars(made), **synthetic.truth_of(flight)})
 
 
 def results(

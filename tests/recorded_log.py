@@ -22,9 +22,9 @@ from lvnav_trade.frames import (
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import Reference
+from lvnav_trade.world.sky.gps_time import utc_after
 from lvnav_trade.world.sky.satellites import satellites
 from lvnav_trade.world.truth import Phase, Trajectory, attitude_spline, position_spline, reference
-from lvnav_trade.world.user_file.navigation_log import later
 
 EPOCH = "2026-06-01T10:00:00+00:00"
 PLACE = np.array([np.radians(47.0), np.radians(9.0), 500.0])
@@ -132,7 +132,7 @@ def write(
 def _write_ranges(folder: Path, ref: Reference, at: np.ndarray, rng: np.random.Generator) -> None:
     """Write pseudoranges and range rates to the nominal satellites, of a receiver whose clock is off and drifts."""
     flown = load(folder / "drive.yaml").base
-    above = satellites(flown.constellation, later(EPOCH, REST))
+    above = satellites(flown.constellation, utc_after(EPOCH, REST))
     theta0, rows = gmst(EPOCH), []
     for k in at[ref.t[at] >= REST].tolist():
         t = ref.t[k]

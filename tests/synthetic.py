@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,9 +15,21 @@ from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity
 from lvnav_trade.engines.setup.receiver.atmosphere import Delays
 from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import summarise
+from lvnav_trade.frames import reporting_axes
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.layout import PROTECTED
-from lvnav_trade.records import LOST, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky, Transition
+from lvnav_trade.records import (
+    LOST,
+    TRACK,
+    AdjointBudget,
+    CovHistory,
+    Motion,
+    Output,
+    Reference,
+    RunBlock,
+    Sky,
+    Transition,
+)
 from lvnav_trade.store.tables import CaseInfo
 from lvnav_trade.store.write import open_results
 from lvnav_trade.world.conditions import Course
@@ -125,6 +138,14 @@ def decisions(first: int, n_run: int) -> np.ndarray:
     return np.array([(run, 40.0, 1, 1) for run in range(first, first + n_run)], dtype=float)
 
 
+def truth_of(reference: Reference) -> dict[str, Any]:
+    """Return the fields of a prepared scenario that a flight of ticks every 0.1 s fills."""
+    at = np.rint((history_times() - reference.t[0]) / 0.1).astype(int)
+    motion = Motion(*(part[at] for part in reference[:6]))
+    axes = reporting_axes("ned", motion.t, motion.r_i, motion.v_i, 0.0)
+    return {"reference": reference, "motion": motion, "record": SimpleNamespace(axes=axes)}
+
+
 def prepared(logic: bool = False) -> Any:
     """Return what the store reads of a prepared scenario: a climb due east, eight satellites, one outage."""
     t = np.arange(-5.0, 100.01, 0.1)
@@ -161,7 +182,7 @@ def prepared(logic: bool = False) -> Any:
             theta0=0.0,
             facts={"perigee_m": 2.0e5, "max_load_g": 4.2},
         ),
-        reference=reference,
+        **truth_of(reference),
         sky=Sky(
             t_epoch,
             names,
@@ -260,6 +281,14 @@ CASES = (
     (CaseInfo("aaaaaaaaaaaa", "imu=fine", {"imu": "fine"}), 1.0),
     (CaseInfo("bbbbbbbbbbbb", "imu=coarse", {"imu": "coarse"}), 3.0),
 )
+
+
+def unsealed(folder: Path) -> Path:
+    """Let a test change tables: leave their digests out of the manifest, as earlier versions did."""
+    manifest = json.loads((folder / "manifest.json").read_text())
+    del manifest["digests"]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    return folder
 
 
 def results(

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import lvnav_trade
-from lvnav_trade import searches
+from lvnav_trade import api
 from lvnav_trade.metrics import CSV, METRICS
 from lvnav_trade.report.build import keep
 from lvnav_trade.store.read import load
@@ -67,7 +67,7 @@ def test_a_campaign_its_searches_and_a_study_write_numbers(tmp_path) -> None:
     lvnav_trade.run("campaigns/smoke.yaml", SMALL, tmp_path / "run", jobs=1)
     keep(tmp_path / "run", tmp_path / "kept")
     for name, words in ASKED.items():
-        getattr(searches, name)("campaigns/smoke.yaml", [*SMALL, words], out=tmp_path / name, jobs=1)
+        getattr(api, name)("campaigns/smoke.yaml", [*SMALL, words], folder=tmp_path / name, jobs=1)
     assert of_files(tmp_path) == []
     assert {file.parent.name for file in tmp_path.rglob("*.csv")} >= {"run", *ASKED}
 

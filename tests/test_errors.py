@@ -7,7 +7,17 @@ import pickle
 
 import pytest
 
-from lvnav_trade.errors import InputError, Mistake, is_full_disk, printable, quoted, shortened, system_message
+from lvnav_trade.errors import (
+    InputError,
+    Mistake,
+    credentials,
+    is_full_disk,
+    printable,
+    quoted,
+    shortened,
+    system_message,
+    without_credentials,
+)
 
 
 @pytest.mark.parametrize(
@@ -89,3 +99,28 @@ def test_a_value_is_quoted_in_few_characters(value: object, shown: str) -> None:
 
 def test_a_number_of_too_many_digits_is_not_written_out() -> None:
     assert quoted(10**5_000) == "a number of too many digits"
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("memory://user:SECRET@host/x", "memory://***@host/x"),
+        ("s3://KEY:SEC/RE+T@bucket/demo: cannot be reached", "s3://***@bucket/demo: cannot be reached"),
+        ("https://h/c?sig=SECRET&x=SECRET#SECRET 'https://SECRET@h/'", "https://h/c?*** 'https://***@h/'"),
+        ("s3://bucket/demo and a/b@c?d", "s3://bucket/demo and a/b@c?d"),
+    ],
+)
+def test_the_credentials_of_an_address_are_not_shown(text: str, shown: str) -> None:
+    assert without_credentials(text) == shown
+    assert str(InputError(text)) == shown
+
+
+def test_the_secret_parts_of_an_address_are_known_by_themselves() -> None:
+    assert credentials("s3://KEYS:SEC/RET@bucket/demo?sig=TOKEN") == [
+        "KEYS:SEC/RET",
+        "sig=TOKEN",
+        "SEC/RET",
+        "TOKEN",
+        "KEYS",
+    ]
+    assert credentials("s3://bucket/demo") == []

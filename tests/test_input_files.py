@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.input_files import read_bytes, text_lines
+from lvnav_trade.input_files import read_bytes, refuse_irregular, text_lines
 
 
 def test_a_regular_file_is_read_whole(tmp_path: Path) -> None:
@@ -46,6 +46,18 @@ def test_a_name_without_a_file_is_reported(tmp_path: Path, name: str) -> None:
 def test_lines_that_say_something_come_with_their_numbers(tmp_path: Path) -> None:
     (tmp_path / "data").write_bytes(b"\xef\xbb\xbf# a comment\n\na,b\n  # another\n1,2\r\n")
     assert list(text_lines(tmp_path / "data", 100)) == [(3, "a,b"), (5, "1,2")]
-    (tmp_path / "data").write_bytes(b"\xff\xfe")
+    (tmp_path / "data").write_bytes(b"\x00\x01")
     with pytest.raises(InputError, match="is not a text file"):
         list(text_lines(tmp_path / "data", 100))
+
+
+@pytest.mark.parametrize("place", [".lock", ".lock-holder", "manifest.json", "runs.parquet", "parts/abc/0.parquet"])
+def test_a_pipe_among_results_is_refused_before_anything_opens_it(tmp_path: Path, place: str) -> None:
+    (tmp_path / "parts" / "abc").mkdir(parents=True)
+    (tmp_path / "other" / "deep").mkdir(parents=True)
+    (tmp_path / "kept").symlink_to("nowhere")
+    os.mkfifo(tmp_path / "other" / "pipe")  # no file of results
+    refuse_irregular(tmp_path)
+    os.mkfifo(tmp_path / place)
+    with pytest.raises(InputError, match=rf"{place}: is not a regular file$"):
+        refuse_irregular(tmp_path)

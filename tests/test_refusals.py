@@ -13,7 +13,7 @@ MODELLED = (*SETTINGS, "base.imu=imu/kvh1750_003_published", "base.filter=filter
 LATE, PROPAGATED = {"kind": "buffered"}, {"kind": "extrapolated"}
 STANDING = {"kind": "zero_velocity", "name": "a", "source": "b", "sigma": "1 cm/s"}
 CASES = [
-    ((INERTIAL,), {"filter.delay_compensation": LATE}, "takes nothing that could be late"),
+    ((INERTIAL,), {"filter.delay_compensation": LATE}, "uses neither the receiver nor a sensor with latency"),
     (
         (INERTIAL,),
         {"filter.delay_compensation": PROPAGATED, "filter.measurements": ["altitude"],

@@ -106,7 +106,7 @@ def test_what_goes_together_is_accepted(fields):
 @pytest.mark.parametrize(
     ("fields", "reported"),
     [
-        ({"filter.measurements": [], LATE: {"kind": "buffered"}}, "takes nothing that could be late"),
+        ({"filter.measurements": [], LATE: {"kind": "buffered"}}, "neither the receiver nor a sensor with latency"),
         ({LATE: {"kind": "extrapolated"}}, "does not take both of them"),
         ({**LOOSE, LATE: FAIRLY, "filter.measurements": ["position"]}, "does not take both of them"),
         ({"filter.init": "from_gnss"}, "both are to be measured"),
@@ -116,4 +116,19 @@ def test_what_goes_together_is_accepted(fields):
 )
 def test_what_cannot_be_had_together_is_refused_before_anything_runs(fields, reported):
     with pytest.raises(ValueError, match=reported):
+        with_fields(loaded(), **fields)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"imu.gyro.random_walk": "2e7 deg/sqrt(h)"}, "at most 1000 deg/sqrt"),
+        ({"imu.accel.random_walk": "20 g/sqrt(Hz)"}, "at most 1 g/sqrt"),
+        ({"initial.position": "1e9 m"}, "less than or equal to 1000000"),
+        ({"receiver.pseudorange_sigma": "2e9 m"}, "less than or equal to 1000000"),
+        ({"filter.gate": 5e15}, "less than or equal to 1000"),
+    ],
+)
+def test_sizes_that_no_device_has_are_refused(fields, said):
+    with pytest.raises(ValueError, match=said):
         with_fields(loaded(), **fields)

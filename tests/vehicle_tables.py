@@ -26,7 +26,7 @@ REFERENCES = [
     {"source": "a paper", "case": {"rate_gain": gain}, "metric": "rate_error_roll", "than": "raw_rate_error_roll",
      "statistic": "formal", "during": DURING, "value": value, "unit": "%"}
     for gain, value in (("1", 88.0), ("2", 57.0))
-] + [{"source": "a paper", "metric": "nozzle_movement_pitch", "value": 68, "unit": "%"}]  # fmt: skip
+]  # fmt: skip
 
 
 def _table(name: str, rows: list[dict[str, Any]]) -> pa.Table:

@@ -1,5 +1,6 @@
 """A recorded log through the filters of a campaign's cases: the estimate over time, and outages in every case."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.engines.recorded.alignment import Alignment, align
+from lvnav_trade.engines.recorded.consistency import consistent
 from lvnav_trade.engines.recorded.flight import refuse_unable, replayed
 from lvnav_trade.engines.recorded.outages import Outage, outage
 from lvnav_trade.engines.setup.prepare import Prepared
@@ -36,7 +38,7 @@ class Asked(NamedTuple):
 
 class Processed(NamedTuple):
     """A log through the cases of a campaign: its alignment; track, a row per case and time; outages, a row per case
-    and outage; summary, a row per case and length of outage.
+    and outage; summary, a row per case and length of outage; notes: on what of the log is left out, and on failures.
     """
 
     card: NavigationLog
@@ -44,6 +46,7 @@ class Processed(NamedTuple):
     track: pd.DataFrame
     outages: pd.DataFrame
     summary: pd.DataFrame
+    notes: tuple[str, ...] = ()
 
 
 def read_card(file: Path) -> NavigationLog:
@@ -68,13 +71,16 @@ def process(campaign: Campaign, file: Path, asked: Asked) -> Processed:
     for case in found:
         with _of(case):
             refuse_unable(case.scenario, card)
-    log = read_recording(card, file.parent)
+    # the antenna of the first case: the log is of one vehicle
+    log = consistent(read_recording(card, file.parent), card, np.array(found[0].scenario.receiver.lever_b))
     aligned = align(log, card)
-    tracks, outages = [], []
+    tracks, outages, notes = [], [], list(log.notes)
     for case in found:
         with _of(case):
-            prepared = replayed(case.scenario, log, card, aligned)
-        tracks.append(_track(case, prepared))
+            prepared, said = replayed(case.scenario, log, card, aligned)
+        track, failure = _track(case, prepared)
+        tracks.append(track)
+        notes += [f"{case.label}: {one}" for one in (*said, *failure)]
         outages += [_row(case, length, one) for length, one in _outages(prepared, asked)]
     rows = pd.DataFrame(outages, columns=list(_COLUMNS))
     if rows.empty:
@@ -82,7 +88,20 @@ def process(campaign: Campaign, file: Path, asked: Asked) -> Processed:
             f"{file}: no outage of {' or '.join(f'{length:g}' for length in asked.lengths)} s fits between "
             f"{asked.first:g} s after the rest and the end of the log"
         )
-    return Processed(card, aligned, pd.concat(tracks, ignore_index=True), rows, summarised(rows))
+    summary = summarised(rows)
+    notes += failures(summary)
+    return Processed(card, aligned, pd.concat(tracks, ignore_index=True), rows, summary, tuple(notes))
+
+
+def failures(summary: pd.DataFrame) -> Iterator[str]:
+    """Say of each case and length how many outages fail."""
+    for row in summary[summary.failed > 0].itertuples():
+        others = row.outages - row.failed
+        rest = f"NEES, RMS and worst are of the other {others}" if others else "there is no NEES, RMS or worst"
+        yield (
+            f"{row.case}, {row.length_s:g} s: {row.failed} of {row.outages} outages fail (the estimate is not finite, "
+            f"or beyond the case's limit); {rest}"
+        )
 
 
 @contextmanager
@@ -107,7 +126,7 @@ def _outages(prepared: Prepared, asked: Asked) -> list[tuple[float, Outage]]:
 
 _COLUMNS = (
     "case", "length_s", "begin_s", "end_s", "position_error_m", "position_3sigma_m", "velocity_error_m_per_s",
-    "velocity_3sigma_m_per_s", "nees_ratio", "inside",
+    "velocity_3sigma_m_per_s", "nees_ratio", "inside", "failed",
 )  # fmt: skip
 
 
@@ -115,16 +134,20 @@ def _row(case: Case, length: float, one: Outage) -> dict[str, Any]:
     sigma = 3.0 * one.sigma
     velocity, position = one.error[:3], one.error[3:]
     sizes = (position, sigma[3:], velocity, sigma[:3])
-    values = (case.label, length, one.begin, one.end, *(float(np.linalg.norm(part)) for part in sizes))
-    return dict(zip(_COLUMNS, (*values, one.square, one.inside), strict=True))
+    norms = (math.nan if one.failed else float(np.linalg.norm(part)) for part in sizes)
+    values = (case.label, length, one.begin, one.end, *norms)
+    return dict(zip(_COLUMNS, (*values, one.square, one.inside, one.failed), strict=True))
 
 
 def summarised(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return for each case and length how many outages there are, how many end within three sigma, and their errors."""
+    """Return for each case and length how many outages there are, how many of them fail, which part of all ends within
+    three sigma, and the errors of those that do not fail (NaN where all fail).
+    """
     groups = rows.groupby(["case", "length_s"], sort=False)
     return pd.DataFrame(
         {
             "outages": groups.size(),
+            "failed": groups.failed.sum().astype(int),
             "inside_percent": 100.0 * groups.inside.mean(),
             "nees_ratio": groups.nees_ratio.mean(),
             "position_rms_m": groups.position_error_m.agg(_rms),
@@ -138,8 +161,10 @@ def _rms(values: "pd.Series[float]") -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _track(case: Case, prepared: Prepared) -> pd.DataFrame:
-    """Return the estimate over time with nothing withheld: its place, its errors against the solutions, its sigmas."""
+def _track(case: Case, prepared: Prepared) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Return the estimate over time with nothing withheld: its place, its errors against the solutions, its sigmas;
+    and a note where it fails.
+    """
     run, record = run_block(prepared, 0, 0, 1), prepared.record
     error, sigma = run.err[0], run.sigma[0]
     shown = list(enumerate(prepared.outputs[: _MOTION.stop]))[_MOTION]
@@ -152,4 +177,5 @@ def _track(case: Case, prepared: Prepared) -> pd.DataFrame:
     for k, one in shown:
         name = f"{one.quantity}_{one.axis}_{one.unit.replace('/', '_per_')}"
         frame[f"error_{name}"], frame[f"sigma_{name}"] = error[:, k], sigma[:, k]
-    return frame
+    failed = f"the filter fails at {run.t_failed[0]:.6g} s after the rest with nothing withheld"
+    return frame, (failed,) if run.failed[0] else ()

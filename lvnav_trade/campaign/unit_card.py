@@ -11,6 +11,7 @@ from lvnav_trade import units
 from lvnav_trade.campaign.syntax.cards import MARK
 from lvnav_trade.errors import InputError
 from lvnav_trade.records import Floats
+from lvnav_trade.world.sensors.allan import FLOOR
 from lvnav_trade.world.sensors.allan_fit import FEWEST, NAMES, AxisFit, Coefficient, fit, ladder
 from lvnav_trade.world.user_file.imu_log import ImuLog, read_log
 
@@ -42,7 +43,12 @@ class FittedUnit(NamedTuple):
 
 
 def fit_unit(
-    file: str, start: float | None = None, end: float | None = None, shortest: float = 0.0, longest: float = math.inf
+    file: str,
+    start: float | None = None,
+    end: float | None = None,
+    shortest: float = 0.0,
+    longest: float = math.inf,
+    counted: bool = False,
 ) -> FittedUnit:
     """Return what a log of a unit at rest shows.
 
@@ -50,13 +56,15 @@ def fit_unit(
     ----------
     start, end : part of the log, s after its first row
     shortest, longest : averaging times (s) that are fitted
+    counted : the times of the rows scatter: rows are counted
 
     Raises
     ------
     InputError
         A log that cannot be read, with gaps or uneven, too short, or whose output never changes.
     """
-    log = read_log(file, start=0.0 if start is None else start, end=math.inf if end is None else end)
+    first, last = 0.0 if start is None else start, math.inf if end is None else end
+    log = read_log(file, start=first, end=last, counted=counted)
     n, rate = log.t.size, 1.0 / log.dt
     factors = ladder(n, log.dt, shortest, longest)
     if n < FEWEST or len(factors) < len(NAMES) + 2:
@@ -92,6 +100,7 @@ def _card(file: str, log: ImuLog, fits: dict[str, list[AxisFit]]) -> str:
     for part, axes in fits.items():
         body = [line for name in NAMES for line in _lines(part, name, [one.coefficients[name] for one in axes])]
         if any(one.coefficients["bias_instability"].shown for one in axes):
+            body += [_floors(part, [one.coefficients["bias_instability"] for one in axes])]
             body.append(f"  instability_fit: {_processes(tau)}")
         worst = max(one.spread for one in axes)
         if worst > 1.0:
@@ -113,7 +122,15 @@ def _processes(tau: Floats) -> str:
     longest = float(tau[-1])
     shortest = min(1.0, 0.1 * longest)
     count = min(_MOST_PROCESSES, 1 + math.ceil(math.log10(longest / shortest) - 1e-9))
-    return f'{{processes: {count}, shortest: "{shortest:.6g} s", longest: "{longest:.6g} s"}}'
+    times = f'shortest: "{shortest:.6g} s", longest: "{longest:.6g} s"'
+    return f"{{processes: {count}, {times}, convention: coefficient}}"
+
+
+def _floors(part: str, axes: list[Coefficient]) -> str:
+    """Return the comment with the floors of the Allan deviation, which datasheets print."""
+    unit, si = _UNITS[part]["bias_instability"]
+    floors = "; ".join(f"{FLOOR * one.value / units.parse(f'1 {unit}', si):.4g}" for one in axes)
+    return f"  # floor of the Allan deviation, {FLOOR:.3f} of bias_instability: {floors} {unit}"
 
 
 def _lines(part: str, name: str, axes: list[Coefficient]) -> list[str]:

@@ -1,4 +1,4 @@
-"""What the verbs that run campaigns answer: verdicts, linear covariance's table, the order that is preferred."""
+"""Console output of campaigns: verdicts, linear covariance's table, ranking of designs."""
 
 from __future__ import annotations
 
@@ -75,7 +75,8 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
     lines = remark_lines(remarks) + [f"failed: {line}" for line in failures[:_MOST]]
     if len(verdicts):
         at = 1 if remarks["beyond_limits"] else 0
-        lines.insert(at, _verdicts(in_words(verdicts), "requirements.csv, the report" if report else "--json"))
+        whole = "requirements.csv, the report" if report else "requirements.csv, --json"
+        lines.insert(at, _verdicts(_named_basis(in_words(verdicts)), whole))
     if len(failures) > _MOST:
         lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
     counts = verdicts.verdict.value_counts(sort=False).items()
@@ -90,6 +91,11 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
         "requirements": json.loads(verdicts.to_json(orient="records")),  # what is not a number is null
     }
     return Answer("\n".join(lines), content, results.exit_code)
+
+
+def _named_basis(shown: Any) -> Any:
+    """Return verdicts that say in words what they rest on."""
+    return shown.assign(by=shown.by.replace("LinCov", "linear covariance"))
 
 
 def _verdicts(shown: Any, whole: str) -> str:

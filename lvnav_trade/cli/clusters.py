@@ -16,7 +16,7 @@ from lvnav_trade.errors import InputError
 
 
 class Backend(StrEnum):
-    """What does the units of work: processes of this machine, or the workers of a Dask cluster."""
+    """What does the work items: processes of this machine, or the workers of a Dask cluster."""
 
     PROCESSES = "processes"
     DASK = "dask"
@@ -34,7 +34,7 @@ def workers(backend: Backend, scheduler: str | None, folder: Path, jobs: int) ->
         return
     if scheduler is not None and jobs != -1:
         raise InputError("--jobs: a scheduler has the workers that were started for it")
-    from lvnav_trade.clusters import dask
+    from lvnav_trade.api import dask
 
     place = folder.resolve()
     with dask(place, scheduler, jobs) as count:
@@ -54,9 +54,9 @@ def merge(
 
     Tables and report are those of the campaign in one piece.
     """
-    from lvnav_trade import clusters
+    from lvnav_trade import api
     from lvnav_trade.campaign.running.progress import choose
 
     found, show = shown(as_json)
-    results = clusters.merge(place, out, jobs, report, choose(quiet), show)
+    results = api.merge(place, out, jobs, report, choose(quiet), show)
     return answer_of(results, found, report)

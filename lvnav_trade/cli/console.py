@@ -1,9 +1,8 @@
-"""The console: the application, options that verbs share, and how every verb answers, fails and leaves."""
+"""The console: the application, options that commands share, output, error handling and exit codes."""
 
 import inspect
 import json
 import os
-import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,7 +15,8 @@ from typing import Annotated, Any, NamedTuple, NoReturn
 import typer
 
 from lvnav_trade.cli.streams import complaint, guard
-from lvnav_trade.errors import InputError, Mistake, is_full_disk, system_message
+from lvnav_trade.errors import InputError, Mistake, is_full_disk, system_message, visible, without_credentials
+from lvnav_trade.interrupts import raise_if_interrupted, remembering_interrupts
 
 JSON_VERSION = 1
 FAILED, INTERNAL = 4, 5
@@ -106,28 +106,39 @@ def errors(as_json: bool, debug: bool) -> Iterator[None]:
     """Turn every way to fail into one line and an exit code."""
     if debug:
         os.environ["LVNAV_TRADE_DEBUG"] = "1"
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system that ends the job, as Ctrl-C
     try:
-        yield
-    except InputError as error:
-        _leave(2, as_json, str(error), error.records)
+        with remembering_interrupts():  # SIGTERM too, by which a batch system ends a job
+            try:
+                yield
+            except (typer.Exit, typer.Abort):
+                raise
+            except Exception as error:
+                raise_if_interrupted(error)
+                _leave_with_error(error, as_json, debug)
     except KeyboardInterrupt:
         _leave(130, as_json, "interrupted; the same command resumes")
-    except (typer.Exit, typer.Abort):
-        raise
-    except Exception as error:
-        if type(error).__name__ == "Halted":
-            _leave(4, as_json, str(error))
-        if isinstance(error, OSError) and error.errno and not debug:
-            _leave(4 if is_full_disk(error) else 2, as_json, system_message(error))
-        if debug:
-            raise
-        text = str(error).strip().partition("\n")[0]
-        _leave(5, as_json, f"internal error: {type(error).__name__}: {text} (--debug shows where; please report it)")
+
+
+def _leave_with_error(error: Exception, as_json: bool, debug: bool) -> NoReturn:
+    """Leave with the line and the exit code of an error; with `debug` one that is not the user's is raised."""
+    kind = type(error).__name__
+    if isinstance(error, InputError):
+        _leave(2, as_json, str(error), error.records)
+    if kind == "Halted":
+        _leave(FAILED, as_json, str(error))
+    if kind == "TerminatedWorkerError":
+        _leave(FAILED, as_json, "a worker process died (out of memory?); the same command tries again")
+    if isinstance(error, OSError) and error.errno and not debug:
+        _leave(FAILED if is_full_disk(error) else 2, as_json, system_message(error))
+    if debug:
+        raise error
+    text = str(error).strip().partition("\n")[0]
+    _leave(INTERNAL, as_json, f"internal error: {kind}: {text} (--debug shows where; please report it)")
 
 
 def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:
     """Print why and leave; as a note on the file's line too where a CI service reads those."""
+    message = visible(without_credentials(message))
     if as_json:
         _print_json("error", code, message=message, mistakes=[record._asdict() for record in records])
     else:

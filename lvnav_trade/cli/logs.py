@@ -25,21 +25,27 @@ def fit_unit(
     longest: Annotated[
         float, typer.Option("--longest", metavar="SECONDS", help="and to", show_default="a ninth of the log")
     ] = math.inf,
+    counted: Annotated[
+        bool, typer.Option("--count-rows", help="time stamps of a host scatter: take the rows as evenly spaced")
+    ] = False,
 ) -> Answer:
     """Fit an IMU card to a log of the unit at rest.
 
     Overlapping Allan variance by axis: quantisation, white noise, bias instability, rate random walk, with intervals.
     """
-    from lvnav_trade import logs
+    from lvnav_trade import api
 
-    found = logs.fit_unit(log, out, plot, start, end, shortest, longest)
+    found = api.fit_unit(log, out, plot, start, end, shortest, longest, counted)
     frame = found.coefficients
     rows = [
         [row.sensor, row.coefficient, f"{row.estimate:.4g}" if row.shown else "not shown",
          f"{row.low:.4g} to {row.high:.4g}" if row.shown else f"below {row.high:.3g}", row.unit]
         for row in frame.itertuples()
     ]  # fmt: skip
-    lines = [table(["axis", "coefficient", "estimate", "95 %", "unit"], rows), f"card: {out}"]
+    lines = [table(["axis", "coefficient", "estimate", "95 %", "unit"], rows)]
+    if frame.shown[frame.coefficient == "bias_instability"].any():
+        lines.append("bias_instability is B of IEEE 952; the floor of the Allan deviation is 0.664 B")
+    lines.append(f"card: {out}")
     lines += [f"figure: {plot}"] if plot is not None else []
     content = {"card": str(out), "plot": str(plot) if plot else None, "seconds": found.seconds, "rate_hz": found.rate}
     return Answer("\n".join(lines), {**content, "coefficients": json.loads(frame.to_json(orient="records"))})
@@ -61,7 +67,7 @@ def process_log(
 
     Receiver solutions are withheld repeatedly for some seconds; the error at the end is compared with the sigma.
     """
-    from lvnav_trade import logs
+    from lvnav_trade import api
     from lvnav_trade.units import parse
 
     try:
@@ -70,16 +76,18 @@ def process_log(
         raise InputError(f"--outage: {error}") from None
     if min(lengths) <= 0.0 or every <= 0.0 or first < 0.0:
         raise InputError("--outage and --every: should be above zero, --first not below it")
-    done = logs.process_log(campaign, log, out, lengths, first, every, sets or ())
+    done = api.process_log(campaign, log, out, lengths, first, every, sets or ())
     rows = [
-        [row.case, f"{row.length_s:g} s", row.outages, f"{row.inside_percent:.0f} %", f"{row.nees_ratio:.2f}",
-         f"{row.position_rms_m:.3g} m", f"{row.position_worst_m:.3g} m"]
+        [row.case, f"{row.length_s:g} s", row.outages, row.failed, f"{row.inside_percent:.0f} %",
+         *(["-"] * 3 if row.failed == row.outages else
+           [f"{row.nees_ratio:.2f}", f"{row.position_rms_m:.3g} m", f"{row.position_worst_m:.3g} m"])]
         for row in done.summary.itertuples()
     ]  # fmt: skip
     heading = math.degrees(done.alignment.heading) % 360.0
     lines = [
-        table(["case", "withheld", "outages", "inside 3 sigma", "NEES", "position RMS", "worst"], rows),
+        table(["case", "withheld", "outages", "failed", "inside 3 sigma", "NEES", "position RMS", "worst"], rows),
+        *done.notes,
         f"heading after the rest: {heading:.1f} deg; page: {out / 'report.html'}",
     ]
-    content = {"page": str(out / "report.html"), "heading_deg": heading}
+    content = {"page": str(out / "report.html"), "heading_deg": heading, "notes": list(done.notes)}
     return Answer("\n".join(lines), content | {"summary": json.loads(done.summary.to_json(orient="records"))})

@@ -33,7 +33,8 @@ def estimate_q(
     """
     from lvnav_trade import api
 
-    found, (card, *files) = api.estimate_q(campaign, out, sets or (), case, runs, step)
+    estimated = api.estimate_q(campaign, out, sets or (), case, runs, step)
+    found, card, files = estimated.noise, estimated.card, estimated.files
     noises = {"whole flight": found.whole, **{name: noise for name, _, _, noise in found.phases}}
     beyond = found.whole._replace(attitude=found.card.attitude_noise, velocity=found.card.velocity_noise)
     rows = [_row(name, noise) for name, noise in noises.items()]
@@ -87,16 +88,11 @@ def report(
 ) -> Answer:
     """Build the report again from results."""
     from lvnav_trade import api
-    from lvnav_trade.report import keep as keep_report
-    from lvnav_trade.store.contents import owned
 
-    api.load(folder)
     if no_tables and keep is None:
         raise InputError("--no-tables: only --keep writes CSV tables")
-    if keep is not None:
-        owned(keep, "report")  # refused before the report is built
-    page = str(api.build_report(folder, ("png", "svg") if figures else (), brief))
-    kept = str(keep_report(folder, keep, tables=not no_tables)) if keep is not None else None
+    made = api.report(folder, keep, not no_tables, ("png", "svg") if figures else (), brief)
+    page, kept = str(made.page), str(made.kept) if made.kept is not None else None
     return Answer(f"report: {page}" + (f"\nkept: {kept}" if kept else ""), {"report": page, "kept": kept})
 
 
@@ -138,9 +134,9 @@ def keep_base(
 
     Runs and events, some hundred kilobytes.
     """
-    from lvnav_trade.report import compare as comparison
+    from lvnav_trade import api
 
-    return Answer(f"base: {comparison.keep_base(folder, target)}")
+    return Answer(f"base: {api.keep_base(folder, target)}")
 
 
 @verb("results/demo -o demo.kml --ellipses")
@@ -154,7 +150,7 @@ def kml(
     """Write trajectories as KML, for viewers of the Earth."""
     from lvnav_trade import api
 
-    written = str(api.write_kml(source, output, ellipses, every, magnify))
+    written = str(api.kml(source, output, ellipses, every, magnify))
     return Answer(f"kml: {written}", {"kml": written})
 
 
@@ -185,14 +181,15 @@ def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="folder of the new campaign")],
     file: Annotated[Path, typer.Option("--from", metavar="FILE", help="rows of your flight, CSV or Parquet")],
     epoch: Annotated[str | None, typer.Option("--epoch", help="lift-off, UTC, such as 2027-02-01T12:00:00Z")] = None,
+    time: Annotated[str | None, typer.Option("--time", metavar="COLUMN", help="column of time, else guessed")] = None,
 ) -> Answer:
     """Write a first campaign around a flight of your own.
 
     Columns, units, frames and events are guessed; the card says why, line by line. No file is overwritten.
     """
-    from lvnav_trade.campaign.reading.starting import start
+    from lvnav_trade import api
 
-    found = start(folder, file, epoch)
+    found = api.init(folder, file, epoch, time)
     rows = [[one.part, str(one.content), one.why] for one in found.guesses]
     events = ", ".join(f"{name} {time}" for name, time in found.events.items()) or "none"
     rows.append(["events", events, "jumps of force"])
@@ -201,40 +198,3 @@ def init(
     guessed = {one.part: one.content for one in found.guesses}
     content = {"campaign": str(found.campaign), "card": str(found.card), "guesses": guessed, "events": found.events}
     return Answer("\n".join(lines), content)
-
-
-@verb("demo --case 'imu=tactical_mems, filter=tight' -o my_filter --runs 10")
-def export_filter(
-    campaign: CampaignFile,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="folder of the C files and the runs")],
-    sets: Sets = None,
-    case: CaseOf = None,
-    runs: Annotated[int, typer.Option("--runs", help="runs that are recorded and replayed; 0: the C alone")] = 10,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
-) -> Answer:
-    """Write the filter of a case as C99, without allocation.
-
-    Runs are recorded beside it and replayed, where this machine has a C compiler (CC, cc, gcc, clang). Each estimate
-    should be that of the simulation to 1e-9 of its size.
-    """
-    import sys
-
-    from lvnav_trade.campaign.filter_code import build_line
-    from lvnav_trade.exports import export_filter as export
-
-    def progress(what: str) -> None:
-        if not quiet:
-            print(what, file=sys.stderr)
-
-    found = export(campaign, out, case, runs, sets or (), progress)
-    lines = [f"files: {out}"]
-    if found.replayed is not None:
-        worst = found.replayed.groupby("estimate", sort=False).agg(runs=("run", "nunique"), worst=("difference", "max"))
-        rows = [[row.Index, row.runs, f"{row.worst:.1e}"] for row in worst.itertuples()]
-        lines.insert(0, table(["estimate", "runs", "largest difference"], rows))
-        lines.append(f"replayed: {'agrees' if found.agrees else 'an estimate differs by more than 1e-9 of its size'}")
-    elif runs:
-        lines.append(f"no C compiler is here; where one is: {build_line()} && ./replay flight.bin run_*.bin")
-    content = {"folder": str(out), "compiler": found.compiler, "agrees": found.agrees}
-    rows_of = [] if found.replayed is None else found.replayed.to_dict(orient="records")
-    return Answer("\n".join(lines), content | {"replayed": rows_of}, 0 if found.agrees else 1)

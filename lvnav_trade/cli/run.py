@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -17,13 +16,11 @@ from lvnav_trade.cli.clusters import Backend, workers
 from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Json, Out, Sets, verb
 from lvnav_trade.errors import InputError
 
-if TYPE_CHECKING:
-    from lvnav_trade.campaign.definition.schema import Campaign
-
 Strict = Annotated[
     bool, typer.Option("--strict", help="exit code 2 where the runs cannot show a requirement, however good they are")
 ]
 VERDICTS = ("passed", "failed", "not checked")
+_ERROR_COLUMNS = ["event", "t", "position", "velocity", "attitude"]
 
 
 @verb("demo --set monte_carlo.runs=50")
@@ -57,7 +54,7 @@ def run(
 
     Linear covariance answers first, in seconds; then Monte Carlo. The same command resumes what was interrupted.
     """
-    from lvnav_trade import api
+    from lvnav_trade.api.campaigns import Task, carry_out
     from lvnav_trade.campaign.reading.load import load
     from lvnav_trade.campaign.running.progress import choose
 
@@ -65,14 +62,15 @@ def run(
     check_preferred(prefer or ())
     folder = out or Path("results") / loaded.name
     if shard is not None:
-        from lvnav_trade.clusters import run_shard
+        from lvnav_trade.api import run_shard
 
         if prefer or copy_to or scheduler is not None or backend != Backend.PROCESSES:
             raise InputError("--shard: goes without --prefer, --copy-to, --backend and --scheduler")
         return shared(run_shard(loaded, shard, (), folder, jobs, fresh, fail_fast, choose(quiet)))
     found, show = shown(as_json)
     with workers(backend, scheduler, folder, jobs) as (place, count):
-        results = api.run(loaded, (), place, count, fresh, fail_fast, report, choose(quiet), show, (), copy_to)
+        task = Task(count, fresh, fail_fast, report, copy_to, choose(quiet), show)
+        results = carry_out(loaded, place, task)
     answer = answer_of(results, found, report)
     return with_ranking(answer, results, prefer) if prefer else answer
 
@@ -81,15 +79,12 @@ def run(
 def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> Answer:
     """Validate a campaign without running it."""
     from lvnav_trade import api
-    from lvnav_trade.campaign.definition.axes import cases
     from lvnav_trade.campaign.reading.flights import remark_lines
 
-    loaded, remarks = api.examine(campaign, sets or ())
-    if strict:
-        api.refuse_undemonstrable(loaded)
-    found = cases(loaded)
-    good = f"{campaign}: good, {len(found)} {'case' if len(found) == 1 else 'cases'}"
-    known = [{"id": case.id, "label": case.label} for case in found]
+    found = api.check(campaign, sets or (), strict)
+    good = f"{campaign}: good, {len(found.cases)} {'case' if len(found.cases) == 1 else 'cases'}"
+    known = [{"id": case.id, "label": case.label} for case in found.cases]
+    remarks = {name: list(getattr(found, name)) for name in ("beyond_limits", "warnings", "notes")}
     return Answer("\n".join([*remark_lines(remarks), good]), {**remarks, "cases": known, "mistakes": []})
 
 
@@ -98,17 +93,13 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Str
     """Show the cases, their cost, and what is already done."""
     from lvnav_trade import api
     from lvnav_trade.campaign.reading.flights import remark_lines
-    from lvnav_trade.campaign.reading.load import load
 
-    found = api.plan(campaign, sets or (), out)
-    if strict:
-        api.refuse_undemonstrable(load(campaign, sets or ()))
-    rows = table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases])
-    cost = f"{found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
-    lines = [rows, *remark_lines({"warnings": found.warnings})]
-    return Answer(
-        "\n".join([*lines, f"about {found.seconds:.0f} s of one core once compiled, {cost}"]), found._asdict()
-    )
+    found = api.plan(campaign, sets or (), out, strict)
+    rows = table(["case", "label", "runs", "done"], [list(row) for row in found.cases.itertuples(index=False)])
+    lines = [rows, *remark_lines({"warnings": found.warnings}), found.cost]
+    content = {"cases": found.cases.to_dict("records"), "blocks": found.blocks, "seconds": found.seconds}
+    content |= {"disk_mb": found.disk_mb, "memory_mb": found.memory_mb, "warnings": list(found.warnings)}
+    return Answer("\n".join(lines), content)
 
 
 @verb("smoke")
@@ -127,16 +118,11 @@ def selfcheck(
     from lvnav_trade.campaign.running.progress import choose
 
     found = api.selfcheck(campaign, sets or (), jobs, choose(quiet))
-    every = len({label for one in found for label in one.cases})
-    rows = [
-        ["all" if len(cases) == every else "; ".join(cases), check.kind, check.what, *check.words, check.where]
-        for check, cases in found
-    ]
-    counts = {verdict: sum(one.check.verdict == verdict for one in found) for verdict in VERDICTS}
+    frame, counts = found.frame, {verdict: found.count(verdict) for verdict in VERDICTS}
     said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
-    lines = [table(["case", "check", "of", "figure", "allowed", "verdict", "where"], rows), said]
-    content = {"counts": counts, "checks": [one.check.content() | {"cases": list(one.cases)} for one in found]}
-    return Answer("\n".join(lines), content, api.VIOLATED if counts["failed"] else api.MET)
+    lines = [table(list(frame.columns), list(frame.itertuples(index=False))), said]
+    content = {"counts": counts, "checks": [one.check.content() | {"cases": list(one.cases)} for one in found.checks]}
+    return Answer("\n".join(lines), content, api.MET if found.passed else api.VIOLATED)
 
 
 @verb('results/demo "imu=tactical_mems, filter=tight" 17')
@@ -148,36 +134,19 @@ def replay(
     out: Out = None,
 ) -> Answer:
     """Repeat one run, bit for bit, and keep every step."""
-    from lvnav_trade.campaign.definition.axes import cases
-    from lvnav_trade.campaign.running import replay as again
+    from lvnav_trade import api
 
-    loaded, folder = _campaign_of(source, sets or ())
-    chosen = again.find(cases(loaded), case)
-    found = again.replay(loaded, chosen, number)
-    trace = again.write_trace(found, out or folder, chosen, number)
-    events = [{"event": e, "t_s": t, "errors": sizes, "units": units} for e, t, sizes, units in found.at_events]
-    content = {"case": chosen.id, "label": chosen.label, "run": number, "failure": found.failure}
-    rows = [
-        [event, f"{t:.3f} s", *(f"{sizes[name]:.6g} {units[name]}" for name in sizes)]
-        for event, t, sizes, units in found.at_events
-    ]
-    what = f"{chosen.label}, run {number}{f': {found.failure}' if found.failure else ''}"
-    text = f"{what}\n{table(['event', 't', 'position', 'velocity', 'attitude'], rows)}\ntrace: {trace}"
-    return Answer(text, {**content, "events": events, "trace": str(trace)})
-
-
-def _campaign_of(source: str, sets: Sequence[str]) -> tuple[Campaign, Path]:
-    """Return the campaign of a file or of a folder of results, and the folder of its results."""
-    from lvnav_trade.campaign.reading.load import load
-
-    folder = Path(source)
-    if not folder.is_dir():
-        loaded = load(source, sets)
-        return loaded, Path("results") / loaded.name
-    frozen = folder / "campaign.resolved.yaml"
-    if not frozen.is_file():
-        raise InputError(f"{folder}: no results here (no campaign.resolved.yaml)")
-    return load(frozen, sets), folder
+    found = api.replay(source, case, number, sets or (), out)
+    events, rows = [], []
+    for (event, t), errors in found.events.groupby(["event", "t_s"], sort=False):
+        by_quantity = errors.set_index("quantity")
+        sizes, units = by_quantity.error.to_dict(), by_quantity.unit.to_dict()
+        events.append({"event": event, "t_s": t, "errors": sizes, "units": units})
+        rows.append([event, f"{t:.3f} s", *(f"{sizes[name]:.6g} {units[name]}" for name in sizes)])
+    what = f"{found.label}, run {number}{f': {found.failure}' if found.failure else ''}"
+    text = f"{what}\n{table(_ERROR_COLUMNS, rows)}\ntrace: {found.trace}"
+    content = {"case": found.case, "label": found.label, "run": number, "failure": found.failure}
+    return Answer(text, {**content, "events": events, "trace": str(found.trace)})
 
 
 @verb("results/demo")
@@ -186,9 +155,9 @@ def status(folder: Annotated[Path, typer.Argument(metavar="RESULTS")]) -> Answer
 
     Blocks and tables are checked.
     """
-    from lvnav_trade.campaign.running.status import status as look
+    from lvnav_trade import api
 
-    found = look(folder)
+    found = api.status(folder)
     return Answer(found.text, found._asdict() | {"cases": [case._asdict() for case in found.cases]})
 
 
@@ -202,9 +171,9 @@ def fields(
 
     Each with its default, what it takes and what it means; for every kind where there are several.
     """
-    from lvnav_trade.campaign.reading.reference import reference
+    from lvnav_trade import api
 
-    found = reference(path or "")
+    found = api.fields(path or "")
     blocks = []
     for part in found:
         title = f"kind: {part.kind} - {part.title}" if part.kind else part.title
@@ -217,9 +186,9 @@ def fields(
 @verb("> campaign.schema.json", with_json=False)
 def schema() -> Answer:
     """Print the JSON Schema of campaign files, for editors."""
-    from lvnav_trade.campaign.reading.reference import json_schema
+    from lvnav_trade import api
 
-    return Answer(json.dumps(json_schema(), indent=2))
+    return Answer(json.dumps(api.schema(), indent=2))
 
 
 def _width() -> int:
@@ -232,14 +201,13 @@ def cards(
     long: Annotated[bool, typer.Option("--long", help="with the source of the numbers")] = False,
 ) -> Answer:
     """List all cards, those of a folder, or show one."""
-    from lvnav_trade.campaign.syntax import cards as shelf
+    from lvnav_trade import api
 
-    every = shelf.catalogue(Path.cwd())
-    found = [card for card in every if card.name.startswith(f"{(name or '').rstrip('/')}/")]
+    every = api.cards()
+    found = [card for card in every if name is None or card.name.startswith(f"{name.rstrip('/')}/")]
     if name is not None and not found:
-        text = shelf.card_text(name, Path.cwd())
+        text = api.card_text(name)
         return Answer(text.removesuffix("\n"), {"name": name, "text": text})
-    found = found or every
     listed = table(["card", "what"], [[card.name, card.title] for card in found])
     if long:
         listed = "\n\n".join(
@@ -254,24 +222,20 @@ def metrics(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="only those whose name contains this")] = None,
 ) -> Answer:
     """List the metrics a campaign can name, then the tables."""
-    from lvnav_trade.campaign.reading.quantities import known_metrics
-    from lvnav_trade.campaign.syntax.tree import hint
-    from lvnav_trade.metrics import METRICS
+    from lvnav_trade import api
 
-    known = [one for one in known_metrics() if (name or "") in one.metric]
-    made = {key: (metric.__doc__ or "").partition("\n")[0] for key, metric in METRICS.items() if (name or "") in key}
-    if not known and not made:
-        names = [*(one.metric for one in known_metrics()), *METRICS]
-        raise InputError(f"metrics: no metric contains {name!r}{hint(str(name), names)}")
+    found = api.metrics(name or "")
+    known = list(found.metrics.itertuples(index=False))
     blocks = [table(["metric", "unit", "meaning", "named by"], known)] if known else []
-    blocks += [table(["table", "what it holds"], list(made.items()))] if made else []
-    return Answer("\n\n".join(blocks), {"metrics": [one._asdict() for one in known], "tables": made})
+    blocks += [table(["table", "what it holds"], list(found.tables.items()))] if found.tables else []
+    return Answer("\n\n".join(blocks), {"metrics": found.metrics.to_dict("records"), "tables": found.tables})
 
 
-@verb("dlr --keep reports/dlr")
+@verb("papers/mine --keep reports/mine")
 def study(
     folder: Annotated[
-        str, typer.Argument(metavar="FOLDER", help="folder of campaigns, or one of the tool's: conae, dlr, drdc, gains")
+        str,
+        typer.Argument(metavar="FOLDER", help="folder with campaigns and a study.yaml, or one of the tool's"),
     ],
     keep: Annotated[Path, typer.Option("--keep", metavar="FOLDER", help="where the study's report goes")],
     runs: Annotated[int | None, typer.Option("--runs", help="runs per case, in place of the campaigns' own")] = None,
@@ -295,7 +259,8 @@ def study(
             print(f"{name}: {len(results.tables.cases)} cases, {len(results.failures)} failed runs", flush=True)
 
     place = out if out != Path() else None
-    found = api.study(folder, keep, runs, place, jobs, fresh, only_page, lambda: choose(quiet), show)
+    watch = api.StudyWatch(lambda: choose(quiet), show)
+    found = api.study(folder, keep, runs, place, jobs, fresh, only_page, watch)
     rows = [[name, *map(str, counts)] for name, counts in found.campaigns.items()]
     lines = [f"failed: {line}" for line in found.failures]
     lines += [table(["campaign", "evidence", "as published"], rows), f"kept: {found.page}"]

@@ -34,16 +34,16 @@ def solve(
     By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. What is
     varied stands in the campaign (solve: ...) unless --vary states it.
     """
-    from lvnav_trade import searches
+    from lvnav_trade import api
 
-    found, page = searches.solve(campaign, sets or (), vary or (), log, meet or (), out, jobs, least)
+    found = api.solve(campaign, sets or (), vary or (), log, meet or (), out, jobs, least)
     shown = found.answers.drop(columns=["evaluations", "base_value"], errors="ignore")
     lines = [table(list(shown.columns), list(shown.itertuples(index=False)))]
     if len(found.confirmed):
         lines += ["", table(list(found.confirmed.columns), list(found.confirmed.itertuples(index=False)))]
-    lines += [f"{found.seconds:.0f} s", f"report: {page}"]
+    lines += [f"{found.seconds:.0f} s", f"report: {found.page}"]
     content = {"answers": found.answers.to_dict("records"), "confirmed": found.confirmed.to_dict("records")}
-    return Answer("\n".join(lines), {**content, "seconds": found.seconds, "report": str(page)})
+    return Answer("\n".join(lines), {**content, "seconds": found.seconds, "report": str(found.page)})
 
 
 @verb("trade/sobol")
@@ -52,13 +52,15 @@ def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: J
 
     Of the block indices of a campaign: frozen in closed form, re-tuned by polynomials fitted to linear covariances.
     """
-    from lvnav_trade import searches
+    from lvnav_trade import api
 
-    found, page = searches.indices(campaign, sets or (), out, jobs)
+    found = api.indices(campaign, sets or (), out, jobs)
     lines = [table(list(found.indices.columns), list(found.indices.itertuples(index=False)))]
-    lines += [f"{found.samples} designs, {found.seconds:.0f} s", f"report: {page}"]
+    lines += [f"linear covariance: {found.remark}"] if found.remark else []
+    lines += [f"{found.samples} designs, {found.seconds:.0f} s", f"report: {found.page}"]
     content = {"case": found.case, "error": found.error, "predicted": found.predicted, "seconds": found.seconds}
-    return Answer("\n".join(lines), {**content, "indices": found.indices.to_dict("records"), "report": str(page)})
+    content |= {"remark": found.remark}
+    return Answer("\n".join(lines), {**content, "indices": found.indices.to_dict("records"), "report": str(found.page)})
 
 
 @verb("trade/tune")
@@ -67,15 +69,15 @@ def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs
 
     As the block tune of a campaign asks: by linear covariance; cases that are held out validate it.
     """
-    from lvnav_trade import searches
+    from lvnav_trade import api
 
-    found, page = searches.tune(campaign, sets or (), out, jobs)
+    found = api.tune(campaign, sets or (), out, jobs)
     parts = [(frame.columns, frame.itertuples(index=False)) for frame in (found.values, found.cases)]
     lines = [table(list(columns), list(rows)) for columns, rows in parts]
     lines += [
         f"{found.evaluations} looks, {found.seconds:.0f} s",
-        f"report: {page}",
-        f"card: {page.parent / 'filter.yaml'}",
+        f"report: {found.page}",
+        f"card: {found.file}",
     ]
     content = {"values": found.values.to_dict("records"), "cases": found.cases.to_dict("records")}
-    return Answer("\n".join(lines), {**content, "seconds": found.seconds, "report": str(page)})
+    return Answer("\n".join(lines), {**content, "seconds": found.seconds, "report": str(found.page)})

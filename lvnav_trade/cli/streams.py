@@ -6,12 +6,15 @@ import sys
 from collections.abc import Callable
 from typing import Any, TextIO, cast
 
+from lvnav_trade.errors import visible
+
 
 class Stream:
     """A text stream that takes no more after the first write that the system refuses, and remembers why."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+    def __init__(self, stream: TextIO, hides: bool = False) -> None:
+        """hides: hidden characters are written as they are, as a progress bar needs them."""
+        self._stream, self._hides = stream, hides
         self.refused: OSError | None = None
 
     def __getattr__(self, name: str) -> Any:
@@ -19,7 +22,7 @@ class Stream:
 
     def write(self, text: str) -> int:
         """Write a text, or drop it where the stream takes no more."""
-        self._attempt(self._stream.write, text)
+        self._attempt(self._stream.write, text if self._hides else visible(text))
         return len(text)
 
     def flush(self) -> None:
@@ -52,7 +55,8 @@ def guard() -> Stream:
             os.dup2(null, number)
             if null != number:
                 os.close(null)
-    out, err = (Stream(stream or open(os.devnull, "w")) for stream in (sys.stdout, sys.stderr))  # noqa: SIM115
+    out = Stream(sys.stdout or open(os.devnull, "w"))  # noqa: SIM115
+    err = Stream(sys.stderr or open(os.devnull, "w"), hides=True)  # noqa: SIM115
     for stream in (out, err):
         stream.reconfigure(errors="backslashreplace")  # of a character that the stream's encoding lacks
     sys.stdout, sys.stderr = cast(TextIO, out), cast(TextIO, err)

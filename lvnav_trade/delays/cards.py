@@ -68,10 +68,10 @@ class RayTracedTroposphere(Card):
     )
 
 
-class ConaeTroposphere(Card):
+class AnyElevationTroposphere(Card):
     """Canepa and Servidia, eq. 3.1 to 3.15: one formula for every height, negative elevations included."""
 
-    kind: Literal["conae_000"] = "conae_000"
+    kind: Literal["any_elevation"] = "any_elevation"
     gain: Length = Field(2.47, description="k_alpha of eq. 3.1")
     scale_height: ScaleHeight = Field(7518.8, description="h_tau of eq. 3.1")
     offset: float = Field(0.0121, gt=0.0, description="phi_alpha of eq. 3.1")
@@ -113,7 +113,7 @@ class NiellTroposphere(_Weather):
 _Troposphere = (
     NoTroposphere
     | RayTracedTroposphere
-    | ConaeTroposphere
+    | AnyElevationTroposphere
     | SpilkerTroposphere
     | SaastamoinenTroposphere
     | NiellTroposphere

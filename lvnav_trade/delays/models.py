@@ -38,17 +38,17 @@ class Geometry(NamedTuple):
 def troposphere_delay(model: cards.TroposphereModel, geometry: Geometry) -> Floats:
     """Return the tropospheric delay (n_epoch, n_sat) in m: added to pseudoranges and carrier ranges alike.
 
-    Only `ray_traced` and `conae_000` know elevations below zero; the other models keep the value of their lowest.
+    Only `ray_traced` and `any_elevation` know elevations below zero; the other models keep the value of their lowest.
     """
     elevation = np.asarray(geometry.elevation, dtype=float)
     height, latitude = _column(geometry.height), _column(geometry.latitude)
     if isinstance(model, cards.RayTracedTroposphere):
         lowest = lowest_height(latitude, height, geometry.azimuth, elevation)
         return interpolated(model, np.broadcast_to(height, elevation.shape), elevation, lowest)
-    if isinstance(model, cards.ConaeTroposphere):
+    if isinstance(model, cards.AnyElevationTroposphere):
         settings = (model.gain, model.scale_height, model.offset, model.join, model.gain_law)
         radius = SEMI_MINOR / (1.0 - ECCENTRICITY_2 * np.sin(latitude) ** 2)  # Gaussian mean curvature of the ellipsoid
-        return troposphere.conae(elevation, height, radius, *settings)
+        return troposphere.any_elevation(elevation, height, radius, *settings)
     if isinstance(model, cards.SpilkerTroposphere):
         held = np.maximum(elevation, model.lowest)
         return troposphere.spilker(held, height, model.zenith, model.scale_height, model.offset)

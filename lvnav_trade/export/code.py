@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.errors import InputError
 from lvnav_trade.export import entries
+from lvnav_trade.export.scope import refuse_redundant_imus
 from lvnav_trade.export.storage import Storage
 from lvnav_trade.export.translation.expressions import RingTooShort
 from lvnav_trade.export.translation.program import Program
@@ -96,9 +97,7 @@ def exported(prepared: Prepared, title: str) -> Exported:
 
     InputError where what stands before the filter decides of it: redundant inertial units.
     """
-    units = prepared.options.units
-    if units is not None and units.redundant is not None:
-        raise InputError("redundant inertial units are tested before the filter: what decides of them is not exported")
+    refuse_redundant_imus(prepared)
     for depth in (1, 2):
         program = Program(NAME)
         storage = Storage(prepared, program, depth)
@@ -116,11 +115,9 @@ def _translated(program: Program, storage: Storage, prepared: Prepared) -> list[
     window, epoch = Scalar("window", INT), Scalar("epoch", INT)
     steps: dict[str, dict[str, Value]] = {
         "begin": {"work": s.work, "parts": s.parts, "options": s.options, "start": s.start, "nav": nav},
-        "propagate": {"work": s.work, "parts": s.parts, "schedule": s.schedule, "unit": s.unit, "model": s.model,
-                      "options": s.options, "window": window},
-        "update": {"work": s.work, "parts": s.parts, "unit": s.unit, "sensors": s.sensors, "signals": s.signals,
-                   "model": s.model, "options": s.options, "epoch": epoch},
-    }  # fmt: skip
+        "propagate": {"work": s.work, "parts": s.parts, "case": s.case, "window": window},
+        "update": {"work": s.work, "parts": s.parts, "case": s.case, "epoch": epoch},
+    }
     if isinstance(storage.parts.fields["open_loop"], Fields):
         for name in ("correct_outputs", "restore_outputs"):
             steps[name] = {"work": s.work, "parts": s.parts, "model": s.model}

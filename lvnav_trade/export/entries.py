@@ -1,4 +1,4 @@
-"""What the C of a filter has as functions of its own: begin, propagate, update, and the outputs of an open loop.
+"""Functions of a filter in C: begin, propagate, update, and the outputs of an open loop.
 
 They are translated like the kernels that they call, and never run.
 """
@@ -19,16 +19,16 @@ def begin(work: Any, parts: Any, options: Any, start: Any, nav: Any) -> None:
     steps.begin_filter(work, parts, options)
 
 
-def propagate(work: Any, parts: Any, schedule: Any, unit: Any, model: Any, options: Any, window: Any) -> None:
+def propagate(work: Any, parts: Any, case: Any, window: Any) -> None:
     """Propagate over a window by self->increments, angles (rad) and velocities (m/s) of its ticks, body axes."""
-    steps.propagate(work, parts, schedule, unit, model, options, window)
+    steps.propagate(work, parts, case, window)
 
 
-def update(work: Any, parts: Any, unit: Any, sensors: Any, signals: Any, model: Any, options: Any, epoch: Any) -> None:
+def update(work: Any, parts: Any, case: Any, epoch: Any) -> None:
     """Update by what was measured at an epoch, which count from 0."""
-    steps.begin_epoch(work, parts, model, options, epoch)
-    if model.aided:
-        steps.update(work, parts, unit, sensors, signals, model, options, epoch)
+    steps.begin_epoch(work, parts, case, epoch)
+    if case.model.aided:
+        steps.update(work, parts, case, epoch)
 
 
 def correct_outputs(work: Any, parts: Any, model: Any) -> None:

@@ -18,6 +18,7 @@ LIMIT = 1e-9
 # Names on the tape of what the struct has by other ones.
 _MEASURED = {"ranges": "ranges", "solution": "solution", "rx_covariance": "covariance", "observed": "observed"}
 _COMPARED = {"nav": "nav", "x": "x", "par": "par", "clock_hat": "clock", "extra": "extra"}
+_END = -1  # row of the estimates at the end of a run
 
 
 def flight_bytes(prepared: Prepared, made: Exported) -> bytes:
@@ -41,15 +42,16 @@ def _of_window(prepared: Prepared, w: int, value: Any, axis: int) -> Any:
 
 def run_bytes(prepared: Prepared, made: Exported, seed: int, run: int) -> bytes:
     """Return what a run has sensed and measured, and what the filter has made of it, as doubles."""
-    # a disturbance of gravity acts on the estimate, which stands for what it does to the vehicle
-    tape = taped(prepared._replace(unit=prepared.unit._replace(gravity=-1)), seed, run)
+    tape = taped(prepared, seed, run).tape
     schedule, found = prepared.schedule, list[Any]([tape.start])
     for w, (first, count, epoch) in enumerate(zip(schedule.first_tick, schedule.n_tick, schedule.epoch, strict=True)):
         found.append(tape.increments[first : first + count])
         if epoch >= 0:
             found += [getattr(tape, _MEASURED[name])[epoch] for name in _measured(made)]
         if _is_compared(prepared, w):
-            found += [*(getattr(tape, _COMPARED[name])[w] for name in _compared(made)), tape.variance[w]]
+            at = epoch if epoch >= 0 else _END
+            found += [getattr(tape.after, _COMPARED[name])[at] for name in _compared(made)]
+            found.append(np.diagonal(tape.after.P[at]))
     return _bytes(found)
 
 

@@ -1,4 +1,4 @@
-"""Where the numbers of a filter stand in its C: the arrays of a run in a struct, what does not change in tables.
+"""Storage of a filter in C: arrays of a run in a struct, constants in tables.
 
 What varies from window to window or epoch to epoch, and is no state, is an input that the caller sets. What is the
 same at all of them is a table.
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lvnav_trade.engines.epoch.case import case_of
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.montecarlo import new_work
 from lvnav_trade.export.translation.program import Program
@@ -53,7 +54,6 @@ class Storage:
         work, parts = new_work(prepared, lanes=False)
         self.work = self._arrays("work", work, "")
         self.parts = Fields("parts", {name: self._part(name, part) for name, part in parts._asdict().items()})
-        self.unit = Fields("unit", {"dt": Known(prepared.unit.dt)})
         self.model = self._record("model", prepared.model)
         self.schedule = self._record("schedule", prepared.schedule)
         self.signals = self._record("signals", prepared.signals, only=EPOCHS["signals"])
@@ -63,6 +63,11 @@ class Storage:
             self.sensors = self._record("sensors", prepared.sensors, only=kept)
         options = {name: self._option(name, one) for name, one in prepared.options._asdict().items()}
         self.options = Fields("options", options)
+        case = case_of(prepared)
+        self.case = Fields("case", {
+            "schedule": self.schedule, "signals": self.signals, "sensors": self.sensors, "model": self.model,
+            "options": self.options, "tick": Known(case.tick), "step": Known(case.step),
+        })  # fmt: skip
         self.start = Fields("start", {"P": self._table("start_P", np.asarray(prepared.start.P))})
 
     # ---------------------------------------------------------------------------------- arrays of a run

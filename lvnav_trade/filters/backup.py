@@ -1,4 +1,4 @@
-"""A strapdown beside a corrected one that is never corrected: what a vehicle falls back to (fail-operational).
+"""A second strapdown that is never corrected: the fall-back of a vehicle (fail-operational).
 
 It takes the increments as the unit puts them out. Its covariance is that of the filter's model without measurements, by
 the transition at the corrected state, the best that is known.
@@ -58,4 +58,4 @@ def advance_backup(backup, work, model, n_tick, dt, seconds):
 def predict_backup(backup, work, model, length, injection):
     """Propagate its covariance over a window, with the blocks that `fill_transition` has filled."""
     if backup is not None:
-        predict_covariance(backup.P, work.D, model, length, injection)
+        predict_covariance(backup.P, work.D, work.sums, model, length, injection)

@@ -1,7 +1,7 @@
 """Filter card: what the filter assumes, estimates and how often it works."""
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -41,33 +41,33 @@ _KINDS = {
 class ImuModel(units.Card):
     """What the filter assumes of its inertial unit, by axis or not; `matched` in its card takes all from the truth."""
 
-    gyro_random_walk: per_axis.AngleRandomWalk
-    accel_random_walk: per_axis.VelocityRandomWalk
-    gyro_bias: per_axis.AngularRate
-    gyro_bias_walk: per_axis.RateRandomWalk = 0.0
-    gyro_bias_time: units.TimeConstant | None = None
-    accel_bias: per_axis.Acceleration
-    accel_bias_walk: per_axis.AccelerationRandomWalk = 0.0
-    accel_bias_time: units.TimeConstant | None = None
-    gyro_scale_factor: per_axis.Fraction = 0.0
+    gyro_random_walk: per_axis.AngleRandomWalk  # root PSD of white noise
+    accel_random_walk: per_axis.VelocityRandomWalk  # root PSD of white noise
+    gyro_bias: per_axis.AngularRate  # initial one-sigma
+    gyro_bias_walk: per_axis.RateRandomWalk = 0.0  # root PSD of the random walk
+    gyro_bias_time: units.TimeConstant | None = None  # correlation time; none: constant apart from its walk
+    accel_bias: per_axis.Acceleration  # initial one-sigma
+    accel_bias_walk: per_axis.AccelerationRandomWalk = 0.0  # root PSD of the random walk
+    accel_bias_time: units.TimeConstant | None = None  # correlation time; none: constant apart from its walk
+    gyro_scale_factor: per_axis.Fraction = 0.0  # initial one-sigma
     gyro_scale_factor_walk: per_axis.ScaleDrift = Field(0.0, description="also to cover what is no state: nonlinearity")
-    accel_scale_factor: per_axis.Fraction = 0.0
-    accel_scale_factor_walk: per_axis.ScaleDrift = 0.0
+    accel_scale_factor: per_axis.Fraction = 0.0  # initial one-sigma
+    accel_scale_factor_walk: per_axis.ScaleDrift = 0.0  # root PSD of the random walk
     gyro_nonlinearity: per_axis.Fraction = Field(0.0, description="scale-factor error at full scale")
-    gyro_full_scale: Annotated[units.AngularRate, Field(gt=0.0)] = 8.7266462599716477  # 500 deg/s
-    accel_nonlinearity: per_axis.Fraction = 0.0
-    accel_full_scale: Annotated[units.Acceleration, Field(gt=0.0)] = 294.1995  # 30 g
-    gyro_misalignment: per_axis.Angle = 0.0
-    accel_misalignment: per_axis.Angle = 0.0
-    gyro_g_sensitivity: per_axis.GSensitivity = 0.0
-    gyro_relative_bias: units.AngularRateSigma = Field(
+    gyro_full_scale: units.AngularRateLimit = 8.7266462599716477  # 500 deg/s
+    accel_nonlinearity: per_axis.Fraction = 0.0  # scale-factor error at full scale
+    accel_full_scale: units.AccelerationLimit = 294.1995  # 30 g
+    gyro_misalignment: per_axis.Angle = 0.0  # initial one-sigma
+    accel_misalignment: per_axis.Angle = 0.0  # initial one-sigma
+    gyro_g_sensitivity: per_axis.GSensitivity = 0.0  # initial one-sigma
+    gyro_relative_bias: per_axis.AngularRate = Field(
         0.0, description="of two units whose difference is measured: bias of the first minus that of the second"
     )
-    gyro_relative_bias_walk: units.RateRandomWalk = 0.0
-    gyro_relative_bias_correlation: float = Field(0.0, gt=-1.0, lt=1.0, description="with gyro_bias, at the start")
-    accel_relative_bias: units.AccelerationSigma = 0.0
-    accel_relative_bias_walk: units.AccelerationRandomWalk = 0.0
-    accel_relative_bias_correlation: float = Field(0.0, gt=-1.0, lt=1.0, description="with accel_bias, at the start")
+    gyro_relative_bias_walk: per_axis.RateRandomWalk = 0.0  # root PSD of the random walk
+    gyro_relative_bias_correlation: per_axis.Correlation = Field(0.0, description="with gyro_bias, at the start")
+    accel_relative_bias: per_axis.Acceleration = 0.0  # the same of the accelerometers
+    accel_relative_bias_walk: per_axis.AccelerationRandomWalk = 0.0  # root PSD of the random walk
+    accel_relative_bias_correlation: per_axis.Correlation = Field(0.0, description="with accel_bias, at the start")
 
     def sigma(self, name: str) -> per_axis.PerAxis:
         """Return the one-sigma of a parameter (SI); of a nonlinearity its slope, the error at full scale over that."""
@@ -81,40 +81,40 @@ class ImuModel(units.Card):
 class ReceiverModel(units.Card):
     """What the filter assumes of the receiver's measurement noise and clock."""
 
-    pseudorange_sigma: units.LengthSigma
-    range_rate_sigma: units.SpeedSigma
-    position_sigma: units.LengthSigma
-    velocity_sigma: units.SpeedSigma
-    clock_h0: float = Field(ge=0)
-    clock_h_minus2: float = Field(ge=0)
-    noise_by: NoiseBy = ()
+    pseudorange_sigma: units.LengthSigma  # white noise
+    range_rate_sigma: units.SpeedSigma  # white noise
+    position_sigma: units.LengthSigma  # white noise of the solution, per axis
+    velocity_sigma: units.SpeedSigma  # white noise of the solution, per axis
+    clock_h0: float = Field(ge=0)  # power-law coefficient h0 of the clock: white frequency noise
+    clock_h_minus2: float = Field(ge=0)  # power-law coefficient h-2: random walk of the frequency
+    noise_by: NoiseBy = ()  # factors on the sigmas over altitude, specific force or jerk
     range_bias: units.LengthSigma = Field(0.0, description="of each satellite, as a state; its initial one-sigma")
-    range_bias_time: units.TimeConstant | None = None
+    range_bias_time: units.TimeConstant | None = None  # correlation time; none: constant
     time_offset: units.LengthSigma = Field(0.0, description="of each further system's time, in range")
-    time_offset_time: units.TimeConstant | None = None
+    time_offset_time: units.TimeConstant | None = None  # correlation time; none: constant
     range_rate_offset: units.SpeedSigma = Field(
         0.0, description="of all range rates alike, beside the clock's drift; its initial one-sigma"
     )
-    range_rate_offset_time: units.TimeConstant | None = None
+    range_rate_offset_time: units.TimeConstant | None = None  # correlation time; none: constant
     timing: units.Pause = Field(0.0, description="error of the time tags")
-    timing_time: units.TimeConstant | None = None
-    troposphere_scale: units.Fraction = 0.0
-    troposphere_scale_time: units.TimeConstant | None = None
-    ionosphere_scale: units.Fraction = 0.0
-    ionosphere_scale_time: units.TimeConstant | None = None
+    timing_time: units.TimeConstant | None = None  # correlation time; none: constant
+    troposphere_scale: units.Fraction = 0.0  # initial one-sigma of the relative error of the delay
+    troposphere_scale_time: units.TimeConstant | None = None  # correlation time; none: constant
+    ionosphere_scale: units.Fraction = 0.0  # initial one-sigma of the relative error of the delay
+    ionosphere_scale_time: units.TimeConstant | None = None  # correlation time; none: constant
     position_bias: units.LengthSigma = Field(0.0, description="of the receiver's solution, per axis")
-    position_bias_time: units.TimeConstant | None = None
-    velocity_bias: units.SpeedSigma = 0.0
-    velocity_bias_time: units.TimeConstant | None = None
-    carrier_phase_sigma: units.LengthSigma = 0.002
+    position_bias_time: units.TimeConstant | None = None  # correlation time; none: constant
+    velocity_bias: units.SpeedSigma = 0.0  # of the receiver's solution, per axis
+    velocity_bias_time: units.TimeConstant | None = None  # correlation time; none: constant
+    carrier_phase_sigma: units.LengthSigma = 0.002  # white noise
     ambiguity: units.LengthSigma = Field(10.0, description="of a carrier phase, as a state; one-sigma at every start")
 
 
 class InitialModel(units.Card):
     """The filter's one-sigma at the start: tilt (north, east axes) and heading, position and velocity per axis."""
 
-    tilt: units.AngleSigma
-    heading: units.AngleSigma
+    tilt: units.AttitudeSigma
+    heading: units.AttitudeSigma
     position: units.LengthSigma
     velocity: units.SpeedSigma
     clock_bias: units.LengthSigma
@@ -174,7 +174,7 @@ class FilterCard(units.NamedCard):
         description="[]: inertial; of the receiver either its solution (position, velocity) or ranges (pseudorange, "
         "range_rate, carrier_phase, tdcp, delta_pseudorange); of sensors; imu: samples of the IMU"
     )
-    extra_states: tuple[ExtraState, ...] = ()
+    extra_states: tuple[ExtraState, ...] = ()  # estimated besides navigation errors and biases
     clock: Literal["two_state", "one_state", "differenced"] = Field(
         "two_state",
         description="of the receiver, where ranges are measured: bias and drift; bias alone, its drift taken for white "
@@ -189,9 +189,9 @@ class FilterCard(units.NamedCard):
         description="frame of the strapdown's integration; earth: Earth-centred, Earth-fixed; pad: the same axes about "
         "the start of the flight",
     )
-    covariance_rate: units.Frequency = 10.0
-    update_rate: units.Frequency = 1.0
-    transition_rate: units.Frequency | None = Field(
+    covariance_rate: units.StepRate = 10.0  # of the covariance propagation
+    update_rate: units.StepRate = 1.0  # of the epochs
+    transition_rate: units.StepRate | None = Field(
         None,
         description="how often the covariance's transition is linearised, at what is known by then; none: at every "
         "step, with the integrals of the strapdown over it",
@@ -203,12 +203,12 @@ class FilterCard(units.NamedCard):
         "R + s^2 t t', s its sigma and t how each row depends on it",
     )
     neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field((), description="standard states left out")
-    update: Literal["symmetric", "joseph"] = "symmetric"
-    transition_order: Literal[1, 2] = 2
+    update: Literal["symmetric", "joseph"] = "symmetric"  # form of the covariance update
+    transition_order: Literal[1, 2] = 2  # order in the window length; 1: I + F dt
     algorithm: Literal["extended", "iterated", "unscented"] = Field("extended", description="by Jacobians, or points")
     iterations: int = Field(3, ge=2, le=20, description="passes of an iterated update, each linearised anew")
-    gate: float | None = Field(None, gt=0, description="innovation gate in sigma per row; none: no gate")
-    gravity: Literal["point", "j2", "j4"] = "j4"
+    gate: float | None = Field(None, gt=0, le=1000, description="innovation gate in sigma per row; none: no gate")
+    gravity: Literal["point", "j2", "j4"] = "j4"  # model of the strapdown
     feedback: Literal["closed", "open", "direct"] = Field(
         "closed",
         description="closed: the error state is fed back to the strapdown once an epoch; open: added to the outputs; "
@@ -219,9 +219,9 @@ class FilterCard(units.NamedCard):
     )
     logic: LogicCard | None = Field(None, description="none: it starts at once and uses what the gate accepts")
     integrity: IntegrityCard | None = Field(None, description="tests for faults; none: nothing but the gate")
-    imu: Matched | ImuModel = "matched"
-    receiver: Matched | ReceiverModel = "matched"
-    initial: Matched | InitialModel = "matched"
+    imu: Matched | ImuModel = "matched"  # filter model of the IMU; matched: that of the truth
+    receiver: Matched | ReceiverModel = "matched"  # filter model of the receiver; matched: that of the truth
+    initial: Matched | InitialModel = "matched"  # filter model of the initial errors; matched: that of the truth
     sensor_models: SensorModels = Field(default_factory=SensorModels, description="of the sensors, by measurement")
     gains: GainSchedule | None = Field(
         None, description="stored gains in place of those of its covariance; none: its own, epoch by epoch"
@@ -241,7 +241,7 @@ class FilterCard(units.NamedCard):
         description="of a difference, the noise of the earlier epoch: new in every difference, or a state",
     )
     attitude_noise: units.AngleRandomWalk = Field(0.0, description="beyond the unit's own, root PSD per axis")
-    velocity_noise: units.VelocityRandomWalk = 0.0
+    velocity_noise: units.VelocityRandomWalk = 0.0  # the same for the accelerometers
     position_noise: units.PositionRandomWalk = Field(0.0, description="of the derivative of position beside velocity")
     backup: bool = Field(
         False, description="a second strapdown, never corrected, takes the same increments; its errors are reported too"
@@ -272,7 +272,7 @@ class FilterCard(units.NamedCard):
         """Return the measurements in the order of `MEASUREMENTS`: which comes first in the card has no meaning."""
         twice = next((name for name in listed if listed.count(name) > 1), None)
         if twice is not None:
-            raise ValueError(f"{twice!r} stands twice")
+            raise ValueError(f"{twice!r} is listed twice")
         if set(listed) & set(RECEIVER_SOLUTION) and set(listed) & set(OBSERVABLES):
             raise ValueError(
                 "the receiver's solution is computed from the same ranges: information would be counted twice; "

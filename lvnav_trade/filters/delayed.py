@@ -16,12 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.filters.late import ERROR, place_of
-from lvnav_trade.kernels.covariance import apply_phi, inflate, predict
+from lvnav_trade.kernels.covariance import add_turned, apply_phi, inflate, predict
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, zeros_of
 from lvnav_trade.kernels.transition import ATT, POS
 from lvnav_trade.layout import StateLayout
-from lvnav_trade.observables.base import D_ATT, D_CLOCK, D_EXTRA, D_POS, H_ATT, H_CLOCK, H_POS, N_ENTRY, antenna
+from lvnav_trade.line_of_sight import antenna
+from lvnav_trade.observables.base import D_ATT, D_CLOCK, D_EXTRA, D_POS, H_ATT, H_CLOCK, H_POS, N_ENTRY
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Bools, Floats, Ints
 
@@ -146,8 +147,10 @@ def clone(P, delayed):
 
 
 @inlined
-def follow(earlier, delayed, blocks, model, length, injection):
-    """Follow transition and noise since the epoch before over a window, where the earlier state is found from them."""
+def accumulate_transition(earlier, delayed, blocks, sums, model, length, injection):
+    """Accumulate transition and noise since the epoch before over a window, where the earlier state is found from them;
+    sums (18,): the strapdown's, of which the blocks are.
+    """
     if delayed is not None and delayed.back:
         seconds, n, factor = model.seconds[length], earlier.phi.shape[0], model.inflation[length]
         if factor != 1.0:
@@ -162,10 +165,12 @@ def follow(earlier, delayed, blocks, model, length, injection):
                 earlier.phi[j], blocks, model.block_rows, model.block_columns, model.decay[length], model.clock,
                 seconds,
             )  # fmt: skip
+        add_turned(earlier.noise, model.uneven, sums, seconds)
         predict(
             earlier.noise, blocks, model.block_rows, model.block_columns, model.decay[length], model.noise[length],
             model.clock, seconds,
         )  # fmt: skip
+        add_turned(earlier.noise, model.uneven, sums, seconds)
         if injection >= 0:
             for i in range(n):
                 earlier.noise[i, i] = earlier.noise[i, i] + model.injected[injection, i]
@@ -218,8 +223,8 @@ def _solve(lu, y):
 def find_earlier(P, earlier, delayed):
     """Set the clones in the covariance P (n, n) to the earlier state as it follows from the present one.
 
-    earlier.noise becomes (P - Q) Phi^-T, where that of the clones themselves is as if they were no states. With a
-    fading memory the earlier state is as uncertain by now as a clone, which is a state, would be.
+    earlier.noise becomes (P - Q) Phi^-T. The rows and columns of the clones themselves are cleared first. With fading
+    memory the recovered covariance is inflated by `growth`, as that of a stored clone would be.
     """
     if delayed is not None and delayed.back:
         growth = earlier.growth[0]
@@ -280,8 +285,10 @@ def store_estimate(work, earlier, past, late, delayed, model, epoch):
     """
     if delayed is not None:
         for a in range(model.lever_arms.shape[0]):
-            if late is not None and late.line[0] >= 0:
-                antenna(earlier.antenna[a], past[place_of(late, 0, epoch)], work.rate, model.lever_arms[a], 0.0)
+            if late is not None and late.receiver >= 0:
+                antenna(
+                    earlier.antenna[a], past[place_of(late, late.receiver, epoch)], work.rate, model.lever_arms[a], 0.0
+                )
             else:
                 antenna(earlier.antenna[a], work.nav, work.rate, model.lever_arms[a], 0.0)
         earlier.clock[0] = work.clock_hat[0]
@@ -307,5 +314,5 @@ def clone_open_loop(x, past, open_loop, late, delayed, epoch):
         for c in range(delayed.cloned.shape[0]):
             state = delayed.cloned[c]
             x[delayed.clone + c] = x[state]
-            if late is not None and late.line[0] >= 0 and state < 9:
-                x[delayed.clone + c] = past[place_of(late, 0, epoch), ERROR + state]
+            if late is not None and late.receiver >= 0 and state < 9:
+                x[delayed.clone + c] = past[place_of(late, late.receiver, epoch), ERROR + state]

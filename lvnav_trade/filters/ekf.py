@@ -3,22 +3,23 @@
 import numpy as np
 
 from lvnav_trade.filters.delayed import subtract_extra
-from lvnav_trade.filters.late import LAST, carry_on, correct_stored, place_of, predicted_of_stored
+from lvnav_trade.filters.late import LAST, carry_on, correct_stored, place_of
 from lvnav_trade.kernels import processes, transition
-from lvnav_trade.kernels.covariance import inflate, predict, whiten
+from lvnav_trade.kernels.covariance import add_turned, inflate, predict, whiten
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.kernels.transition import correct_motion
+from lvnav_trade.line_of_sight import antenna, line_of_sight
 from lvnav_trade.observables import solution
-from lvnav_trade.observables.base import N_ENTRY, antenna, line_of_sight
+from lvnav_trade.observables.base import N_ENTRY
 from lvnav_trade.observables.ranges import range_row, rate_row, subtract_earlier
 from lvnav_trade.observables.sensors import fill
 
 
 @jit
-def forget(P, model, length):
-    """Let the covariance forget over a window of a known length index, where the filter has a fading memory."""
+def apply_fading_memory(P, model, length):
+    """Apply fading memory to the covariance over one window, whose length has index `length`."""
     if model.inflation[length] != 1.0:
         inflate(P, model.inflation[length], model.n_estimated)
 
@@ -32,15 +33,17 @@ def inject(P, model, injection):
 
 
 @inlined
-def predict_covariance(P, D, model, length, injection):
-    """Propagate a covariance over a window of a known length index by the blocks D of its transition; injection: number
-    of what a change of operating region adds at its end, -1 none.
+def predict_covariance(P, D, sums, model, length, injection):
+    """Propagate a covariance over a window of a known length index by the blocks D of its transition, which are those
+    of the strapdown's sums (18,); injection: number of what a change of operating region adds at its end, -1 none.
     """
-    forget(P, model, length)
+    apply_fading_memory(P, model, length)
+    add_turned(P, model.uneven, sums, model.seconds[length])
     predict(
         P, D, model.block_rows, model.block_columns, model.decay[length], model.noise[length], model.clock,
         model.seconds[length],
     )  # fmt: skip
+    add_turned(P, model.uneven, sums, model.seconds[length])
     inject(P, model, injection)
 
 
@@ -71,7 +74,7 @@ def propagate_estimates(work, model, length):
 def predict_window(work, model, length, injection):
     """Propagate covariance and estimates over a window by its transition; see `predict_covariance`."""
     fill_transition(work, model, length)
-    predict_covariance(work.P, work.D, model, length, injection)
+    predict_covariance(work.P, work.D, work.sums, model, length, injection)
     propagate_estimates(work, model, length)
 
 
@@ -90,8 +93,8 @@ def place_antenna(work, past, late, model, dt, epoch):
     measurement (Late, or None) they are those of the time when it was valid, in the stored states `past`.
     """
     _place_at(work, model, work.nav, work.previous, 0, dt)
-    if late is not None and not late.extrapolated and late.line[0] == 0:
-        stored = past[place_of(late, 0, epoch)]
+    if late is not None and not late.extrapolated and late.receiver >= 0:
+        stored = past[place_of(late, late.receiver, epoch)]
         _place_at(work, model, stored, stored, LAST, dt)
 
 
@@ -172,22 +175,11 @@ def row_of(model, work, channel):
 
 
 @jit
-def _compare_stored(work, past, open_loop, model, place, at, channel):
-    """Correct the innovation of a late row of an open loop for what its error state has changed by since it was valid,
-    up to this epoch.
-    """
-    if open_loop is not None:
-        n = model.n_entry[channel]
-        work.z[at] = work.z[at] - predicted_of_stored(
-            past, place, work.H[at], model.entry[channel, :n], model.column[channel, :n], open_loop.x
-        )
-
-
-@jit
-def fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch):
-    """Set the rows of sensor k, from row `at` on; z holds measured minus predicted. Those of a late sensor that is
+def fill_sensor(work, past, late, model, signals, sensors, k, epoch):
+    """Set the rows of sensor k, see `row_of`; z holds measured minus predicted. Those of a late sensor that is
     compensated (Late, or None) are compared with the state of the time when they were valid.
     """
+    at = row_of(model, work, sensors.channel[k])
     code, theta, known = sensors.code[k], sensors.theta[k, epoch], sensors.known[k, epoch]
     if late is not None and late.of_sensor[k] >= 0:
         stored = past[place_of(late, late.of_sensor[k], epoch)]
@@ -197,8 +189,6 @@ def fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epo
     for i in range(sensors.scalars[k]):
         channel = sensors.channel[k] + i
         work.z[at + i] = work.z[at + i] - _add_extra(work, model, signals, epoch, at + i, channel)
-        if late is not None and late.of_sensor[k] >= 0:
-            _compare_stored(work, past, open_loop, model, place_of(late, late.of_sensor[k], epoch), at + i, channel)
 
 
 @jit
@@ -220,26 +210,53 @@ def channel_of(model, signals, epoch, row):
 
 
 @jit
-def decorrelate(work, points, past, rx, late, gains, model, signals, epoch):
-    """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one. With stored gains
-    (Gains) they stay as they are. What points (Points, or None) leave of a row is noise of it.
+def _report(reported, rx, signals, epoch):
+    """Set the covariance (6, 6) that a solution comes with: the receiver's (Receiver), or of a simulated one (None) the
+    filter's own variances.
+    """
+    for i in range(6):
+        for j in range(6):
+            if rx is not None:
+                reported[i, j] = rx.covariance[i, j] * (signals.scale[epoch, i] * signals.scale[epoch, j])
+            else:
+                reported[i, j] = like(reported[0, 0], signals.variance[epoch, i] if i == j else 0.0)
+
+
+@jit
+def _add_spread(reported, points):
+    """Add what points (Points, or None) leave of a row: it is noise of the row."""
+    if points is not None:
+        for i in range(6):
+            reported[i, i] = reported[i, i] + points.spread[i]
+
+
+@jit
+def _extrapolate(work, past, late, epoch):
+    """Extrapolate a solution that is late to the present, if the filter (Late, or None) does."""
+    if late is not None and late.extrapolated:
+        carry_on(work.z, work.reported, past, work.P, late, epoch)
+
+
+@jit
+def _whiten(work, gains, model):
+    """Decorrelate the rows of a solution; with stored gains (Gains, or None) they stay as they are."""
+    if gains is None:
+        separate(work.reported, model)
+        whiten(work.reported, work.z, work.H, 6, work.H.shape[1])
+
+
+@jit
+def decorrelate(work, parts, case, rx, late, epoch):
+    """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one: from the receiver
+    (Receiver, or None), or because it is extrapolated (Late, or None).
     """
     if rx is None and late is None:
         return
-    if model.has_covariance:
-        for i in range(6):
-            for j in range(6):
-                if rx is not None:
-                    work.reported[i, j] = rx.covariance[i, j] * (signals.scale[epoch, i] * signals.scale[epoch, j])
-                else:  # a simulated solution: the filter's own variances
-                    work.reported[i, j] = like(work.x[0], signals.variance[epoch, i] if i == j else 0.0)
-            if points is not None:
-                work.reported[i, i] = work.reported[i, i] + points.spread[i]
-        if late is not None and late.extrapolated:
-            carry_on(work.z, work.reported, past, work.P, late, epoch)
-        if gains is None:
-            separate(work.reported, model)
-            whiten(work.reported, work.z, work.H, 6, work.H.shape[1])
+    if case.model.has_covariance:
+        _report(work.reported, rx, case.signals, epoch)
+        _add_spread(work.reported, parts.points)
+        _extrapolate(work, parts.past, late, epoch)
+        _whiten(work, case.options.gains, case.model)
 
 
 @jit

@@ -1,4 +1,4 @@
-"""What is done with the error state: a closed loop feeds it back to the strapdown, an open loop adds it to the outputs.
+"""Use of the error state: a closed loop feeds it back to the strapdown, an open loop adds it to the outputs.
 
 A direct filter has none: its update acts on the total state after every scalar measurement, so that the next one is
 linearised there. A closed loop linearises all scalars of an epoch where the epoch begins.
@@ -12,21 +12,13 @@ stops the processing of measurements.
 
 from typing import NamedTuple
 
-import numpy as np
-
 from lvnav_trade.filters import ekf
-from lvnav_trade.filters.delayed import find_earlier, renew
-from lvnav_trade.filters.integrity.assess import assess
-from lvnav_trade.filters.integrity.state import forget
-from lvnav_trade.filters.iterated import hold
 from lvnav_trade.filters.late import correct_stored_errors, place_of, predicted_of_stored
-from lvnav_trade.filters.monitor import MODE, check_measurements, is_correcting, is_running, start_filter, update_mode
-from lvnav_trade.filters.unscented import measure_receiver
-from lvnav_trade.filters.updates import iterate_receiver, noise_variance, update_receiver, update_sensors
+from lvnav_trade.filters.monitor import MODE, is_correcting
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, where, zeros_of
+from lvnav_trade.kernels.lanes import where, zeros_of
 from lvnav_trade.kernels.transition import EVERY_WINDOW
 from lvnav_trade.records import Floats
 
@@ -117,146 +109,42 @@ def remove_correction(work, open_loop, model):
 
 
 @jit
-def _compare_late(work, past, open_loop, late, model, signals, epoch):
-    """Correct the innovations of an open loop for what its error state has changed by since they were valid."""
-    if open_loop is not None and late is not None and not late.extrapolated:
-        for row in range(ekf.n_measured(model, signals, epoch)):
-            channel = ekf.channel_of(model, signals, epoch, row)
+def compare_receiver(work, past, case, late, epoch):
+    """Correct the innovations of an open loop for what its error state has changed by since they were valid, those of
+    the receiver (Late, or None).
+    """
+    if late is not None and not late.extrapolated:
+        model, place = case.model, place_of(late, late.receiver, epoch)
+        for row in range(ekf.n_measured(model, case.signals, epoch)):
+            channel = ekf.channel_of(model, case.signals, epoch, row)
             n = model.n_entry[channel]
             entries, columns = model.entry[channel, :n], model.column[channel, :n]
-            work.z[row] = work.z[row] - predicted_of_stored(
-                past, place_of(late, 0, epoch), work.H[row], entries, columns, work.x
-            )
+            work.z[row] = work.z[row] - predicted_of_stored(past, place, work.H[row], entries, columns, work.x)
 
 
 @jit
-def _predicted(work, model, signals, epoch, row):
-    """Return what the error state predicts of a row's measured minus predicted."""
-    channel, total = ekf.channel_of(model, signals, epoch, row), like(work.x[0], 0.0)
-    for c in range(model.n_entry[channel]):
-        total = total + work.H[row, model.entry[channel, c]] * work.x[model.column[channel, c]]
-    return total
-
-
-@jit
-def _predict_rows(work, watch, model, signals, epoch):
-    """Set what the error state predicts of every row."""
-    for row in range(ekf.n_measured(model, signals, epoch)):
-        watch.predicted[row] = _predicted(work, model, signals, epoch, row)
-
-
-@jit
-def _sample_variance(out, rx, variance, scale, from_gnss):
-    """Set the variances (6,) of a solution that a filter starts from: the receiver's, or what the filter assumes."""
-    if from_gnss:
-        for row in range(6):
-            if rx is None:
-                out[row] = like(out[0], variance[row])
-            else:
-                out[row] = rx.covariance[row, row] * (scale[row] * scale[row])
-
-
-@jit
-def _assess(work, points, monitor, tests, delayed, running, gains, model, signals, epoch):
-    """Test an epoch's rows for faults (Monitor and Tests, or None); of an open loop less what its error state says."""
-    if monitor is not None:
-        for row in range(ekf.n_measured(model, signals, epoch)):
-            channel = ekf.channel_of(model, signals, epoch, row)
-            monitor.z[row] = work.z[row] - _predicted(work, model, signals, epoch, row)
-            monitor.variance[row] = noise_variance(
-                work, points, gains, signals, epoch, row, channel, model.has_covariance
-            )
-        assess(monitor, tests, work.P, work.H, monitor.z, running, delayed, model, signals, epoch)
+def _compare_sensor(work, past, case, open_loop, late, k, epoch):
+    """Do the same for sensor k, for what the error state has changed by up to this epoch."""
+    if open_loop is not None and late is not None and late.of_sensor[k] >= 0:
+        model, place = case.model, place_of(late, late.of_sensor[k], epoch)
+        first = ekf.row_of(model, work, case.sensors.channel[k])
+        for i in range(case.sensors.scalars[k]):
+            channel, row = case.sensors.channel[k] + i, first + i
+            n = model.n_entry[channel]
+            entries, columns = model.entry[channel, :n], model.column[channel, :n]
+            work.z[row] = work.z[row] - predicted_of_stored(past, place, work.H[row], entries, columns, open_loop.x)
 
 
 @inlined
-def _process_permitted(
-    work, points, again, rx, past, earlier, watch, monitor, open_loop, direct, passes, rules, tests, late, delayed,
-    gains, model, signals, epoch, dt,
-):  # fmt: skip
-    """Process the receiver's measurements at an epoch if the mode logic permits, and make its transitions."""
-    n_row = ekf.n_measured(model, signals, epoch)
-    if rules.good[epoch]:
-        measure_receiver(work, points, past, earlier, late, delayed, model, signals, epoch, dt)
-        _compare_late(work, past, open_loop, late, model, signals, epoch)
-        _predict_rows(work, watch, model, signals, epoch)
-    check_measurements(watch, rules, delayed, model, signals, epoch, work.z, n_row)
-    if rules.good[epoch]:
-        _sample_variance(watch.predicted, rx, signals.variance[epoch], signals.scale[epoch], rules.from_gnss)
-        start_filter(work.P, work.x, watch, rules, work.z)
-        renew(work.P, work.x, work.extra, delayed, model, epoch)  # for those that start: at others it is done
-        ekf.decorrelate(work, points, past, rx, late, gains, model, signals, epoch)
-        forget(monitor, watch.sample[1])
-        _assess(work, points, monitor, tests, delayed, watch.sample[0], gains, model, signals, epoch)
-        used = watch.sample[0] > 0.0
-        gate = where(used, model.gate_squared, -1.0)
-        starts = watch.sample[1] > 0.0
-        hold(again, work, epoch)
-        update_receiver(
-            work, points, past, earlier, late, delayed, direct, monitor, gains, model, signals, epoch, dt, gate, starts
-        )
-        iterate_receiver(
-            work, again, passes, rx, past, earlier, late, delayed, monitor, gains, model, signals, epoch, dt, gate,
-            starts,
-        )  # fmt: skip
-        for row in range(n_row):
-            channel = ekf.channel_of(model, signals, epoch, row)
-            work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
-    update_mode(watch, rules, epoch, work.P)
+def fill_sensor_at_state(work, parts, case, k, epoch):
+    """Set the rows of sensor k at the navigation state as it stands, less what an open loop knows of late ones."""
+    late = case.options.late
+    ekf.fill_sensor(work, parts.past, late, case.model, case.signals, case.sensors, k, epoch)
+    _compare_sensor(work, parts.past, case, parts.open_loop, late, k, epoch)
 
 
 @inlined
-def process_measurements(
-    work, points, again, rx, past, earlier, watch, monitor, open_loop, direct, passes, rules, tests, late, delayed,
-    gains, sensors, model, signals, epoch, dt,
-):  # fmt: skip
-    """Process what the receiver and the other sensors measure at an epoch; if the filter has a mode logic, once it
-    permits.
-    """
+def begin_sum(open_loop, x):
+    """Hold the error state x (n,) that an epoch of an open loop (OpenLoop, or None) begins with."""
     if open_loop is not None:
-        _copy(open_loop.x, work.x)
-    ekf.place_antenna(work, past, late, model, dt, epoch)
-    find_earlier(work.P, earlier, delayed)
-    renew(work.P, work.x, work.extra, delayed, model, epoch)
-    if rules is None:
-        if ekf.n_measured(model, signals, epoch) > 0:
-            measure_receiver(work, points, past, earlier, late, delayed, model, signals, epoch, dt)
-            ekf.decorrelate(work, points, past, rx, late, gains, model, signals, epoch)
-            _compare_late(work, past, open_loop, late, model, signals, epoch)
-            _assess(work, points, monitor, tests, delayed, like(work.x[0], 1.0), gains, model, signals, epoch)
-            gate = model.gate_squared
-            hold(again, work, epoch)
-            update_receiver(
-                work,
-                points,
-                past,
-                earlier,
-                late,
-                delayed,
-                direct,
-                monitor,
-                gains,
-                model,
-                signals,
-                epoch,
-                dt,
-                gate,
-                None,
-            )
-            iterate_receiver(
-                work, again, passes, rx, past, earlier, late, delayed, monitor, gains, model, signals, epoch, dt, gate,
-                None,
-            )  # fmt: skip
-        gate = model.gate_squared
-        update_sensors(
-            work, points, again, passes, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate
-        )
-    elif (epoch + 1) % model.every == 0:
-        _process_permitted(
-            work, points, again, rx, past, earlier, watch, monitor, open_loop, direct, passes, rules, tests, late,
-            delayed, gains, model, signals, epoch, dt,
-        )  # fmt: skip
-        gate = where(is_running(watch.state[MODE]) > 0.0, model.gate_squared, -1.0)
-        update_sensors(
-            work, points, again, passes, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate
-        )
+        _copy(open_loop.x, x)

@@ -1,4 +1,4 @@
-"""The iterated update: rows linearised again at what the update before has found.
+"""The iterated update: measurements linearised again at the estimate of the previous iteration.
 
 Gauss and Newton's method for the measurements of an epoch (Bell and Cathey, IEEE Trans. Automatic Control 38(2),
 1993). With the prediction x-, P- and pass i at x_i,
@@ -17,10 +17,11 @@ from lvnav_trade.filters.ekf import (
     correct_receiver,
     decorrelate,
     fill_receiver,
-    fill_sensor,
     n_measured,
     place_antenna,
+    row_of,
 )
+from lvnav_trade.filters.feedforward import fill_sensor_at_state
 from lvnav_trade.filters.late import repeat_extrapolation
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, zeros_of
@@ -108,24 +109,27 @@ def _refer(work, again, model, row, channel):
 
 
 @jit
-def linearise_receiver(work, again, passes, rx, past, earlier, late, delayed, gains, model, signals, epoch, dt):
+def linearise_receiver(work, parts, case, again, epoch):
     """Set the rows of what the receiver measures, linearised at what the last update has found, which is taken back."""
-    _move(work, again, passes, model, epoch)
-    place_antenna(work, past, late, model, dt, epoch)
-    fill_receiver(work, earlier, delayed, model, signals, epoch)
+    model, signals, options = case.model, case.signals, case.options
+    _move(work, again, options.iterated, model, epoch)
+    place_antenna(work, parts.past, options.late, model, case.step, epoch)
+    fill_receiver(work, parts.earlier, options.delayed, model, signals, epoch)
     for row in range(n_measured(model, signals, epoch)):
         _refer(work, again, model, row, channel_of(model, signals, epoch, row))
     _stay(work, again)
-    place_antenna(work, past, late, model, dt, epoch)
-    repeat_extrapolation(past, late)
-    decorrelate(work, None, past, rx, late, gains, model, signals, epoch)
+    place_antenna(work, parts.past, options.late, model, case.step, epoch)
+    repeat_extrapolation(parts.past, options.late)
+    decorrelate(work, parts, case, parts.rx, options.late, epoch)
 
 
 @jit
-def linearise_sensor(work, again, passes, past, open_loop, late, model, signals, sensors, k, at, epoch):
-    """Do the same with the rows of sensor k, from row `at` on."""
-    _move(work, again, passes, model, epoch)
-    fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch)
+def linearise_sensor(work, parts, case, again, k, epoch):
+    """Do the same with the rows of sensor k."""
+    model, sensors = case.model, case.sensors
+    at = row_of(model, work, sensors.channel[k])
+    _move(work, again, case.options.iterated, model, epoch)
+    fill_sensor_at_state(work, parts, case, k, epoch)
     for i in range(sensors.scalars[k]):
         _refer(work, again, model, at + i, sensors.channel[k] + i)
     _stay(work, again)

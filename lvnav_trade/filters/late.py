@@ -1,4 +1,4 @@
-"""Measurements that are late: compared with the stored state of when they were valid, or extrapolated to the present.
+"""Delayed measurements: compared with the stored state of their time of validity, or extrapolated to the present.
 
 Canepa and Servidia, algorithm 5.1 and eq. 7.19, 7.20. Buffered, the innovation is formed with the estimate of the time
 of validity; gain and Jacobian are those of the present (Phi over the delay is taken for one), and what the filter
@@ -24,19 +24,31 @@ BEFORE, KNOWN, N_EXTRAPOLATED = 0, 3, 4
 
 
 class Late(NamedTuple):
-    """How a filter processes late measurements, by line: the receiver is one, each late sensor another.
+    """How a filter processes delayed measurements. The receiver is one line, each delayed sensor another.
 
-    extrapolated: the receiver's, which are buffered otherwise, as those of sensors always are; line (n_channel,) of
-    each channel and of_sensor (n_sensor,) of each sensor, -1 not late; of n_ring (n_line,) states that are stored at
-    once, that of an epoch stands at `first` (n_line,) plus its number modulo n_ring; buffered (n_place,): so is what
-    stands there; valid, early (n_line, n_window, 2): first epoch whose state is stored at a window's end, or its
-    velocity before, and the one after the last; offset (n_line, n_epoch) s from the tick of `valid` to the time of
-    validity. Of the receiver: delay (n_epoch,) s as the filter takes it; base (n_epoch,) s from `early` to the time of
-    validity; interval s between epochs; jitter (s^2), acceleration (m^2/s^4): variances that the filter assumes of the
-    delay and of the acceleration.
+    A line stores the states that its measurements on the way will be compared with, in a ring of n_ring places.
+
+    extrapolated : Whether the receiver's solution is extrapolated to the present; otherwise buffered, as sensors always
+        are.
+    receiver : Line of the receiver, -1 not delayed.
+    line : (n_channel,). Line of each channel, -1 not delayed.
+    of_sensor : (n_sensor,). Line of each sensor, -1 not delayed.
+    n_ring : (n_line,). Number of states stored at once.
+    first : (n_line,). First place of the line; epoch k is stored at `first` + k modulo `n_ring`.
+    buffered : (n_place,). Whether the place belongs to a buffered line.
+    valid : (n_line, n_window, 2). First epoch whose state is stored at the end of the window, and the epoch after the
+        last.
+    early : (n_line, n_window, 2). The same for the earlier velocity that gives the acceleration.
+    delay : (n_epoch,) s. Delay of the receiver that the filter compensates.
+    offset : (n_line, n_epoch) s. Time of validity minus the time of the tick at which the state is stored.
+    base : (n_epoch,) s. Time of validity minus the time of the earlier velocity.
+    interval : s. Time between epochs.
+    jitter : s^2. Modelled variance of the delay.
+    acceleration : m^2/s^4. Modelled variance of the acceleration.
     """
 
     extrapolated: bool
+    receiver: int
     line: Ints
     of_sensor: Ints
     n_ring: Ints
@@ -60,7 +72,9 @@ def place_of(late, line, epoch):
 
 @jit
 def place_of_channel(late, channel, epoch):
-    """Return where the state of an epoch's measurement of a channel is stored; 0 if it is not late."""
+    """Return where the state of an epoch's measurement of a channel is stored (Late, or None); 0 if it is not late."""
+    if late is None:
+        return 0
     line = late.line[channel]
     return place_of(late, line, epoch) if line >= 0 else 0
 
@@ -111,7 +125,7 @@ def keep(past, nav, previous, x, late, window, dt, kind):
                     stored[ERROR + i] = x[i]
                 if late.offset[line, epoch] != 0.0:
                     _move(stored, late.offset[line, epoch], dt, kind)
-                    if late.line[0] != line:  # a lever arm turns by a hundredth of a millimetre
+                    if line != late.receiver:  # a lever arm turns by a hundredth of a millimetre
                         _turn(stored, late.offset[line, epoch], dt)
 
 
@@ -166,7 +180,7 @@ def carry_on(z, reported, past, P, late, epoch):
     P (n, n) of the filter gives the velocity's part. The acceleration of this epoch is stored for the next one, beside
     that of the epoch before.
     """
-    stored, last = past[place_of(late, 0, epoch)], past[late.buffered.shape[0]]
+    stored, last = past[place_of(late, late.receiver, epoch)], past[late.buffered.shape[0]]
     delay, half = late.delay[epoch], 0.5 * late.delay[epoch] * late.delay[epoch]
     # the velocity that the filter had: of an open loop the inertial system's plus the error state
     at, error, inverse = NAV + V, ERROR + VEL, 1.0 / late.base[epoch]

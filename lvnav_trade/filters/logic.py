@@ -29,14 +29,14 @@ class LogicCard(units.Card):
         description="leave out a sample of which an axis is further from the prediction; before a start, further "
         "from the sample before",
     )
-    wild_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None
+    wild_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None  # the same for velocity
     start_after: int = Field(1, ge=1, description="good samples in a row")
     correct_after: units.Pause = Field(0.0, description="since its start the outputs are the inertial system's own")
     stop_after: units.TimeConstant | None = Field(None, description="of any error: data loss, residual, covariance")
     covariance_position: Annotated[units.Length, Field(gt=0.0)] | None = Field(
         None, description="a one-sigma beyond is an error of the covariance; so is one that is no number"
     )
-    covariance_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None
+    covariance_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None  # the same for velocity
     restart_after: tuple[Persisting, ...] = Field(
         ("data_loss", "residual", "covariance"), description="errors after which it starts again with good samples"
     )

@@ -1,4 +1,4 @@
-"""What a filter card means in numbers: state layout, blocks of the transition, noise, rows. No truth enters here."""
+"""Filter model: transition blocks, noise and Jacobian structure from a filter card, without truth."""
 
 import math
 from typing import NamedTuple
@@ -6,42 +6,71 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.envelope import EnvelopeCard
-from lvnav_trade.filters.base import BIASES, FilterCard, ImuModel, InitialModel, ReceiverModel
-from lvnav_trade.filters.delayed import cloned_states
-from lvnav_trade.filters.rows import NOISE_STATES, TYPES, clock_gains, extra_tables, row_tables, row_types
+from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filters.rows import TYPES, clock_gains, extra_tables, row_tables, row_types
+from lvnav_trade.filters.states import Taken
 from lvnav_trade.filters.strapdown import strapdown_of
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
-from lvnav_trade.layout import BY_SATELLITE, EXTRAS, PARAMETERS, RELATIVE, ExtraBlock, ParameterBlock, StateLayout
-from lvnav_trade.observables.partials import Channels, members, sensor_states
+from lvnav_trade.layout import ErrorTerm, StateLayout
 from lvnav_trade.per_axis import PerAxis, axes, squares
 from lvnav_trade.records import Bools, Floats, Ints
 
 # One-sigma (m) of the receiver's clock at an epoch before the filter starts: such a difference tells nothing.
 UNKNOWN = 1e6
-# Time constant (s) of what is new in every window.
-NO_MEMORY = 1e-12
 BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias"}
 
 
 class FilterModel(NamedTuple):
-    """A filter in numbers, for the kernels. Index arrays int64; per-window tables by window length.
+    """A filter as arrays for the kernels: states, transition, noise and Jacobian structure.
 
-    aided: it has measurements, or the receiver solves beside it; tight: ranges are among them; solves: the receiver
-    solves for itself; measured (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none
-    is processed), n_kind of each satellite; rate_sign: see `observables.base.antenna`; strapdown: its algorithm;
-    block_rows, block_columns, block_kinds, block_drivers (n_block,); seconds (n_length,) distinct window lengths, decay
-    and noise (n_length, n_state) per length; clock index; n_estimated states that updates correct, n_assessed of NEES,
-    n_state, reported (n_reported,) states; par_sensor, par_driver, par_offset (n_par,); biases_only (no scale factor or
-    misalignment); fading (any decay); inflation (n_length,) factor of deviations by fading memory; injected
-    (n_injection, n_state) variance of a change of operating region; gate_squared; joseph; row_type, n_entry
-    (n_channel,), entry and column (n_channel, n) by channel; lever_arms (n_antenna, 3) m; extra_offset (n_extra,) state
-    of each extra one, extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many
-    epochs the filter takes the last; has_covariance: solutions come with a covariance of their own and are
-    decorrelated; clock_gain (n_kind, n_state) that makes the clock's part of an observable what a reference satellite
-    measures.
+    Index arrays are int64. A window is a number of IMU ticks that the covariance is propagated over at once; n_length
+    different lengths occur.
+
+    aided : Whether the filter processes measurements, or the receiver computes a solution of its own.
+    tight : Whether the receiver's channels are ranges of satellites (tight coupling).
+    solves : Whether the receiver computes its solution itself, from ranges.
+    measured : (n_channel,). Whether the filter processes the channel.
+    n_receiver : Number of receiver channels, which are the first; 0 if the filter uses none.
+    n_kind : Number of observables of each satellite.
+    rate_sign : Sign of the body-rate error in the state that models it: 1 for a rate state, -1 for a gyro bias.
+    strapdown : Algorithm of the strapdown.
+    block_rows : (n_block,). First row of each 3 x 3 block of the transition matrix.
+    block_columns : (n_block,). First column of each block.
+    block_kinds : (n_block,). Kind of each block, as in `kernels.transition`.
+    block_drivers : (n_block,). Quantity that the parameter of the block multiplies.
+    seconds : (n_length,) s. Window lengths.
+    decay : (n_length, n_state). Decay factor of each state over a window.
+    noise : (n_length, n_state) SI squared. Process-noise variance added over a window; of random walks that differ by
+        axis, the least.
+    uneven : (2, 3) SI squared per second. What the PSD of each gyro and accelerometer axis, body axes, has more than
+        the least of the three; None where the axes are alike.
+    clock : State of the clock bias, followed by the drift; -1 without a clock.
+    n_estimated : Number of states that updates correct; the states from here on are considered.
+    n_assessed : Number of states in the NEES.
+    n_state : Number of states.
+    reported : (n_reported,). States of which errors are reported.
+    par_sensor : (n_par,). Sensor of each block of IMU parameters: GYRO or ACCEL.
+    par_driver : (n_par,). Quantity that the parameter multiplies.
+    par_offset : (n_par,). First state of the block.
+    biases_only : Whether the IMU parameters are biases only.
+    fading : Whether any state decays.
+    inflation : (n_length,). Factor on standard deviations over a window (fading memory); 1 without.
+    injected : (n_injection, n_state) SI squared. Variance added at a change of operating region.
+    gate_squared : Largest square of a normalised innovation that is accepted; infinite without a gate.
+    joseph : Whether the covariance update has Joseph's form.
+    row_type : (n_channel,). Measurement type of the channel, which selects its Jacobian.
+    n_entry : (n_channel,). Number of Jacobian entries that are not zero.
+    entry : (n_channel, n_entry). Places of these entries in the Jacobian row.
+    column : (n_channel, n_entry). States that these entries belong to.
+    lever_arms : (n_antenna, 3) m. Antenna phase centres relative to the IMU, body axes.
+    extra_offset : (n_extra,). State of each extra state.
+    extra_member : (n_extra_family, n_channel). Extra state that enters the channel, -1 none.
+    every : The filter processes the receiver's measurements of every n-th epoch only, n being this number.
+    has_covariance : Whether solutions come with a reported covariance, by which the filter decorrelates them.
+    clock_gain : (n_kind, n_state). Gain by which a reference satellite determines the clock state of an observable.
     """
 
     aided: bool
@@ -59,6 +88,7 @@ class FilterModel(NamedTuple):
     seconds: Floats
     decay: Floats
     noise: Floats
+    uneven: Floats | None
     clock: int
     n_estimated: int
     n_assessed: int
@@ -85,94 +115,7 @@ class FilterModel(NamedTuple):
     clock_gain: Floats
 
 
-def _parameter_blocks(names: list[str], imu: ImuModel, offset: int) -> list[ParameterBlock]:
-    blocks: list[ParameterBlock] = []
-    for name in names:
-        walk, time_constant = getattr(imu, f"{name}_walk", 0.0), getattr(imu, f"{name}_time", None) or math.inf
-        kind = PARAMETERS[name]
-        for part, driver in enumerate(kind.drivers):
-            at = offset + 3 * len(blocks)
-            blocks.append(ParameterBlock(name, part, at, kind.sensor, driver, imu.sigma(name), walk, time_constant))
-    return blocks
-
-
-def _extra_blocks(
-    names: list[str],
-    imu: ImuModel,
-    receiver: ReceiverModel,
-    channels: Channels,
-    offset: int,
-    as_noise: tuple[str, ...] = (),
-) -> list[ExtraBlock]:
-    blocks = []
-    for name in names:
-        labels, member = members(name, channels)
-        if labels:
-            card, field = imu if name in RELATIVE.values() else receiver, BY_SATELLITE.get(name, name)
-            ends = ("", "_walk", "_correlation")
-            sigma, *more = (getattr(card, field + end, 0.0) for end in ends)
-            time = NO_MEMORY if name in as_noise else getattr(card, f"{field}_time", None) or math.inf
-            blocks.append(ExtraBlock(name, labels, offset, member, sigma, time, EXTRAS[name], *more))
-            offset += len(labels)
-        for state, own, _ in sensor_states(name, channels):
-            time = NO_MEMORY if name in as_noise else state.time_constant
-            blocks.append(ExtraBlock(name, (state.label,), offset, own, state.sigma, time, state.unit))
-            offset += 1
-    return blocks
-
-
-def state_layout(
-    card: FilterCard, imu: ImuModel, receiver: ReceiverModel, channels: Channels, measurements: tuple[str, ...] = (),
-    has_lever: bool = False, n_clone: int = 0,
-) -> StateLayout:  # fmt: skip
-    """Lay out the states of a filter: navigation, estimated parameters, clock, estimated extra states, what belongs to
-    the earlier epoch of differences, and then what is considered. Noise that rows share is a state without memory:
-    estimated within an epoch, then forgotten.
-
-    has_lever: an antenna is away from the inertial unit; n_clone: how many states are cloned, where that is known.
-    """
-    differences = tuple(name for name in card.differences if name in measurements)
-    noises = [NOISE_STATES[name] for name in differences if card.previous_noise == "estimated"]
-    wanted = [n for n in (*BIASES, *card.extra_states, *card.as_noise) if n not in card.neglect]
-    wanted += [state for name, state in RELATIVE.items() if name in measurements and state not in wanted]
-    wanted += ["ambiguity"] if "carrier_phase" in measurements else []
-    wanted += [n for n in card.consider if n not in wanted]
-    parameters: list[ParameterBlock] = []
-    extras: list[ExtraBlock] = []
-    offset, clock, motion, n_estimated, delayed, n_delayed = 9, -1, -1, 9, 9, 0
-    for considered in (False, True):
-        group = [n for n in wanted if (n in card.consider) == considered]
-        blocks = _parameter_blocks([n for n in group if n in PARAMETERS], imu, offset)
-        offset += 3 * len(blocks)
-        reduced = channels.tight and card.clock == "one_state"
-        if not considered and channels.tight and not reduced:
-            clock, offset = offset, offset + 2
-        shared = _extra_blocks(
-            [n for n in group if n not in PARAMETERS], imu, receiver, channels, offset, card.as_noise
-        )
-        offset += sum(len(block.labels) for block in shared)
-        parameters, extras = parameters + blocks, extras + shared
-        if not considered:
-            if "imu" in measurements:
-                motion, offset = offset, offset + 6
-            clock = offset if reduced else clock
-            n_estimated = offset = offset + reduced
-            offset += reduced  # the drift, which stays zero and known
-            delayed = offset
-            extras += (own := _extra_blocks(noises, imu, receiver, channels, offset))
-            n_delayed = sum(len(block.labels) for block in own) + n_clone
-            offset += n_delayed
-    found = StateLayout(
-        tuple(parameters), clock, n_estimated, offset, tuple(extras), motion, samples=card.report_imu_samples
-    )
-    cloned = cloned_states(found, channels, differences, has_lever)
-    if len(cloned) != n_clone:
-        return state_layout(card, imu, receiver, channels, measurements, has_lever, len(cloned))
-    clone = delayed + n_delayed - n_clone if n_clone else -1
-    return found._replace(delayed=delayed, n_delayed=n_delayed, clone=clone, cloned=cloned)
-
-
-def transition_blocks(parameters: tuple[ParameterBlock, ...], order: int) -> tuple[Ints, Ints, Ints, Ints]:
+def transition_blocks(parameters: tuple[ErrorTerm, ...], order: int) -> tuple[Ints, Ints, Ints, Ints]:
     """List the 3 x 3 blocks of Phi in the order in which they act: rows, columns, kinds, drivers.
 
     Order 1 is I + F dt, the terms linear in the window: position moves on by the velocity before the window, and what
@@ -221,17 +164,25 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
     return decay, noise
 
 
+def _uneven(layout: StateLayout, imu: ImuModel) -> Floats | None:
+    """Return what the PSD of each axis has more than the least: as a sum of squares it leaves a covariance positive."""
+    walks = (imu.gyro_random_walk, imu.accel_random_walk)
+    if layout.motion >= 0 or not any(isinstance(walk, tuple) for walk in walks):
+        return None
+    return np.array([np.array(squares(walk)) - min(squares(walk)) for walk in walks])
+
+
 def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: ReceiverModel, drift: float) -> Floats:
     found = np.zeros(layout.n_state)
     # with a model of the vehicle the noise of samples enters by their rows, and nowhere else
     by_window = layout.motion < 0
-    found[ATT : ATT + 3] = by_window * np.array(squares(imu.gyro_random_walk)) + card.attitude_noise**2
-    found[VEL : VEL + 3] = by_window * np.array(squares(imu.accel_random_walk)) + card.velocity_noise**2
+    found[ATT : ATT + 3] = by_window * min(squares(imu.gyro_random_walk)) + card.attitude_noise**2
+    found[VEL : VEL + 3] = by_window * min(squares(imu.accel_random_walk)) + card.velocity_noise**2
     found[POS : POS + 3] = card.position_noise**2
     for block in layout.parameters:
         found[block.offset : block.offset + 3] = _square(block.walk)
     for extra in layout.extras:
-        found[extra.offset : extra.offset + len(extra.labels)] = extra.walk**2
+        found[extra.offset : extra.offset + len(extra.labels)] = _square(extra.walk)
     if layout.clock >= 0:
         bias, walk = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
         if layout.has_reduced_clock:  # of an update interval the same variance as that of bias and drift
@@ -243,27 +194,31 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
 
 def build_filter_model(
     card: FilterCard,
-    imu: ImuModel,
-    receiver: ReceiverModel,
-    lever_arms: Floats,
+    layout: StateLayout,
+    taken: Taken,
     seconds: Floats,
-    channels: Channels,
     strapdown: Strapdown | None = None,
-    every: int = 1,
-    has_covariance: bool = False,
-    solves: bool = False,
-    measurements: tuple[str, ...] = (),
-    drift: float = 0.0,
-) -> tuple[StateLayout, FilterModel]:
+    injected: Floats | None = None,
+    stored: Bools | None = None,
+) -> FilterModel:
     """Turn a filter card and its filter models into numbers.
 
-    lever_arms (n_antenna, 3) m of the antennas; seconds (n_length,) are the window lengths that will occur; strapdown:
-    its algorithm (none: that of the card, in the inertial frame); every: of how many epochs one is taken;
-    has_covariance: solutions come with a covariance of their own and are decorrelated; drift: one-sigma (m/s) of the
-    clock's, that a clock of one state takes for white. Long because a record of 32 numbers is filled here, each by an
-    expression of its own.
+    Long because a record of 32 numbers is filled here, each by an expression of its own.
+
+    Parameters
+    ----------
+    layout
+        States of the filter, of `state_layout`.
+    seconds
+        (n_length,) s. Window lengths that occur.
+    strapdown
+        Its algorithm; None: that of the card, in the inertial frame.
+    injected
+        (n_injection, n_state) SI squared. Variances that are added at some windows; None: none.
+    stored
+        (n_channel,). Channels that have stored gains, which alone are processed; None: the gains are not stored.
     """
-    layout = state_layout(card, imu, receiver, channels, measurements, bool(np.any(lever_arms)))
+    imu, receiver, channels, measurements = taken.imu, taken.receiver, taken.channels, taken.measurements
     rows, columns, block_kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
     if "imu" in measurements:  # all but the gradient of gravity is propagated sample by sample
         gradient = block_kinds == transition.VEL_POS
@@ -273,17 +228,18 @@ def build_filter_model(
             block_kinds[gradient],
             drivers[gradient],
         )
-    decay, noise = window_tables(layout, _densities(card, layout, imu, receiver, drift), seconds)
+    decay, noise = window_tables(layout, _densities(card, layout, imu, receiver, taken.clock_drift), seconds)
     row_type = row_types(channels)
-    count, entry, column = row_tables(layout, row_type, bool(np.any(lever_arms)), has_covariance)
+    count, entry, column = row_tables(layout, row_type, taken.has_lever, taken.has_covariance)
     extra_offset, extra_member = extra_tables(layout, channels.n_channel)
     corrected = layout.delayed + layout.n_delayed if layout.n_delayed else layout.n_estimated
     considers = bool(layout.cloned) and card.delayed_state == "consider"
-    model = FilterModel(
-        aided=solves or any(name in TYPES for name in measurements),
+    measured = np.isin(row_type, [kind for name, kind in TYPES.items() if name in measurements])
+    return FilterModel(
+        aided=taken.solves or any(name in TYPES for name in measurements),
         tight=channels.tight,
-        solves=solves,
-        measured=np.isin(row_type, [kind for name, kind in TYPES.items() if name in measurements]),
+        solves=taken.solves,
+        measured=measured if stored is None else measured & stored,
         n_receiver=channels.n_receiver if channels.receiver else 0,
         n_kind=len(channels.observables),
         rate_sign=1.0 if layout.motion >= 0 else -1.0,
@@ -295,6 +251,7 @@ def build_filter_model(
         seconds=seconds,
         decay=decay,
         noise=noise,
+        uneven=_uneven(layout, imu),
         clock=layout.clock,
         n_estimated=corrected - (len(layout.cloned) if considers else 0),
         n_assessed=layout.n_estimated,
@@ -306,21 +263,20 @@ def build_filter_model(
         biases_only=all(b.driver == transition.CONSTANT for b in layout.parameters),
         fading=bool(np.any(decay != 1.0)),
         inflation=np.exp(seconds / (card.fading_memory or math.inf)),
-        injected=np.zeros((1, layout.n_state)),
+        injected=np.zeros((1, layout.n_state)) if injected is None else injected,
         gate_squared=math.inf if card.gate is None else card.gate**2,
         joseph=card.update == "joseph",
         row_type=row_type,
         n_entry=count,
         entry=entry,
         column=column,
-        lever_arms=np.array(lever_arms, dtype=float),
+        lever_arms=np.array(taken.lever_arms, dtype=float),
         extra_offset=extra_offset,
         extra_member=extra_member,
-        every=every,
-        has_covariance=has_covariance,
+        every=taken.every,
+        has_covariance=taken.has_covariance,
         clock_gain=clock_gains(layout, channels),
     )
-    return layout, model
 
 
 def initial_covariance(
@@ -349,6 +305,6 @@ def initial_covariance(
         if extra.correlation and extra.name in biases:
             bias = biases[extra.name]
             for i in range(3):
-                shared = extra.correlation * extra.sigma * axes(bias.sigma)[i]
+                shared = axes(extra.correlation)[i] * axes(extra.sigma)[i] * axes(bias.sigma)[i]
                 P[extra.offset + i, bias.offset + i] = P[bias.offset + i, extra.offset + i] = shared
     return P

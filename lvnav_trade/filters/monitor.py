@@ -29,11 +29,18 @@ N_SPREAD = 6
 
 
 class Rules(NamedTuple):
-    """The rules in numbers. interval s between epochs; good (n_epoch,) whether the receiver's sample passes all checks
-    at the input; limits (n_receiver,) largest residual by channel of the receiver (inf: none); spread (6,)
-    largest variance of position and velocity error (inf: none); start_after samples; correct_after, stop_after s (inf:
-    never); restarts (3,) whether it starts again after a persistent loss, residual error, covariance error; from_gnss:
-    position and velocity start from the sample; P (n, n) the filter's covariance at a start.
+    """Rules of the mode logic, as numbers.
+
+    interval : s. Time between epochs.
+    good : (n_epoch,). Whether the receiver's sample passes all checks at the input.
+    limits : (n_receiver,) SI. Largest residual by receiver channel; infinite for no limit.
+    spread : (6,) SI squared. Largest variance of position error and velocity error; infinite for no limit.
+    start_after : Good samples in succession before the filter starts.
+    correct_after : s after the start. Time from which outputs are corrected; infinite for never.
+    stop_after : s. Duration of an error after which the filter stops; infinite for never.
+    restarts : (3,). Whether the filter restarts after a persistent data loss, residual error, covariance error.
+    from_gnss : Whether position and velocity start from the receiver's sample.
+    P : (n, n). Covariance of the filter at a start.
     """
 
     interval: float
@@ -49,14 +56,20 @@ class Rules(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """A run's watch, updated: state (N_WATCH,); before (n_receiver,) the sample before by channel, less the inertial
-    prediction (not-a-number: none); predicted (n_row,) of each row by the error state, or its variance; sample (2,)
-    whether this epoch's is used, and whether the filter starts with it; mode, reason (n_epoch,) the log: what the
-    filter does after each epoch, and why that changed there (0: it did not).
+    """A run's watch, updated.
+
+    state : (N_WATCH,). What the logic remembers.
+    before : (n_receiver,). The sample before by channel, less the inertial prediction; not-a-number: none.
+    z : (n_row,). Measured minus predicted by the inertial system alone; in linear covariance its mean.
+    predicted : (n_row,). The same as the error state predicts it; of a sample that the filter starts from its variance.
+    sample : (2,). Whether the sample of this epoch is used, and whether the filter starts with it.
+    mode : (n_epoch,). What the filter does after each epoch.
+    reason : (n_epoch,). Why that changed there; 0: it did not.
     """
 
     state: Floats
     before: Floats
+    z: Floats
     predicted: Floats
     sample: Floats
     mode: Floats
@@ -66,7 +79,8 @@ class Watch(NamedTuple):
 def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0) -> Watch:
     """Return the arrays of a watch: one run, or `lanes` runs on the last axis."""
     shapes = {
-        "state": (N_WATCH,), "before": (max(1, n_receiver),), "predicted": (n_row,), "sample": (2,),
+        "state": (N_WATCH,), "before": (max(1, n_receiver),), "z": (n_row,), "predicted": (n_row,),
+        "sample": (2,),
         "mode": (n_epoch,), "reason": (n_epoch,),
     }  # fmt: skip
     return Watch(**zeros_of(shapes, lanes))

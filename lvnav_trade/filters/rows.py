@@ -1,4 +1,4 @@
-"""Jacobian rows of a filter: types of measurement by number and name, and which entries of a row stand for what."""
+"""Jacobian rows of a filter: measurement types by number and name, and the states of a row's entries."""
 
 import numpy as np
 

@@ -8,7 +8,7 @@ from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, zeros_of
 from lvnav_trade.kernels.strapdown import mechanise
 from lvnav_trade.kernels.transition import correct_motion
-from lvnav_trade.kernels.vehicle import N_SAMPLE, advance, advance_vector, fill_samples, mirror, update_samples
+from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector, fill_samples
 from lvnav_trade.records import Floats, Ints
 
 
@@ -32,8 +32,17 @@ class VehicleModel(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Arrays of a run: rate (3,) and force (3,) estimated; sample (6,) of the last tick; z, weight, residual (6,); K
-    (6, n_state), moved (9, n_state); h (6, n_entry).
+    """Arrays of a run whose filter processes IMU samples as measurements. A sample has rate (3) and specific force (3).
+
+    rate : (3,) rad/s. Estimated body rate, body axes.
+    force : (3,) m/s^2. Estimated specific force, body axes.
+    sample : (6,) rad/s, m/s^2. Sample of the last tick, as the IMU outputs it.
+    z : (6,). Sample minus its prediction.
+    weight : (6,). Inverse of the innovation variance of each scalar.
+    residual : (6,). Innovation of each scalar after the scalars before it.
+    K : (6, n_state). P h' of each scalar after the scalars before it.
+    moved : (9, n_state). Scratch of the covariance propagation over a tick.
+    h : (6, n_entry). Jacobian of the sample.
     """
 
     rate: Floats
@@ -89,11 +98,16 @@ def correct_vehicle(work, motion, model, vehicle):
 
 
 @inlined
-def _correct_tick(work, motion, earlier, open_loop, delayed, model, vehicle):
+def correct_tick(work, parts, case):
     """Add the error state to the estimates after a tick, that of the epoch before among them; an open loop leaves
     attitude, velocity and position alone.
     """
-    correct_vehicle(work, motion, model, vehicle)
+    correct_vehicle(work, parts.motion, case.model, case.options.vehicle)
+    _correct_closed(work, parts.earlier, parts.open_loop, case.options.delayed, case.model)
+
+
+@jit
+def _correct_closed(work, earlier, open_loop, delayed, model):
     if open_loop is None:
         correct_motion(work.nav, work.x)
         correct_receiver(work, model)
@@ -103,43 +117,35 @@ def _correct_tick(work, motion, earlier, open_loop, delayed, model, vehicle):
 
 
 @inlined
-def _predict_samples(work, motion, vehicle, at, dt):
-    """Set z to samples minus predicted ones: estimated motion plus what the estimated parameters add."""
-    fill_samples(motion.h, vehicle.blocks, motion.rate, motion.force)
-    for i in range(3):
-        for sensor in range(2):
-            r = 3 * sensor + i
-            total = motion.rate[i] if sensor == 0 else motion.force[i]
-            for k in range(vehicle.blocks.shape[1]):
-                b = vehicle.blocks[sensor, k, 0]
-                if b >= 0:
-                    total = total + motion.h[r, 1 + k] * work.par[b, i]
-            motion.sample[r] = work.increments[at, r] / dt
-            motion.z[r] = motion.sample[r] - total
+def predict_samples(run, work, motion, vehicle, at, dt):
+    """Set z of a run (its number, or None) to samples minus predicted ones: estimated motion plus what the estimated
+    parameters add.
+    """
+    if run is not None:
+        fill_samples(motion.h, vehicle.blocks, motion.rate, motion.force)
+        for i in range(3):
+            for sensor in range(2):
+                r = 3 * sensor + i
+                total = motion.rate[i] if sensor == 0 else motion.force[i]
+                for k in range(vehicle.blocks.shape[1]):
+                    b = vehicle.blocks[sensor, k, 0]
+                    if b >= 0:
+                        total = total + motion.h[r, 1 + k] * work.par[b, i]
+                motion.sample[r] = work.increments[at, r] / dt
+                motion.z[r] = motion.sample[r] - total
 
 
 @inlined
-def sample_window(work, motion, earlier, open_loop, delayed, unit, model, vehicle, first, n_tick):
-    """Update by the samples of a window, tick by tick, and put the estimates in the place of the increments; what is
-    slow is propagated at the end of the window.
-    """
-    m = vehicle.motion
-    for k in range(n_tick):
-        _predict_samples(work, motion, vehicle, k, unit.dt)
-        for i in range(N_SAMPLE):
-            work.P[m + i, m + i] = work.P[m + i, m + i] + vehicle.walk[first + k, i]
-        update_samples(
-            work.P, work.x, motion.K, motion.weight, motion.residual, motion.z, vehicle.variance, motion.h,
-            vehicle.columns, model.n_estimated,
-        )  # fmt: skip
-        _correct_tick(work, motion, earlier, open_loop, delayed, model, vehicle)
-        for i in range(3):
-            work.increments[0, i] = unit.dt * motion.rate[i]
-            work.increments[0, 3 + i] = unit.dt * motion.force[i]
-        mechanise(
-            work.nav, work.sums, work.previous, work.increments, 1, unit.dt, model.strapdown, unit.dt * (first + k)
-        )
-        advance(work.P, motion.moved, work.sums, unit.dt, m)
-        if open_loop is not None:
-            advance_vector(work.x, work.sums, unit.dt, m)
-    mirror(work.P)
+def mechanise_motion(work, motion, case, tick):
+    """Mechanise the estimated motion over a tick, in the place of its increments."""
+    for i in range(3):
+        work.increments[0, i] = case.tick * motion.rate[i]
+        work.increments[0, 3 + i] = case.tick * motion.force[i]
+    mechanise(work.nav, work.sums, work.previous, work.increments, 1, case.tick, case.model.strapdown, case.tick * tick)
+
+
+@jit
+def advance_open_loop(open_loop, x, sums, dt, motion):
+    """Propagate the error state x (n,) of an open loop (OpenLoop, or None) over a tick."""
+    if open_loop is not None:
+        advance_vector(x, sums, dt, motion)

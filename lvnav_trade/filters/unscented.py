@@ -16,19 +16,19 @@ latency and mode logic are those of the extended filter.
 from typing import NamedTuple
 
 from lvnav_trade.filters.ekf import (
+    apply_fading_memory,
     fill_receiver,
-    fill_sensor,
     fill_transition,
-    forget,
     inject,
     n_measured,
     place_antenna,
-    predict_window,
     propagate_estimates,
-)  # fmt: skip
+    row_of,
+)
+from lvnav_trade.filters.feedforward import fill_sensor_at_state
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import multiply
-from lvnav_trade.kernels.covariance import finish_window
+from lvnav_trade.kernels.covariance import add_turned, finish_window
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, sqrt, where, zeros_of
 from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, mechanise
@@ -42,11 +42,28 @@ SMALLEST = 1e-12  # share of a variance that is left of it where another state i
 
 
 class Points(NamedTuple):
-    """Work arrays: start of a window, nav (10,), previous (6,) and increments (n_tick, 6) as the unit puts them out; of
-    a point state (10,), last (6,), sums (18,), taken (n_tick, 6), par (n_par, 3), tables (2, N_TABLE), x (9,); root
-    (n_state, n) columns of the factor; odd, even (n, 9) what pairs make of the motion; centre, mean (9,) error state at
-    the end of a window by the estimate and by all points; z (n_row,), row_odd, row_even (n_row, 9) what they make of
-    rows, spread (n_row,) variance beyond a row's slope.
+    """Work arrays of the sigma points. A column is one of the n columns of the covariance's factor, with a pair of
+    points.
+
+    nav : (10,). Navigation state at the start of a window.
+    previous : (6,) rad, m/s. Increments before the window.
+    increments : (n_tick, 6) rad, m/s. Increments of the window as the IMU outputs them.
+    state : (10,). Navigation state of a point.
+    last : (6,) rad, m/s. Last increments of a point.
+    sums : (18,). Strapdown integrals of a point over the window.
+    taken : (n_tick, 6) rad, m/s. Increments compensated by the parameters of a point.
+    par : (n_par, 3). IMU parameters of a point.
+    tables : (2, N_TABLE). Compensation tables of gyro and accelerometer, from these parameters.
+    x : (9,). Navigation error of a point relative to the estimate.
+    root : (n_state, n). Columns of the Cholesky factor of the covariance.
+    odd : (n, 9). Half the difference of the errors of a pair after the window, by column.
+    even : (n, 9). Mean of the errors of a pair after the window, less that of the estimate, by column.
+    centre : (9,). Navigation error of the estimate at the end of the window.
+    mean : (9,). Mean navigation error of all points at the end of the window.
+    z : (n_row,). Measurement minus its prediction at the estimate.
+    row_odd : (n_row, 9). Odd part of the predicted measurement, by navigation error.
+    row_even : (n_row, 9). Even part of the predicted measurement, by navigation error.
+    spread : (n_row,). Variance of the prediction that its regression slope does not explain.
     """
 
     nav: Floats
@@ -138,10 +155,11 @@ def rotation_between(p, q):
 
 
 @jit
-def _fly_point(points, work, model, unit, column, reach, first, n_tick, dt):
-    """Fly a point over a window and set points.x to its error at the end, relative to work.nav; it stands `reach`
+def _fly_point(points, work, case, column, reach, w):
+    """Fly a point over window w and set points.x to its error at the end, relative to work.nav; it stands `reach`
     columns of the factor from the estimate.
     """
+    model, n_tick = case.model, case.schedule.n_tick[w]
     _copy(points.state, points.nav, 10)
     _copy(points.last, points.previous, 6)
     for k in range(n_tick):
@@ -154,9 +172,9 @@ def _fly_point(points, work, model, unit, column, reach, first, n_tick, dt):
             at = model.par_offset[b] + i
             points.par[b, i] = work.par[b, i] + work.x[at] + reach * points.root[at, column]
     processes.gather(points.tables, points.par, model.par_sensor, model.par_driver)
-    processes.compensate(points.taken, n_tick, points.tables[0], points.tables[1], model.biases_only, unit.dt)
-    how = model.strapdown
-    mechanise(points.state, points.sums, points.last, points.taken, n_tick // how.subsamples, dt, how, unit.dt * first)
+    processes.compensate(points.taken, n_tick, points.tables[0], points.tables[1], model.biases_only, case.tick)
+    how, start = model.strapdown, case.tick * case.schedule.first_tick[w]
+    mechanise(points.state, points.sums, points.last, points.taken, n_tick // how.subsamples, case.step, how, start)
     points.x[ATT], points.x[ATT + 1], points.x[ATT + 2] = rotation_between(points.state, work.nav)
     for i in range(3):
         points.x[VEL + i] = points.state[V + i] - work.nav[V + i]
@@ -164,18 +182,18 @@ def _fly_point(points, work, model, unit, column, reach, first, n_tick, dt):
 
 
 @jit
-def _fly_points(points, work, open_loop, model, unit, first, n_tick, dt):
-    """Fly all points over a window: sets odd and even parts, centre and mean."""
+def _fly_points(points, work, case, open_loop, w):
+    """Fly all points over window w: sets odd and even parts, centre and mean."""
     for i in range(N_NAV):
         points.centre[i] = like(work.x[0], 0.0)
     if open_loop is not None:  # the estimate is not what the strapdown has flown
-        _fly_point(points, work, model, unit, 0, 0.0, first, n_tick, dt)
+        _fly_point(points, work, case, 0, 0.0, w)
         _copy(points.centre, points.x, N_NAV)
     _copy(points.mean, points.centre, N_NAV)
     for a in range(points.odd.shape[0]):
-        _fly_point(points, work, model, unit, a, REACH, first, n_tick, dt)
+        _fly_point(points, work, case, a, REACH, w)
         _copy(points.odd[a], points.x, N_NAV)
-        _fly_point(points, work, model, unit, a, -REACH, first, n_tick, dt)
+        _fly_point(points, work, case, a, -REACH, w)
         for i in range(N_NAV):
             plus, minus = points.odd[a, i], points.x[i]
             points.odd[a, i] = (0.5 / REACH) * (plus - minus)
@@ -200,25 +218,24 @@ def _join(P, points):
 
 
 @inlined
-def predict(work, points, open_loop, model, unit, schedule, w, dt):
-    """Propagate covariance and estimates over window w: by the transition, or by the points (Points, or None)."""
-    length, injection = schedule.length[w], schedule.injection[w]
-    if points is None:
-        predict_window(work, model, length, injection)
-    else:
-        P, noise = work.P, model.noise[length]
-        fill_transition(work, model, length)  # for what else is propagated by it
-        forget(P, model, length)
-        for i in range(P.shape[0]):
-            P[i, i] = P[i, i] + 0.5 * noise[i]
-        factorise(points.root, P, model, points.odd.shape[0])
-        _fly_points(points, work, open_loop, model, unit, schedule.first_tick[w], schedule.n_tick[w], dt)
-        _join(P, points)
-        finish_window(P, model.decay[length], noise, model.clock, model.seconds[length])
-        inject(P, model, injection)
-        if open_loop is None:
-            correct_motion(work.nav, points.mean)
-        propagate_estimates(work, model, length)
+def propagate_by_points(work, case, points, open_loop, w):
+    """Propagate covariance and estimates over window w by the points."""
+    model, length, injection = case.model, case.schedule.length[w], case.schedule.injection[w]
+    P, noise = work.P, model.noise[length]
+    fill_transition(work, model, length)  # for what else is propagated by it
+    apply_fading_memory(P, model, length)
+    for i in range(P.shape[0]):
+        P[i, i] = P[i, i] + 0.5 * noise[i]
+    add_turned(P, model.uneven, work.sums, model.seconds[length])
+    factorise(points.root, P, model, points.odd.shape[0])
+    _fly_points(points, work, case, open_loop, w)
+    _join(P, points)
+    finish_window(P, model.decay[length], noise, model.clock, model.seconds[length])
+    add_turned(P, model.uneven, work.sums, model.seconds[length])
+    inject(P, model, injection)
+    if open_loop is None:
+        correct_motion(work.nav, points.mean)
+    propagate_estimates(work, model, length)
 
 
 @jit
@@ -277,58 +294,53 @@ def _regress(work, points, first, n_row):
         points.spread[row] = left
 
 
-@inlined
-def measure_receiver(work, points, past, earlier, late, delayed, model, signals, epoch, dt):
-    """Set the rows of what the receiver measures: by Jacobians, or over the points (Points, or None). What is compared
-    with a stored state is linearised there.
-    """
-    if points is None:
-        fill_receiver(work, earlier, delayed, model, signals, epoch)
-    elif late is not None and not late.extrapolated and late.line[0] >= 0:
-        fill_receiver(work, earlier, delayed, model, signals, epoch)
-        for row in range(n_measured(model, signals, epoch)):
-            points.spread[row] = like(work.x[0], 0.0)
-    else:
-        n_row = n_measured(model, signals, epoch)
-        _begin_regression(work, points, model)
-        place_antenna(work, past, late, model, dt, epoch)
-        fill_receiver(work, earlier, delayed, model, signals, epoch)
-        _copy(points.z, work.z, n_row)
-        for column in range(N_NAV):
-            for side in range(2):
-                _set_state(work, points, column, (1.0 - 2.0 * side) * REACH)
-                place_antenna(work, past, late, model, dt, epoch)
-                fill_receiver(work, earlier, delayed, model, signals, epoch)
-                _store_rows(work, points, column, side == 0, 0, n_row)
-        _copy(work.nav, points.state, 10)
-        place_antenna(work, past, late, model, dt, epoch)
-        fill_receiver(work, earlier, delayed, model, signals, epoch)
-        _regress(work, points, 0, n_row)
-        _copy(work.nav, points.nav, 10)
-        place_antenna(work, past, late, model, dt, epoch)
+@jit
+def _fill_receiver_at_state(work, parts, case, epoch):
+    """Set the rows of what the receiver measures at the navigation state as it stands."""
+    place_antenna(work, parts.past, case.options.late, case.model, case.step, epoch)
+    fill_receiver(work, parts.earlier, case.options.delayed, case.model, case.signals, epoch)
+
+
+@jit
+def clear_spread(points, first, n_row):
+    """Of rows that are linearised elsewhere the points leave nothing."""
+    for row in range(first, first + n_row):
+        points.spread[row] = like(points.x[0], 0.0)
 
 
 @inlined
-def measure_sensor(work, points, past, open_loop, late, model, signals, sensors, k, at, epoch):
-    """Set the rows of sensor k, from row `at` on: by Jacobians, or over the points (Points, or None)."""
-    n_row = sensors.scalars[k]
-    if points is None:
-        fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch)
-    elif late is not None and late.of_sensor[k] >= 0:
-        fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch)
-        for row in range(at, at + n_row):
-            points.spread[row] = like(work.x[0], 0.0)
-    else:
-        _begin_regression(work, points, model)
-        fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch)
-        for row in range(at, at + n_row):
-            points.z[row] = work.z[row]
-        for column in range(N_NAV):
-            for side in range(2):
-                _set_state(work, points, column, (1.0 - 2.0 * side) * REACH)
-                fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch)
-                _store_rows(work, points, column, side == 0, at, n_row)
-        _copy(work.nav, points.state, 10)
-        fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch)
-        _regress(work, points, at, n_row)
-        _copy(work.nav, points.nav, 10)
+def regress_receiver(work, parts, case, points, epoch):
+    """Set the rows of what the receiver measures by regression over the points."""
+    n_row = n_measured(case.model, case.signals, epoch)
+    _begin_regression(work, points, case.model)
+    _fill_receiver_at_state(work, parts, case, epoch)
+    _copy(points.z, work.z, n_row)
+    for column in range(N_NAV):
+        for side in range(2):
+            _set_state(work, points, column, (1.0 - 2.0 * side) * REACH)
+            _fill_receiver_at_state(work, parts, case, epoch)
+            _store_rows(work, points, column, side == 0, 0, n_row)
+    _copy(work.nav, points.state, 10)
+    _fill_receiver_at_state(work, parts, case, epoch)
+    _regress(work, points, 0, n_row)
+    _copy(work.nav, points.nav, 10)
+    place_antenna(work, parts.past, case.options.late, case.model, case.step, epoch)
+
+
+@inlined
+def regress_sensor(work, parts, case, points, k, epoch):
+    """Set the rows of sensor k by regression over the points."""
+    n_row, at = case.sensors.scalars[k], row_of(case.model, work, case.sensors.channel[k])
+    _begin_regression(work, points, case.model)
+    fill_sensor_at_state(work, parts, case, k, epoch)
+    for row in range(at, at + n_row):
+        points.z[row] = work.z[row]
+    for column in range(N_NAV):
+        for side in range(2):
+            _set_state(work, points, column, (1.0 - 2.0 * side) * REACH)
+            fill_sensor_at_state(work, parts, case, k, epoch)
+            _store_rows(work, points, column, side == 0, at, n_row)
+    _copy(work.nav, points.state, 10)
+    fill_sensor_at_state(work, parts, case, k, epoch)
+    _regress(work, points, at, n_row)
+    _copy(work.nav, points.nav, 10)

@@ -1,1 +1,1 @@
-"""The ground floor: jitted formulas of floats, of float64 arrays, or of lanes of eight runs."""
+"""Compiled formulas of floats, of float64 arrays, or of lanes of eight runs; the lowest layer."""

@@ -16,9 +16,12 @@ import numpy as np
 
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, sqrt, where
-from lvnav_trade.kernels.transition import POS, VEL
+from lvnav_trade.kernels.strapdown import SUM_C
+from lvnav_trade.kernels.transition import ATT, POS, VEL
 
 N_NAV_ERROR = 9
+NOT_USED = -1.0
+"""Gate (of a squared innovation) of a row that is not used: no square is below it, so its weight is zero."""
 
 
 @jit
@@ -114,6 +117,32 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
 
 
 @jit
+def add_turned(P, uneven, sums, seconds):
+    """Add half of the part of a window's white noise that differs by body axis: C diag(q) C' seconds / 2 of attitude
+    and of velocity, C the mean attitude. uneven : (2, 3) q of gyros and accelerometers, SI squared per second; None
+    where the axes are alike. sums : (18,) the strapdown's over the window
+    """
+    if uneven is not None:
+        _add_turned(P, uneven, sums, seconds)
+
+
+@jit
+def _add_turned(P, uneven, sums, seconds):
+    if seconds > 0.0:
+        for sensor in range(2):
+            at = ATT if sensor == 0 else VEL
+            for i in range(3):
+                for j in range(i, 3):
+                    total = like(P[0, 0], 0.0)
+                    for c in range(3):
+                        both = sums[SUM_C + 3 * i + c] * sums[SUM_C + 3 * j + c]
+                        total = total + (0.5 * uneven[sensor, c] / seconds) * both
+                    value = P[at + i, at + j] + total
+                    P[at + i, at + j] = value
+                    P[at + j, at + i] = value
+
+
+@jit
 def inflate(P, factor, n_estimated):
     """Let a covariance forget (fading memory): P <- A P A, A the factor for every estimated state, one for the rest."""
     for i in range(n_estimated):
@@ -126,7 +155,7 @@ def inflate(P, factor, n_estimated):
 
 @inlined
 def _met(P, x, K, h, entries, columns, innovation, variance, beta, n):
-    """Set K to P h; return the variance of a row's innovation, and what earlier rows of the epoch have left of it."""
+    """Set K to P h; return innovation variance, and the innovation left after earlier measurements of the epoch."""
     for i in range(n):
         k = P[i, columns[0]] * h[entries[0]]
         for c in range(1, columns.shape[0]):
@@ -153,7 +182,7 @@ def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squar
     P : (n, n), x : (n,) error state; both updated. K : (n,) set to P h before the update
     h : (n_entry,) the row; its `entries` (n_column,) int stand for states `columns` (n_column,) int, the rest are zero
     variance : of v
-    gate_squared : largest square of the normalised innovation that is accepted (inf: all)
+    gate_squared : largest square of the normalised innovation that is accepted (inf: all; NOT_USED: none)
     joseph : bool, write the update in Joseph's form
     beta : under-weighting (Lear): the filter assumes beta h P h' of noise beside the variance
 

@@ -1,48 +1,24 @@
-"""The one numba decorator; cache folder named by source digest."""
+"""The one numba decorator."""
 
 import gc
-import hashlib
 import itertools
 import os
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+from lvnav_trade.kernels.cache_folder import set_cache_folder
 
-def _source_digest(package: Path) -> str:
-    """Digest of every module that holds a kernel: numba's own cache does not see an edit in another file."""
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        text = path.read_bytes()
-        if b"kernels.jit import" in text or path.parent.name == "kernels":
-            digest.update(str(path.relative_to(package)).encode())
-            digest.update(text)
-    return digest.hexdigest()[:16]
-
-
-def _set_cache_folder() -> None:
-    """Point numba at a per-version folder, before numba is first imported; a folder of the user's own is kept as
-    root.
-    """
-    root = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(
-        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "lvnav_trade"
-    )
-    if not Path(root).name.startswith("kernels-"):
-        checked = "checked-" if os.environ.get("NUMBA_BOUNDSCHECK", "0") != "0" else ""  # numba's files do not say
-        root = os.path.join(root, f"kernels-{checked}{_source_digest(Path(__file__).resolve().parents[1])}")
-    os.environ["NUMBA_CACHE_DIR"] = root
-
-
-_set_cache_folder()
+set_cache_folder()
 
 import numba  # noqa: E402  (the cache folder must be known first)
 from numba.core.bytecode import FunctionIdentity  # noqa: E402
-from numba.core.caching import CompileResultCacheImpl, FunctionCache  # noqa: E402
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen  # noqa: E402
 from numba.core.registry import CPUDispatcher, cpu_target  # noqa: E402
+
+from lvnav_trade.kernels.cache_files import KernelCache  # noqa: E402
 
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 _PART = "_part_of_lvnav_trade"
@@ -136,18 +112,6 @@ if not numba.config.DISABLE_JIT:
     cpu_target.target_context.codegen().__class__ = Codegen
 
 
-class _Kept(CompileResultCacheImpl):  # type: ignore[misc]
-    """What the cache keeps of a function: not the listing of its types, a fifth of the folder that nobody reads."""
-
-    def reduce(self, cres: Any) -> Any:
-        cres.library.is_entry = not cres.library.is_part
-        return cres._replace(type_annotation="")._reduce()
-
-
-class _Cache(FunctionCache):  # type: ignore[misc]
-    _impl_class = _Kept
-
-
 _COLLECTED_AFTER = 100_000  # new objects; Python's own number is 700 or 2,000
 
 
@@ -197,7 +161,7 @@ class Part(CPUDispatcher):  # type: ignore[misc]
 def _compiled(function: Callable[..., Any], **how: Any) -> Callable[..., Any]:
     if numba.config.DISABLE_JIT:
         return function
-    how = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": False, "_nrt": False, **how}
+    how = {"nogil": True, "error_model": "numpy", "fastmath": False, "_nrt": False, **how}
     twin = FunctionType(
         function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__
     )
@@ -206,7 +170,7 @@ def _compiled(function: Callable[..., Any], **how: Any) -> Callable[..., Any]:
     kernel.__class__ = Kernel
     kernel.inner = numba.njit(**how, no_cpython_wrapper=True, no_cfunc_wrapper=True)(twin)
     kernel.inner.__class__ = Part
-    kernel._cache, kernel.inner._cache = _Cache(function), _Cache(twin)
+    kernel._cache, kernel.inner._cache = KernelCache(function), KernelCache(twin)
     return kernel
 
 

@@ -30,13 +30,13 @@ def start(values, sigma, sources, k0, k1, run):
 
 
 @jit
-def step(values, decay, walk, sources, k0, k1, run, epoch):
-    """Step every block that varies to the next process epoch (a word from 1): values (n_block, 3) updated; decay
-    (n_block,), walk (n_block, 3).
+def step(values, decay, walk, sources, k0, k1, run, number):
+    """Step every block that varies to epoch `number` (a word, from 1) of its process: values (n_block, 3) updated;
+    decay (n_block,), walk (n_block, 3).
     """
     for b in range(decay.shape[0]):
         if walk[b, 0] + walk[b, 1] + walk[b, 2] > 0.0:
-            normal = normals(k0, k1, sources[b], run, epoch, _ZERO)
+            normal = normals(k0, k1, sources[b], run, number, _ZERO)
             for axis in range(3):
                 values[b, axis] = decay[b] * values[b, axis] + walk[b, axis] * normal[axis]
 
@@ -113,9 +113,9 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
         tick, out = first_tick + k, at + k
         a0, a1, a2 = dtheta[tick, 0], dtheta[tick, 1], dtheta[tick, 2]
         f0, f1, f2 = dvel[tick, 0], dvel[tick, 1], dvel[tick, 2]
-        epoch = np.uint64(tick)
-        n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(0))
-        n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(1))
+        number = np.uint64(tick)
+        n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, number, np.uint64(0))
+        n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, number, np.uint64(1))
         e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, unit.biases_only, a0, a1, a2, f0, f1, f2, dt)
         increments[out, 0], increments[out, 1], increments[out, 2] = (
             a0 + e0 + noise[0] * n0, a1 + e1 + noise[1] * n1, a2 + e2 + noise[2] * n2,
@@ -156,3 +156,11 @@ def zero_all(values):
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             values[i, j] = like(values[i, j], 0.0)
+
+
+@jit
+def profile_value(unit, profile, axis, t):
+    """Return the bias or scale factor (SI) that a profile has on an axis at time t (s since lift-off)."""
+    first, last = unit.profile_start[profile], unit.profile_end[profile]
+    share = min(1.0, max(0.0, (t - first) / (last - first)))
+    return share * unit.profile[profile, axis]

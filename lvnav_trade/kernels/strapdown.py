@@ -33,13 +33,19 @@ def gravity(kind, x, y, z):
 
 
 class Strapdown(NamedTuple):
-    """How increments become attitude, velocity and position.
+    """Algorithm by which increments become attitude, velocity and position.
 
-    gravity: code; subsamples: increments to a step; weights (subsamples - 1,) of all of them but the last, for the
-    product of their weighted sum with the last (none: no such product); across: weight of the product of the sums of
-    the step before and of this one; at_end: no compensation, the velocity gained has the attitude at the end of the
-    step; rotating: integrated in Earth-fixed axes, which are at `angle` (rad) at tick 0, about `origin` (3,) m;
-    general: other than `full_rate`; counted: linear covariance counts its error on the nominal flight.
+    gravity : Code of the gravity model: POINT, J2 or J4.
+    subsamples : Number of increments in a step.
+    weights : (subsamples - 1,). Weights of all increments but the last; their weighted sum times the last increment
+        compensates coning and sculling. Empty without this product.
+    across : Weight of the product of the sums of the previous step and of this step.
+    at_end : Whether nothing is compensated and the velocity increment has the attitude at the end of the step.
+    rotating : Whether integration is in Earth-fixed axes.
+    angle : rad. Angle from frame i to the Earth-fixed axes at tick 0.
+    origin : (3,) m. Origin of the Earth-fixed axes.
+    general : Whether the algorithm differs from `full_rate`.
+    counted : Whether linear covariance includes the algorithm's error on the nominal flight.
     """
 
     gravity: int

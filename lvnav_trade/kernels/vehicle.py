@@ -1,4 +1,4 @@
-"""Ticks of a filter that carries rate and acceleration as states: inertial samples as rows, its covariance in between.
+"""Ticks of a filter with rate and acceleration states: IMU samples as measurements, covariance between them.
 
 Error is truth minus estimate. With C = C_b_i, the error of the tick's mean rate x_w and of its mean specific force x_f
 move attitude, velocity and position over a tick of dt seconds as

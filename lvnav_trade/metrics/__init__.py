@@ -1,61 +1,19 @@
-"""Metrics: result tables to tidy frames, each by name in `METRICS`. Read `errors/rms.py` first, then `requirements`."""
+"""Metrics, each an object in `registry`; `METRICS`: result tables to tidy frames, each by name.
 
-from collections.abc import Callable
-from functools import wraps
-from pathlib import Path
-from typing import Any
+Read `metric.py` first, then `families/errors.py` and `requirements/requirements.py`.
+"""
 
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
-from lvnav_trade.metrics import filter, inertial, integrity, protection, published, resources, signals, vehicle
-from lvnav_trade.metrics.basics.select import once
-from lvnav_trade.metrics.errors import covariances, coverage, rms
-from lvnav_trade.metrics.mission import impact, orbit
-from lvnav_trade.metrics.requirements import confirmation, margins
-from lvnav_trade.metrics.requirements import curves as along
-from lvnav_trade.store.read import Tables, load
+if TYPE_CHECKING:
+    from lvnav_trade.metrics.frames import CSV as CSV
+    from lvnav_trade.metrics.frames import METRICS as METRICS
 
 
-def _of_results(metric: Callable[[Tables], pd.DataFrame]) -> Callable[[Path | str | Tables], pd.DataFrame]:
-    """Return a metric of tables that takes a results folder too, and is computed once."""
-    computed = once(metric)
+def __getattr__(name: str) -> Any:
+    """Import the frames when they are asked for: worker processes and the reading of campaigns need no pandas."""
+    import importlib
 
-    @wraps(metric)
-    def of_results(results: Path | str | Tables) -> pd.DataFrame:
-        return computed(load(results))
-
-    return of_results
-
-
-# The metrics of each module that have the names of their functions
-_NAMED: dict[Any, tuple[str, ...]] = {
-    rms: ("rms", "controlled", "ranking"),
-    coverage: ("coverage",),
-    covariances: ("agreement", "budget", "contributions", "sensitivity", "observability", "nonlinearity", "observed"),
-    filter: ("consistency", "nees", "nis", "whiteness", "autocorrelation", "logic", "modes", "stops"),
-    integrity: ("integrity", "decisions", "tested_errors"),
-    signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
-    resources: ("totals", "pareto"),
-    along: ("curves", "crossings", "tornado"),
-    confirmation: ("expected", "spot_check", "improvements"),
-    margins: ("margins",),
-    orbit: ("orbit", "correction"),
-    impact: ("impact",),
-    inertial: ("allan", "exclusions"),
-    protection: ("protection",),
-    vehicle: ("motion", "nozzle", "turning", "worth"),
-    published: ("references", "interpretations"),
-}
-# Every metric by name; each takes a results folder, or its tables, and returns a tidy frame.
-METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
-    "requirements": _of_results(confirmation.verdicts),
-    "corridor": _of_results(impact.corridor_verdicts),
-    **{name: _of_results(getattr(module, name)) for module, names in _NAMED.items() for name in names},
-}
-
-# The metrics that stand beside a report as CSV, with the columns that users and their CI rely on.
-CSV = (
-    "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
-    "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity", "tested_errors", "curves",
-    "crossings", "tornado", "totals", "pareto", "motion", "nozzle", "turning", "allan", "protection", "exclusions",
-)  # fmt: skip
+    if name in ("CSV", "METRICS"):
+        return getattr(importlib.import_module("lvnav_trade.metrics.frames"), name)
+    raise AttributeError(f"module 'lvnav_trade.metrics' has no attribute {name!r}")

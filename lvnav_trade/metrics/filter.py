@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from lvnav_trade.metrics.basics.probability import holm, mean_square_interval
-from lvnav_trade.metrics.basics.select import pick
+from lvnav_trade.metrics.basics.select import NAVIGATION, flight_events, history_of, pick
 from lvnav_trade.records import MODES, Floats
 from lvnav_trade.store.read import Tables
 
@@ -15,6 +15,14 @@ WHITE_ALPHA = 0.01
 _LEAST_PAIRS = 100  # channels with fewer pairs say nothing: a satellite seen for a few epochs
 # Times at which the modes of all runs are reported.
 STEPS = 400
+VERDICT_ALPHA = 0.01
+CONSISTENT, OVERCONFIDENT, CONSERVATIVE, UNKNOWN = "consistent", "overconfident", "conservative", "unknown"
+# Of sigma: a smaller departure is no finding, however many runs show it.
+TOLERANCE = 0.25
+FILTER_VERDICTS = [
+    "case", "verdict", "sigma_ratio", "nees_ratio", "low_ratio", "high_ratio", "moment", "by", "largest_ratio",
+    "largest_s",
+]  # fmt: skip
 
 
 def nees(tables: Tables) -> pd.DataFrame:
@@ -89,6 +97,73 @@ def consistency(tables: Tables) -> pd.DataFrame:
             part = inside.mean() if len(inside) else float("nan")
             found.append((case, test, group[value].mean(), group.expected_ratio.mean(), part, len(inside)))
     return pd.DataFrame(found, columns=["case", "test", "mean_ratio", "expected_ratio", "inside_ratio", "time_count"])
+
+
+def filter_verdicts(tables: Tables) -> pd.DataFrame:
+    """Return for each case whether the filter's covariance matches its errors.
+
+    Columns: case; verdict: "consistent", "overconfident", "conservative", or "unknown" without a finite NEES;
+    sigma_ratio: true over assumed sigma, the root of nees_ratio; nees_ratio: NEES per degree of freedom, mean over the
+    run; low_ratio, high_ratio: its bounds; moment: "run", or the event that a requirement names where the mean over the
+    run is consistent and the value there is not; by: "runs", or "LinCov" without runs; largest_ratio, largest_s: the
+    largest NEES per degree of freedom of the history and its time.
+
+    The bounds are the 99 % chi-square bounds of the runs at one time, since the times of a run are correlated, and
+    never closer to one than `TOLERANCE` of sigma. Without runs the expectation by linear covariance is compared with
+    that tolerance alone. Where the covariance of all states has no inverse, the mean over the nine navigation errors of
+    their squares over the filter's variances takes the place of NEES.
+    """
+    known = nees(tables).groupby("case", sort=False)
+    rows = []
+    for case, label in tables.labels.items():
+        mine = _nees_over_time(tables, case, known.get_group(label))
+        rows.append((label, *_filter_verdict(tables, case, mine)))
+    return pd.DataFrame(rows, columns=FILTER_VERDICTS)
+
+
+def _nees_over_time(tables: Tables, case: str, known: pd.DataFrame) -> pd.DataFrame:
+    """Return t_s, value (NEES per degree of freedom), low, high and by of a case over time, without missing values."""
+    has_runs = bool((known.run_count > 0).any())
+    value = known.anees_ratio if has_runs else known.expected_ratio
+    states = pick(tables.consistency, case=case).nees_dof_count.to_numpy()
+    low, high = mean_square_interval(known.run_count.to_numpy() * states, VERDICT_ALPHA)
+    frame = known[["t_s"]].assign(value=value, low=low, high=high)
+    if not np.isfinite(value).any():
+        frame = _of_navigation(tables, case, has_runs)
+    return frame[np.isfinite(frame.value)].assign(by="runs" if has_runs else "LinCov")
+
+
+def _of_navigation(tables: Tables, case: str, has_runs: bool) -> pd.DataFrame:
+    """Return the same from the mean over the nine navigation errors of mean square over the filter's variance."""
+    axes = [(quantity, axis) for quantity, axis in tables.people if quantity in NAVIGATION and axis != "3d"]
+    series = [history_of(tables, case, *one) for one in axes]
+    if has_runs:
+        ratios = [(rows.rms_si / rows.filter_sigma_si).to_numpy() ** 2 for rows in series]
+    else:
+        squares = [(rows.lincov_true_si**2 + rows.lincov_mean_si**2).to_numpy() for rows in series]
+        ratios = [one / rows.lincov_formal_si.to_numpy() ** 2 for one, rows in zip(squares, series, strict=True)]
+    low, high = mean_square_interval(series[0].run_count * len(axes), VERDICT_ALPHA)
+    return series[0][["t_s"]].assign(value=np.mean(ratios, axis=0), low=low, high=high)
+
+
+def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> tuple[str | float, ...]:
+    """Return the values of `FILTER_VERDICTS` from the verdict on."""
+    if rows.empty:
+        return UNKNOWN, *[np.nan] * 4, "run", "", np.nan, np.nan
+    least, most = (1.0 + TOLERANCE) ** -2, (1.0 + TOLERANCE) ** 2
+    low = float(np.fmin(rows.low.mean(), least))
+    high = float(np.fmax(rows.high.mean(), most))
+    asked = {str(one.get("at")) for one in tables.campaign.get("requirements") or () if one.get("at")}
+    found, at = float(rows.value.mean()), "run"
+    for event in flight_events(tables, case).itertuples():
+        if low <= found <= high and event.event in asked:
+            found, at = float(rows.value.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - event.t_s)))]), event.event
+    if low <= found <= high:
+        found, at = float(rows.value.mean()), "run"
+    verdict = OVERCONFIDENT if found > high else CONSERVATIVE if found < low else CONSISTENT
+    largest = rows.loc[rows.value.idxmax()]
+    ends = (at, str(rows.by.iloc[0]), float(largest.value), float(largest.t_s))
+    return verdict, float(np.sqrt(found)), found, low, high, *ends
 
 
 def autocorrelation(tables: Tables) -> pd.DataFrame:

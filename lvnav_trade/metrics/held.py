@@ -1,4 +1,4 @@
-"""Which published rows are evidence, and which of them hold."""
+"""Published numbers: which of them are evidence, and which are reproduced."""
 
 from collections.abc import Sequence
 
@@ -11,12 +11,12 @@ EDGES = (1.0, 99.0)
 
 def evidence(rows: pd.DataFrame) -> pd.Series:
     """Whether each row of `metrics.published.references` says something published that no input decides."""
-    return (rows.repeats.fillna("") == "") & ~own(rows)
+    return (rows.repeats.astype(object).fillna("") == "") & ~own(rows)  # numbers where no row has a text
 
 
 def own(rows: pd.DataFrame) -> pd.Series:
     """Whether the statement of each row, or its bound, is not published."""
-    return rows.own.fillna("") != ""
+    return rows.own.astype(object).fillna("") != ""
 
 
 def fitted(rows: pd.DataFrame) -> pd.Series:

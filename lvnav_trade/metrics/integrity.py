@@ -1,4 +1,4 @@
-"""What filters that test for faults have found: false alarms, detection, isolation, recovery, with exact intervals."""
+"""Results of tests for faults: false alarms, detection, isolation, recovery, with exact intervals."""
 
 import math
 from typing import Any, NamedTuple

@@ -5,13 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.metrics import numbers
-from lvnav_trade.metrics.numbers import Columns, Ours
+from lvnav_trade.metrics import evaluate as alone
+from lvnav_trade.metrics.basics import select
+from lvnav_trade.metrics.metric import MEDIAN, NUMBERS, MetricValue, SingleValue
 from lvnav_trade.store.read import Tables
-
-_MEDIAN = ("satellites_tracked", "reacquisition_time")  # metrics that have no mean square
-
-_OF_MODES = ("mode_entry_time", "mode_duration", "mode_changes")
 
 
 def axes_of(stated: Mapping[str, Any]) -> tuple[str, ...]:
@@ -22,7 +19,7 @@ def axes_of(stated: Mapping[str, Any]) -> tuple[str, ...]:
 def cases_of(tables: Tables, wanted: Mapping[str, str], pool: Sequence[str]) -> list[str]:
     """Return the digests of the cases whose axes have the levels wanted: the first of those that are taken together."""
     found: dict[tuple[tuple[str, str], ...], str] = {}
-    for case in numbers.cases_of(tables, wanted):
+    for case in select.cases_of(tables, wanted):
         found.setdefault(_others(tables, case, pool), case)
     return list(found.values())
 
@@ -41,39 +38,39 @@ def label_of(tables: Tables, case: str, pool: Sequence[str]) -> str:
     return f"{rest or 'base'}; {count} levels of {', '.join(pool)} together"
 
 
-def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
-    """Return our number of a case, or of the cases that are taken together, in `unit`.
+def evaluate_single(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+    """Return the number of a case, or of the cases that are taken together, in `unit`.
 
     The root mean square over the cases of a root mean square or a sigma, the median over all runs of a worst case, the
     median over the cases of a count, the mean of a share or of an error with its sign. runs: those of all cases.
     """
     if not axes_of(stated):
-        return numbers.ours(tables, case, stated, unit)
-    found = [numbers.ours(tables, one, stated, unit) for one in members(tables, case, axes_of(stated))]
+        return alone.evaluate_single(tables, case, stated, unit)
+    found = [alone.evaluate_single(tables, one, stated, unit) for one in members(tables, case, axes_of(stated))]
     remark = "; ".join(dict.fromkeys(one.remark for one in found if one.remark))
     runs = np.sort(np.concatenate([one.runs for one in found]))
-    values = np.array([one.value for one in found])
+    values, metric = np.array([one.value for one in found]), alone.metric_in(stated)
     if stated.get("statistic") == "worst" and len(runs):
-        return Ours(float(np.median(runs)), remark, runs)
-    if numbers.is_mean(stated):
-        return Ours(float(np.mean(values)), remark, runs)
-    value = np.median(values) if _counts(stated) else np.sqrt(np.mean(values**2))
-    return Ours(float(value), remark, runs)
+        return SingleValue(float(np.median(runs)), remark, runs)
+    if metric.is_mean(stated):
+        return SingleValue(float(np.mean(values)), remark, runs)
+    value = np.median(values) if metric.average == MEDIAN else np.sqrt(np.mean(values**2))
+    return SingleValue(float(value), remark, runs)
 
 
-def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Columns:
-    """Return the three numbers of a case, or of the cases that are taken together, in `unit` ("-": SI).
+def evaluate(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    """Return the value of a case, or of the cases that are taken together, in `unit` ("-": SI).
 
     Cases share the draws of runs of the same number, so these stay one run, whose square is the mean over the cases.
     levels (n_case,): the mean over the runs of each case, for the part of the interval due to the choice of cases.
     """
     if not axes_of(stated):
-        return numbers.columns(tables, case, stated, unit)
-    found = [numbers.columns(tables, one, stated, unit) for one in members(tables, case, axes_of(stated))]
+        return alone.evaluate(tables, case, stated, unit)
+    found = [alone.evaluate(tables, one, stated, unit) for one in members(tables, case, axes_of(stated))]
     first, least = found[0], min(len(one.runs) for one in found)
     remark = "; ".join(dict.fromkeys(one.remark for one in found if one.remark))
-    formal, true, drawn = (_mean([getattr(one, name) for one in found], first, stated) for name in numbers.THREE)
-    whole = Columns(formal, true, drawn, remark, np.empty(0), first.is_root, first.is_share)
+    formal, true, drawn = (_mean([getattr(one, name) for one in found], first, stated) for name in NUMBERS)
+    whole = MetricValue(formal, true, drawn, remark, np.empty(0), first.is_root, first.is_share)
     if not least:
         return whole
     each = np.stack([one.runs[:least] for one in found])
@@ -82,17 +79,12 @@ def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
     return whole._replace(runs=each.mean(axis=0), levels=levels)
 
 
-def _mean(values: Sequence[float], first: Columns, stated: Mapping[str, Any]) -> float:
-    if _counts(stated) or stated.get("statistic") in ("worst", "least"):
+def _mean(values: Sequence[float], first: MetricValue, stated: Mapping[str, Any]) -> float:
+    if alone.metric_in(stated).average == MEDIAN or stated.get("statistic") in ("worst", "least"):
         return float(np.median(values))
     if first.is_root:
         return float(np.sqrt(np.mean(np.square(values))))
     return float(np.mean(values))
-
-
-def _counts(stated: Mapping[str, Any]) -> bool:
-    metric = str(stated["metric"])
-    return metric in _MEDIAN or metric.endswith(("_convergence_time", "_height", "_availability", *_OF_MODES))
 
 
 def _others(tables: Tables, case: str, pool: Sequence[str]) -> tuple[tuple[str, str], ...]:

@@ -1,25 +1,19 @@
-"""Protection levels: how large they are, how long below a limit, and how often errors of runs exceed them."""
+"""Protection levels: their size, how long they stay below a limit, how often errors of runs exceed them."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from lvnav_trade import units
-from lvnav_trade.layout import AVAILABILITY, LEVELS, PROTECTED
+from lvnav_trade.layout import PROTECTED
 from lvnav_trade.metrics.basics.probability import success_bounds
 from lvnav_trade.metrics.basics.select import (
     SAME_TIME,
-    Errors,
     errors_by_axis,
     final_event,
     flight_events,
     instant,
-    phase,
     pick,
-    rows_between,
-    time_mean,
 )
 from lvnav_trade.store.read import Tables
 
@@ -74,43 +68,3 @@ def protection(tables: Tables) -> pd.DataFrame:
             low, high = success_bounds(total, total - count, CONFIDENCE) if total else (np.nan, np.nan)
             found.append((label, quantity, unit, *sizes, last.satellite, total, count, low, high))
     return pd.DataFrame(found, columns=COLUMNS)
-
-
-def is_of_protection(metric: str) -> bool:
-    """Whether a metric is a protection level, or how long one stays below a limit."""
-    return metric in LEVELS or metric in AVAILABILITY
-
-
-def value_of(tables: Tables, case: str, stated: Mapping[str, Any]) -> float:
-    """Return a protection level (SI) at an event, the largest of a phase, or the share of a phase's time for which it
-    stays at or below a limit; NaN where there is none.
-    """
-    metric = str(stated["metric"])
-    quantity = metric.partition("_")[0]
-    rows = series_of(tables, case, quantity)
-    if rows.empty:
-        return float("nan")
-    if not stated.get("during"):
-        at = instant(tables, case, str(stated.get("at") or "injection"))
-        found = rows.level_si.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - at)))]
-        return float(found) if np.isfinite(at) else float("nan")
-    rows = rows_between(rows, *phase(tables, case, str(stated["during"])))
-    if rows.empty:
-        return float("nan")
-    if metric in LEVELS:
-        return float(rows.level_si.max())
-    limit = units.parse(str(stated["below"]), PROTECTED[quantity])
-    return time_mean(rows.t_s.to_numpy(), (rows.level_si <= limit).to_numpy(dtype=float))
-
-
-def required(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Errors | None:
-    """Return the protection level that a requirement names as the error of every run: it is the same in all of them,
-    infinite in one that failed.
-    """
-    metric = str(requirement["metric"])
-    value, runs = value_of(tables, case, requirement), pick(tables.runs, case=case).drop_duplicates("run_number")
-    if not np.isfinite(value):
-        return None
-    unit, factor = tables.people[metric.partition("_")[0], "3d"]
-    size = np.where(runs.failure != "", np.inf, value)
-    return Errors(size, PROTECTED[metric.partition("_")[0]], unit, float(factor))

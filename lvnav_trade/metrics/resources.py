@@ -1,4 +1,4 @@
-"""What the designs cost: totals of their devices, the Pareto front over totals and errors, and the order of choice."""
+"""Cost of designs: totals of their devices, Pareto front over totals and errors, ranking."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from lvnav_trade.marks import unmarked
 from lvnav_trade.metrics.basics.select import once
 from lvnav_trade.metrics.requirements import confirmation, requirements
 from lvnav_trade.metrics.requirements.margins import margins, worst
@@ -56,7 +57,7 @@ def _put(data: Any, path: Sequence[str], value: Any) -> Any:
     if isinstance(data, list):
         at = int(path[0])
         return [_put(one, path[1:], value) if k == at else one for k, one in enumerate(data)]
-    data = data or {}
+    data = unmarked(data or {}, path)
     return {**data, path[0]: _put(data.get(path[0]), path[1:], value)}
 
 
@@ -97,8 +98,8 @@ def pareto(tables: Tables) -> pd.DataFrame:
 
     Smaller is better in all of them (totals that not every case states do not count, nor does the mean time between
     failures). error_ratio: the largest error over its limit, by linear covariance where it applies and is confirmed,
-    else by the runs. verdict: the worst of the requirements' verdicts, by the runs where there are any. meets: the
-    ratio is at most 1 and no verdict contradicts it (violated, not confirmed). front: no other case is as good in
+    else by the runs. verdict: the worst of the requirements' verdicts, by the runs where there are any. meets: all
+    verdicts are "met". front: no other case is as good in
     everything and better in something; dominated_by: the first that is.
     No rows without totals or requirements.
     """
@@ -112,7 +113,7 @@ def pareto(tables: Tables) -> pd.DataFrame:
     values = frame[[*used, "error_ratio"]].to_numpy(dtype=float)
     by = [_dominating(values, k) for k in range(len(values))]
     return frame.assign(
-        meets=(frame.error_ratio <= 1.0) & frame.verdict.isin(["met", "undecided"]), front=[one < 0 for one in by],
+        meets=frame.verdict == "met", front=[one < 0 for one in by],
         dominated_by=[str(frame.case.iloc[one]) if one >= 0 else "" for one in by],
     )  # fmt: skip
 
@@ -144,7 +145,11 @@ def _dominating(values: Floats, k: int) -> int:
 
 
 def ranked(frame: pd.DataFrame, prefer: Sequence[str]) -> pd.DataFrame:
-    """Return the rows of `pareto`, those that meet everything first, then by the columns preferred, smallest first."""
+    """Return the rows of `pareto`: those that meet everything, then those that are undecided and whose error is below
+    every limit, then the others; among them by the columns preferred, smallest first.
+    """
     columns = [PREFERRED[one] for one in prefer]
-    found = frame.assign(rank_first=~frame.meets).sort_values(["rank_first", *columns], kind="stable")
+    open_ones = (frame.verdict == "undecided") & (frame.error_ratio <= 1.0)
+    rank = np.where(frame.meets, 0, np.where(open_ones, 1, 2))
+    found = frame.assign(rank_first=rank).sort_values(["rank_first", *columns], kind="stable")
     return found.drop(columns="rank_first").reset_index(drop=True)

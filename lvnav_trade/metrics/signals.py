@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from lvnav_trade.metrics.basics.case import number_in
 from lvnav_trade.metrics.basics.select import (
     NAVIGATION,
     SAME_TIME,
@@ -15,7 +16,6 @@ from lvnav_trade.metrics.basics.select import (
     instant,
     lincov_rms,
     names_of_series,
-    number_in,
     once,
     pick,
     pick_columns,
@@ -23,18 +23,13 @@ from lvnav_trade.metrics.basics.select import (
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
-# Seconds after the end of a fault at which the recovery is read.
+# Seconds after the end of a fault at which the error is read; the worst error is searched at least that far.
 AFTER = 10.0
+# An error has recovered from a fault below this multiple of its value before.
+RECOVERED = 1.5
 # Satellites of a position and a time.
 FIX = 4
-REACQUIRED = "reacquisition_time"
 _AIR = 7500.0  # m, scale height of the delay of the air
-_SIGNALS = ("satellites_tracked", "air_crossing_height", REACQUIRED)
-
-
-def is_of_signals(metric: str) -> bool:
-    """Whether a metric is read off the signals: the same in every run."""
-    return metric in _SIGNALS or (metric.startswith(("troposphere", "ionosphere")) and "_error" not in metric)
 
 
 def values_of(
@@ -106,7 +101,8 @@ def outages(tables: Tables) -> pd.DataFrame:
     """Return the 3-D navigation errors around every fault, in the units of people.
 
     Columns: case, fault, t_start_s, t_end_s, metric, unit, before, at_end, after (10 s after the end, or at the end of
-    the flight), worst (from the start to 10 s after the end), growth_ratio (at_end / before), lincov_at_end.
+    the flight), worst and t_worst_s (see `_until_recovered`), t_recovered_s (NaN where the error does not recover),
+    growth_ratio (at_end / before), lincov_at_end.
     Monte-Carlo RMS, or LinCov's without runs. Before is at the start, of a fault without duration at the time before.
     """
     rows = []
@@ -122,13 +118,42 @@ def outages(tables: Tables) -> pd.DataFrame:
             end, after = (at_time(error, t) for t in (fault.t_end_s, fault.t_end_s + AFTER))
             ahead = error[error.t_s < fault.t_s - SAME_TIME]
             before = ahead.iloc[-1] if fault.t_end_s <= fault.t_s and len(ahead) else at_time(error, fault.t_s)
-            footprint = error[error.t_s.between(fault.t_s, fault.t_end_s + AFTER)]
+            worst, t_worst, t_recovered = _until_recovered(tables, case, error, fault, float(before.error))
             growth = end.error / before.error if before.error > 0 else np.nan
-            errors = (before.error, end.error, after.error, footprint.error.max())
+            sizes = (before.error * factor, end.error * factor, after.error * factor, worst * factor)
             head = (tables.labels[case], fault.event, fault.t_s, fault.t_end_s, f"{quantity}_error", unit)
-            rows.append((*head, *(error * factor for error in errors), growth, end.expected * factor))
-    names = ["case", "fault", "t_start_s", "t_end_s", "metric", "unit"]
-    return pd.DataFrame(rows, columns=[*names, "before", "at_end", "after", "worst", "growth_ratio", "lincov_at_end"])
+            rows.append((*head, *sizes, t_worst, t_recovered, growth, end.expected * factor))
+    names = ["case", "fault", "t_start_s", "t_end_s", "metric", "unit", "before", "at_end", "after", "worst"]
+    return pd.DataFrame(rows, columns=[*names, "t_worst_s", "t_recovered_s", "growth_ratio", "lincov_at_end"])
+
+
+def _until_recovered(
+    tables: Tables, case: str, error: pd.DataFrame, fault: Any, before: float
+) -> tuple[float, float, float]:
+    """Return the worst error from the start of a fault until it has recovered, its time, and the time of recovery.
+
+    An error has recovered when it is below 1.5 times its value before, every satellite that returns after the fault is
+    tracked again, and 10 s have passed since its end: an error may grow long after a fault, until its satellites are
+    back. The search ends with the next fault or with the history, where it has not recovered.
+
+    error : t_s, and error in SI, of one norm
+    fault : event of that kind, with t_s and t_end_s
+    before : error in SI before the fault
+    """
+    of_receiver = _recovered(tracked_over_time(tables, case), float(fault.t_s), float(fault.t_end_s))
+    back = fault.t_end_s + max(AFTER, np.nan_to_num(of_receiver["to_all_s"], nan=np.inf))
+    later = faults(tables, case).t_s
+    following = later[later > fault.t_end_s + SAME_TIME].min()
+    within = error[(error.t_s >= fault.t_s - SAME_TIME) & ~(error.t_s >= following - SAME_TIME)]
+    small = within.error < RECOVERED * before
+    ends = within.t_s[small & (within.t_s >= back - SAME_TIME)]
+    searched = within[within.t_s <= (ends.iloc[0] if len(ends) else np.inf)]
+    if searched.error.isna().all():
+        return np.nan, np.nan, np.nan
+    peak = searched.loc[searched.error.idxmax()]
+    large = searched.t_s[~small[searched.index]].max()
+    since = searched.t_s[(searched.t_s >= fault.t_end_s - SAME_TIME) & ~(searched.t_s <= large)]
+    return float(peak.error), float(peak.t_s), float(since.iloc[0]) if len(ends) else np.nan
 
 
 def transitions(tables: Tables) -> pd.DataFrame:

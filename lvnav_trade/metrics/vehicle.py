@@ -149,18 +149,3 @@ def turning(tables: Tables) -> pd.DataFrame:
         rate_error_deg_per_h=_DEG_H * rows.rate_error_rad_per_s,
         rate_sigma_deg_per_h=_DEG_H * rows.rate_sigma_rad_per_s,
     )
-
-
-def inside_envelope(tables: Tables, case: str, what: str, axis: str, part: str | None) -> tuple[float, str]:
-    """Return the part (%) of ticks of all runs with the motion in its envelope, and what is to be said of it: that of
-    the rate that it is worse with, of the raw and the filtered one. NaN where there is none.
-    """
-    rows = pick(tables.turning, case=case, axis=axis)
-    rows = rows[rows.feed.isin(("raw", "filtered"))]
-    rows = rows if part is None else pick(rows, phase=part)
-    if rows.empty or not rows.tick_count.sum():
-        return np.nan, "no vehicle under control"
-    column = {"turning_inside": "inside_turning_ratio", "jerk_inside": "inside_jerk_ratio"}[what]
-    inside = rows.tick_count * rows[column].fillna(1.0)
-    shares = inside.groupby(rows.feed).sum() / rows.tick_count.groupby(rows.feed).sum()
-    return 100.0 * float(shares.min()), f"fed with the {shares.idxmin()} rate"

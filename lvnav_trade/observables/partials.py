@@ -1,4 +1,4 @@
-"""How measurements depend on what rows share beyond the navigation state: biases, delays, timing, lever arm.
+"""Partial derivatives of measurements beyond the navigation state: biases, delays, timing, lever arm.
 
 Truth and model both ask here, each with its own geometry: a shared error of the measurement on one side, an extra
 state of the filter on the other. A channel is an observable of one satellite (tight: pseudorange and range rate, then
@@ -110,12 +110,17 @@ class Channels(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """What partials are made of, at the epochs, all in SI.
+    """Geometry at the epochs from which the partial derivatives of measurements are computed, SI, frame i.
 
-    rate, acceleration (n_epoch, n_sat) of the range; velocity, push (n_epoch, 3) of the antenna and its derivative,
-    frame i; troposphere, ionosphere (n_epoch, n_sat, 2) delay and its rate, and what they put into a least-squares
-    solution, solution_troposphere, solution_ionosphere (n_epoch, 6); lever (n_epoch, n_sat, 2, 3) of range and range
-    rate with respect to the lever arm in body axes.
+    rate : (n_epoch, n_sat) m/s. Range rate.
+    acceleration : (n_epoch, n_sat) m/s^2. Second derivative of the range.
+    velocity : (n_epoch, 3) m/s. Velocity of the antenna.
+    push : (n_epoch, 3) m/s^2. Acceleration of the antenna.
+    troposphere : (n_epoch, n_sat, 2) m, m/s. Tropospheric delay and its rate.
+    ionosphere : (n_epoch, n_sat, 2) m, m/s. Ionospheric delay and its rate.
+    solution_troposphere : (n_epoch, 6) m, m/s. Error that the tropospheric delay causes in a least-squares solution.
+    solution_ionosphere : (n_epoch, 6) m, m/s. Error that the ionospheric delay causes in a least-squares solution.
+    lever : (n_epoch, n_sat, 2, 3). Derivative of range and range rate with respect to the lever arm, body axes.
     """
 
     rate: Floats

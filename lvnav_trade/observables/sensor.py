@@ -1,16 +1,19 @@
-"""Base classes of the sensors: what every sensor card and every filter model of a sensor has."""
+"""Base classes of the sensors: what every card, every filter model and every registration of a sensor has."""
 
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
+from lvnav_trade.observables.base import add
+from lvnav_trade.observables.correlated import CorrelatedError
+from lvnav_trade.observables.evidence import Evidence
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.resources import Resources
-from lvnav_trade.units import Card, Frequency, Pause
+from lvnav_trade.units import Card, Frequency, NamedCard, Pause
 from lvnav_trade.world.conditions import Conditions
 
 N_TRUTH = 4
@@ -20,10 +23,19 @@ N_KNOWN = 16
 
 
 class FlightView(NamedTuple):
-    """The true flight when a sensor measures, at the epochs or earlier: t (n,) s since lift-off; r_i, v_i (n, 3), q_b_i
-    (n, 4) frame i; height (n,) m over the ellipsoid; theta (n,) rad angle of the Earth; w_ib_b (n, 3) rad/s body rate;
-    epoch: time of lift-off, UTC; r_rest (n, 3), q_rest (n, 4) place and attitude without the oscillations; standing
-    (n,) whether the vehicle has not yet left the place on the Earth where it stands.
+    """True flight at the times at which a sensor measures: the epochs, or earlier by its latency.
+
+    t : (n,) s since lift-off.
+    r_i : (n, 3) m. Position, frame i.
+    v_i : (n, 3) m/s. Inertial velocity, frame i.
+    q_b_i : (n, 4). Attitude quaternion, body to frame i, scalar first.
+    height : (n,) m. Height above the ellipsoid.
+    theta : (n,) rad. Earth rotation angle.
+    w_ib_b : (n, 3) rad/s. Body rate, body axes.
+    epoch : UTC of lift-off, ISO 8601.
+    r_rest : (n, 3) m. Position without the oscillations, frame i.
+    q_rest : (n, 4). Attitude without the oscillations.
+    standing : (n,). Whether the vehicle is still at rest on the Earth.
     """
 
     t: Floats
@@ -37,28 +49,6 @@ class FlightView(NamedTuple):
     r_rest: Floats = np.empty((0, 3))
     q_rest: Floats = np.empty((0, 4))
     standing: Bools = np.empty(0, dtype=np.bool_)
-
-
-class LastingError(NamedTuple):
-    """Random errors of a sensor that last, of one source: source and kind (with a label they address the draws), sigma
-    and the field of the card that holds it, time constant in s (inf: constant).
-
-    Each label is an error of its own. `partial` returns the derivative (n_epoch, n_scalar, n_label) of the scalars with
-    respect to them along the flight; None: one error, added to all scalars.
-    """
-
-    source: str
-    kind: str
-    sigma: float
-    field: str
-    time_constant: float
-    labels: tuple[str, ...] = ("",)
-    partial: Callable[[FlightView], Floats] | None = None
-
-    def partials(self, flight: FlightView, n_scalar: int) -> Floats:
-        """Return the derivative (n_epoch, n_scalar, n_label) of the scalars with respect to the errors."""
-        shape = (flight.t.size, n_scalar, len(self.labels))
-        return np.ones(shape) if self.partial is None else np.broadcast_to(self.partial(flight), shape)
 
 
 def each_scalar(n_scalar: int, *own: int) -> Callable[[FlightView], Floats]:
@@ -108,12 +98,12 @@ class SensorModel(Card):
         return np.zeros((flight.t.size, 0))
 
 
-class SensorCard(Conditions):
+class SensorCard(Conditions, NamedCard):
     """A sensor beside the IMU and the receiver: true errors, and when it measures: at its rate, while conditions hold.
 
     A member of the family states `kind` (a literal of one word), `measurement` (the name that a filter lists), `model`
     (the class of its filter model), `labels` of its scalars and their `unit`, what their Jacobian depends on
-    (`jacobian`: position, velocity, attitude), and the name of its noise as an error source; it is added to `SENSORS`.
+    (`jacobian`: position, velocity, attitude), and the name of its noise as an error source; its module registers it.
     What is `at_once` is known to the computer or formed in it, and has no latency. `able` says in messages when it is
     available.
     """
@@ -129,8 +119,6 @@ class SensorCard(Conditions):
     at_once: ClassVar[bool] = False
     able: ClassVar[str] = "it can measure"
 
-    name: str
-    source: str
     rate: Frequency | None = Field(None, description="of its measurements; none: at every update of the filter")
     latency: Pause = Field(0.0, description="from the time that a measurement is of to its arrival at the filter")
     resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")
@@ -171,10 +159,29 @@ class SensorCard(Conditions):
         """The field that keeps it from measuring where it never can, empty where it has none."""
         return self.stated[0] if self.stated else ""
 
-    def lasting(self) -> tuple[LastingError, ...]:
+    def lasting(self) -> tuple[CorrelatedError, ...]:
         """Return its errors that last."""
         return ()
 
     def refusal(self, epoch: str) -> str:
         """Return why it cannot be simulated on a flight that lifts off at a time (UTC), empty if it can."""
         return ""
+
+
+class Registration(NamedTuple):
+    """A sensor as the family holds it; a module of `observables/sensors` states its own in `SENSORS`.
+
+    card : Card of the sensor; its `model` is the filter's.
+    evidence : Tests that check the sensor, and what it leaves out; two that share one are one model in the report.
+    fill : Kernel that sets Jacobian rows and innovations; it names the arguments that it takes of those of `fill`
+    there.
+    measure : Kernel that sets what is measured, by the arguments of `measure` there; None: the engines do.
+    order : Place among the sensors, and so of the measurement in a filter card: cards of earlier versions keep theirs.
+    Those that state none come last, by name.
+    """
+
+    card: type[SensorCard]
+    evidence: Evidence
+    fill: Any
+    measure: Any = add
+    order: int = 1_000

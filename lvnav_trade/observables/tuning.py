@@ -1,4 +1,4 @@
-"""Cards of a filter's tuning that depend on where the flight is: weights of measurements, process noise."""
+"""Cards of a filter's tuning that depends on the part of the flight: measurement weights, process noise."""
 
 from __future__ import annotations
 
@@ -52,21 +52,21 @@ class RegionNoiseCard(Conditions):
     force_change: Annotated[AccelerationSigma, Field(gt=0.0)] | None = Field(
         None, description="change of the specific force vector, body axes, that is a new region"
     )
-    rate_change: Annotated[AngularRateSigma, Field(gt=0.0)] | None = None
-    attitude: AngleSigma = 0.0
-    velocity: SpeedSigma = 0.0
-    position: LengthSigma = 0.0
-    gyro_bias: AngularRateSigma = 0.0
-    accel_bias: AccelerationSigma = 0.0
-    gyro_scale_factor: Fraction = 0.0
-    accel_scale_factor: Fraction = 0.0
+    rate_change: Annotated[AngularRateSigma, Field(gt=0.0)] | None = None  # the same of the body rate
+    attitude: AngleSigma = 0.0  # added one-sigma per axis
+    velocity: SpeedSigma = 0.0  # added one-sigma per axis
+    position: LengthSigma = 0.0  # added one-sigma per axis
+    gyro_bias: AngularRateSigma = 0.0  # added one-sigma per axis
+    accel_bias: AccelerationSigma = 0.0  # added one-sigma per axis
+    gyro_scale_factor: Fraction = 0.0  # added one-sigma per axis
+    accel_scale_factor: Fraction = 0.0  # added one-sigma per axis
     gyro_nonlinearity: Fraction = Field(0.0, description="scale-factor error at full scale")
     accel_nonlinearity: Fraction = Field(0.0, description="scale-factor error at full scale")
-    gyro_misalignment: AngleSigma = 0.0
-    accel_misalignment: AngleSigma = 0.0
-    gyro_g_sensitivity: GSensitivity = 0.0
-    clock_bias: LengthSigma = 0.0
-    clock_drift: SpeedSigma = 0.0
+    gyro_misalignment: AngleSigma = 0.0  # added one-sigma per axis
+    accel_misalignment: AngleSigma = 0.0  # added one-sigma per axis
+    gyro_g_sensitivity: GSensitivity = 0.0  # added one-sigma per axis
+    clock_bias: LengthSigma = 0.0  # added one-sigma
+    clock_drift: SpeedSigma = 0.0  # added one-sigma
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()

@@ -6,6 +6,7 @@ from lvnav_trade.plots import (
     errors,
     inertial,
     integrity,
+    limits,
     mission,
     protection,
     published,
@@ -17,6 +18,6 @@ from lvnav_trade.plots import (
 from lvnav_trade.plots.style import PLOTS
 
 __all__ = [
-    "PLOTS", "budget", "curves", "errors", "inertial", "integrity", "mission", "protection", "published", "search",
-    "signals", "validity", "vehicle",
+    "PLOTS", "budget", "curves", "errors", "inertial", "integrity", "limits", "mission", "protection", "published",
+    "search", "signals", "validity", "vehicle",
 ]  # fmt: skip

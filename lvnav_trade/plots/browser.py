@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.plots.figure import Figure, Mark, Panel
+from lvnav_trade.plots.figure import Figure, Mark, Panel, alt_text, unit_of
 from lvnav_trade.records import Floats
 
 MOST_POINTS = 1500
 """Points of a line that are drawn; of more, the least and the largest value of stretches of equal length."""
 _DASHES = {"-": (), "--": (6, 3), ":": (1.5, 2.5), "-.": (7, 3, 1.5, 3)}
-_STYLES = ("color", "alpha", "lw", "marker", "ms", "mfc", "step", "axis", "ha", "va", "x_part", "y_part", "cmap")
+_STYLES = (
+    "color", "alpha", "lw", "marker", "ms", "mfc", "every", "step", "axis", "ha", "va", "x_part", "y_part", "cmap",
+    "group",
+)  # fmt: skip
 
 
 def data_of(figure: Figure) -> str:
@@ -43,7 +46,22 @@ def _panel(panel: Panel, arrays: dict[bytes, int]) -> dict[str, Any]:
         if side in panel.axes
     }
     marks = [_mark(mark, arrays) for mark in panel.marks if mark.kind != "limit" or np.isfinite(mark.data["at"])]
-    return {**panel.axes, **limits, "events": events, "marks": marks, "filled": panel.filled}
+    units = {f"{side}unit": unit_of(panel.axes.get(f"{side}label", "")) for side in ("x", "y")}
+    labels = {f"{side}label": label for side in ("x", "y") if (label := panel.label(side))}
+    over_time = panel.events is not None
+    if over_time:  # of panels below each other the last alone has a label
+        units["xunit"], labels["xname"] = "s", "t"
+    words = {"alt": alt_text(panel), "linked": over_time}
+    return {
+        **panel.axes,
+        **limits,
+        **units,
+        **labels,
+        **words,
+        "events": events,
+        "marks": marks,
+        "filled": panel.filled,
+    }
 
 
 def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:

@@ -126,7 +126,7 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
     label = f"part of the variance at\n{event}, per {edges[1] - edges[0]:g} s (%)"
     ax.cells(edges[1:], rows_edges, image[:, 1:], scale, cmap=_MAP, label=label)
     limits = {"ylim": (float(len(names)), 0.0), "yticks": named_ticks(names, 0.5), "grid": False}
-    start.set(xticks=[(0.5, "at the\nstart")], xlim=(0.0, 1.0), xlabel="drawn", ylabel="error source", **limits)
+    start.set(xticks=[(0.5, "start")], xlim=(0.0, 1.0), xlabel="drawn", ylabel="error source", **limits)
     sums = [f"{total[name]:.1f} %" for name in names]
     ax.text(1.01, np.arange(len(names)) + 0.5, sums, x_part=True, ha="left")
     ax.set(xlim=(float(edges[1]), float(edges[-1])), **limits)

@@ -9,16 +9,17 @@ import pandas as pd
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.probability import rms_interval
-from lvnav_trade.metrics.basics.select import history_of, lincov_rms, phase, pick
+from lvnav_trade.metrics.basics.select import cases_of, history_of, lincov_rms, phase, pick
 from lvnav_trade.metrics.errors.covariances import REJECTS_TOO_MUCH, by_case
-from lvnav_trade.metrics.numbers import cases_of
 from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.plots.integrity import mark_decisions
-from lvnav_trade.plots.style import PALETTE, drawing, line_of, message, over_time, scale_up, with_gaps
+from lvnav_trade.plots.limits import mark_limits, mark_quantiles
+from lvnav_trade.plots.style import MARKERS, PALETTE, drawing, line_of, message, over_time, scale_up, with_gaps
 from lvnav_trade.records import MODES
 from lvnav_trade.store.read import Tables
 
 MOST_COMPARED = 12  # cases whose errors stand in one panel; of more the best and the two worst
+_MARKED = 12  # markers on a line that has no dashes of its own
 MOST_RANKED = 30  # cases of the ranking that are drawn
 _LEAST = 0.2  # autocorrelation that is always within the panels: chance is not blown up
 _ONE_FLIGHT = 600  # innovations of a channel in one flight, one a second
@@ -50,7 +51,7 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
         rows = history_of(tables, case, quantity, axis)
         _lines(ax, rows, factor, tables.labels[case] in _outside(tables))
         ax.set(ylabel=f"{axis}, RMS or\n1 sigma ({unit})")
-        scale_up(ax, "y", pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
+        scale_up(ax, "y", pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]) * factor)
         mark_decisions(ax, tables, case)
     over_time(grid[:, 0], tables, case)
     return figure
@@ -105,7 +106,11 @@ def comparison(tables: Tables, quantity: str) -> Figure:
     shown = {*order[: MOST_COMPARED - 2], *order[-2:]}
     every = _frames(tables, quantity, (), "3d", None)
     frames = {case: rows for case, rows in every.items() if tables.labels[case] in shown}
-    return _together(tables, frames, factor, label, 3.0, dashes=False)
+    figure = _together(tables, frames, factor, label, 3.0, dashes=False)
+    (ax,) = figure.panels
+    limits = mark_limits(ax, tables, next(iter(frames)), quantity)
+    scale_up(ax, "y", [*ax.spans.get("y", ()), *limits])
+    return figure
 
 
 def _together(
@@ -138,7 +143,7 @@ def rank(tables: Tables) -> Figure:
         ax.barh(place, value, 0.6, color=PALETTE[0])
         ax.hlines(place, frame[f"{quantity}_low"], frame[f"{quantity}_high"], color="black", lw=1.4)
         ax.set(xlabel=f"{quantity} error at {frame.event.iloc[0]}\n3D RMS ({frame[f'{quantity}_unit'].iloc[0]})")
-        scale_up(ax, "x", value)
+        scale_up(ax, "x", [*value, *mark_quantiles(ax, tables, frame, quantity)])
         ax.set(ylim=(len(frame) - 0.5, -0.5), yticks=named_ticks(frame.case), grid=False)
     grid[0, 0].set(ylabel="case")
     return figure
@@ -200,9 +205,12 @@ def _line(
 ) -> None:
     """Draw a case, and beside it what LinCov expects where that is another line."""
     style = line_of(number)
-    ax.plot(t, shown, label=label, **style)
-    if expected is not None:
-        ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.9)
+    if expected is not None:  # its dashes say that it is expected: cases differ in markers
+        every = max(1, len(t) // _MARKED)
+        ax.plot(t, shown, label=label, color=style["color"], marker=MARKERS[number % len(MARKERS)], ms=4.5, every=every)
+        ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.9, group=label)
+    else:
+        ax.plot(t, shown, label=label, **style)
 
 
 def _named(quantity: str, axis: str) -> str:

@@ -4,6 +4,7 @@ Verbs of a `Panel` and their keywords are those of matplotlib's axes. A verb add
 the panel. A new verb that makes a mark of these kinds is drawn by both renderers.
 """
 
+import re
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from textwrap import wrap
@@ -16,9 +17,11 @@ from lvnav_trade.records import Floats
 
 GREY = "#6b7280"
 SHADE = "#9ca3af"
+_SCALES = {"log": "log", "root": "quadratic"}  # what a label says of an axis that is not linear
+_IN_BRACKETS = re.compile(r"\((?P<unit>[^(),;]*)[^()]*\)")
 _AXES = {*"xlabel ylabel title xlim ylim xscale yscale xticks yticks equal grid margin".split()}  # noqa: SIM905
 _ROOM = 0.02  # part of the width of a panel that the number of an event needs
-_APART, _KEY_LENGTH = "   ", 105  # between events of a key; letters that the width of an A4 page has room for
+_APART, _KEY_LENGTH = " · ", 105  # between events of a key; letters that the width of an A4 page has room for
 
 
 class Mark(NamedTuple):
@@ -94,6 +97,7 @@ class Panel:
         """Begin empty, with linear axes."""
         self.marks: list[Mark] = []
         self.axes: dict[str, Any] = {}
+        self.spans: dict[str, tuple[float, float]] = {}  # least and largest value that a side's scale is chosen by
         self.events: Events | None = None
 
     @property
@@ -111,6 +115,17 @@ class Panel:
         for side in {"xlim", "ylim"} & set(axes):
             axes[side] = axes[side] if isinstance(axes[side], tuple) else (axes[side], None)
         self.axes |= axes
+
+    def label(self, side: str) -> str:
+        """Return the label of an axis ("x" or "y"), which names the scale beside the unit where it is not linear."""
+        text, scale = str(self.axes.get(f"{side}label", "")), _SCALES.get(str(self.axes.get(f"{side}scale")), "")
+        if not text or not scale:
+            return text
+        found = list(_IN_BRACKETS.finditer(text))
+        if not found:
+            return f"{text} ({scale})"
+        at = found[-1].end("unit")
+        return f"{text[:at]}, {scale}{text[at:]}"
 
     def _add(self, kind: str, data: dict[str, Any], style: dict[str, Any]) -> None:
         label = str(style.pop("label", None) or "")
@@ -230,6 +245,40 @@ def panel(height: float, **options: Any) -> tuple[Figure, Panel]:
     """Return a figure of one panel, and the panel."""
     figure, grid = canvas(1, 1, height, **options)
     return figure, grid[0, 0]
+
+
+def unit_of(label: str) -> str:
+    """Return the unit that the label of an axis states in its last brackets; empty for a dimensionless number."""
+    found = [match["unit"].strip() for match in _IN_BRACKETS.finditer(label)]
+    return "" if not found or found[-1] in ("-", "number") else found[-1]
+
+
+def alt_text(panel: Panel) -> str:
+    """Return what a panel shows in words: its axes with the range of what is drawn, and the names in its legend."""
+    parts = [one_line(panel.axes.get("title", ""))]
+    for side, name in (("y", "ordinate"), ("x", "abscissa")):
+        text = one_line(panel.label(side)) or ("time since lift-off (s)" if panel.events and side == "x" else "")
+        ends = _range_of(panel, side)
+        if text:
+            parts.append(f"{name}: {text}" + (f" from {ends[0]:.4g} to {ends[1]:.4g}" if ends else ""))
+    names = list(dict.fromkeys(one_line(mark.label) for mark in panel.marks if mark.label))
+    parts.append(f"shown: {', '.join(names)}" if names else "")
+    return "; ".join(part for part in parts if part)
+
+
+def one_line(text: Any) -> str:
+    """Return a text without line breaks."""
+    return " ".join(str(text).split())
+
+
+def _range_of(panel: Panel, side: str) -> tuple[float, float] | None:
+    names = {"x": ("x", "x0", "x1"), "y": ("y", "low", "high", "y0", "y1")}[side]
+    drawn = [mark.data[name] for mark in panel.marks if mark.kind != "text" for name in names if name in mark.data]
+    values = np.concatenate([np.ravel(each) for each in drawn]) if drawn else np.empty(0)
+    values = values[np.isfinite(values)]
+    if panel.axes.get(f"{side}scale") == "root":
+        values = np.sqrt(np.maximum(values, 0.0))
+    return (float(values.min()), float(values.max())) if values.size else None
 
 
 def _floats(values: Any) -> Floats:

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.basics.probability import outline_of
 from lvnav_trade.metrics.basics.select import final_event
+from lvnav_trade.metrics.families.mission import MISSION
 from lvnav_trade.metrics.mechanics import meanorbit, mission
 from lvnav_trade.metrics.mission.impact import corridor_of, ellipse, run_impacts
 from lvnav_trade.metrics.mission.impact import impact as impact_points
@@ -58,7 +58,7 @@ def _plane(
     flown: _Errors,
     pair: tuple[_Component, _Component],
 ) -> None:
-    *_, units, factors = zip(*(MISSION[metric] for metric, _, _ in pair), strict=True)
+    units, factors = zip(*((MISSION[m].label_unit, MISSION[m].label_factor) for m, _, _ in pair), strict=True)
     scale = np.array(factors)
 
     def shown(errors: _Errors) -> Floats:
@@ -114,7 +114,7 @@ def _chart(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
     track = np.degrees(np.unwrap(flown.longitude_rad))
     longitude = np.degrees(np.unwrap(np.radians(rows.longitude_deg)))
     longitude += 360.0 * np.round((track[0] - longitude[0]) / 360.0)
-    ax.plot(track, np.degrees(flown.latitude_rad), color=GREY, lw=0.9, label="ground track")
+    ax.plot(track, np.degrees(flown.latitude_rad), color="black", lw=2.6, label="ground track")
     ax.plot(longitude, rows.latitude_deg, color=PALETTE[0], label="point of impact")
     dots = {"ls": "none", "marker": "o", "ms": 3, "color": PALETTE[0]}
     ax.plot(longitude[rows.event != ""], rows.latitude_deg[rows.event != ""], **dots)
@@ -124,7 +124,8 @@ def _chart(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
         row = rows.iloc[k]
         latitude, along = ellipse(row, 3.0 * times)
         shift = longitude[k] - row.longitude_deg
-        ax.plot(along + shift, latitude, color=PALETTE[1], lw=0.9, label=None if number else "3 sigma, LinCov")
+        style = {"label": None if number else "3 sigma, LinCov", "group": "3 sigma, LinCov"}
+        ax.plot(along + shift, latitude, color=PALETTE[1], lw=0.9, **style)
     corridor = corridor_of(tables)
     if corridor is not None:
         corners = np.degrees(corridor.corners)
@@ -165,4 +166,4 @@ def _last(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
     outline += np.array([row.cross_bias_km, row.down_bias_km])
     ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, 3 sigma")
     ax.set(xlabel="cross-range error (km)", ylabel="down-range error (km)", margin=0.08, equal=True)
-    ax.set(title=f"{row.event.replace('_', ' ') or 'last'}, {row.t_s:.0f} s")
+    ax.set(title=f"{row.event.replace('_', ' ') or 'last'},\n{row.t_s:.0f} s")

@@ -1,4 +1,4 @@
-"""Published numbers: all ratios, single and flown flights among ours, a metric over a setting; figures of a study."""
+"""Published numbers: all ratios, single flights among ours, a metric over a setting; figures of a study."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -6,12 +6,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from lvnav_trade.metrics.evaluate import name_of
 from lvnav_trade.metrics.held import at_an_edge
-from lvnav_trade.metrics.numbers import name_of
-from lvnav_trade.metrics.pooled import axes_of, cases_of, label_of, ours
+from lvnav_trade.metrics.pooled import axes_of, cases_of, evaluate_single, label_of
 from lvnav_trade.metrics.requirements.curves import BASE, base_level
-from lvnav_trade.metrics.statements import NUMBERS, bounds
-from lvnav_trade.metrics.statements import locus as values_along
 from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.plots.style import PALETTE, drawing, line_of, scale_up
 from lvnav_trade.store.read import Tables
@@ -20,7 +18,6 @@ from lvnav_trade.units import parse
 _DRAWN = 0.02, 50.0  # ratios that are drawn where they are; one beyond is an arrow at the end of the axis
 _AT_AN_EDGE = "in band, published flight none of ours"
 _FLOWN = "flown in the study"
-_UNITS = {"velocity": "m/s", "position": "m"}
 _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
 
 
@@ -84,7 +81,7 @@ def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | 
     for published in references:
         pool = axes_of(published)
         for case in cases_of(tables, published.get("case") or {}, pool) if published.get("single") else ():
-            found = ours(tables, case, published, str(published["unit"])).runs / float(published["value"])
+            found = evaluate_single(tables, case, published, str(published["unit"])).runs / float(published["value"])
             found = found[np.isfinite(found)]
             if len(found) > 1:
                 name = f"{published.get('item') or name_of(published)}: {label_of(tables, case, pool)}"
@@ -103,64 +100,6 @@ def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | 
         ax.plot([q[2]], [place], ls="none", marker="|", color="white", ms=7)
     ax.axvline(1.0, color=PALETTE[1], lw=1.6, label="published, one flight")
     _ratio_axes(ax, [name for name, _, _ in rows], "our flights, each by itself / published (-)")
-    return figure
-
-
-@drawing
-def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | None:
-    """Draw which part of our flights has an error below so much, a panel for every metric, and each flown mission's own
-    as a line; None without missions or runs. Items are named 'MISSION, WHAT'.
-    """
-    names = list(dict.fromkeys(str(one["item"]).partition(",")[0] for one in flown))
-    panels = []
-    for metric in dict.fromkeys(one["metric"] for one in flown):
-        mine = [one for one in flown if one["metric"] == metric]
-        case = next(iter(cases_of(tables, mine[0].get("case") or {}, axes_of(mine[0]))), None)
-        found = np.empty(0) if case is None else ours(tables, case, mine[0], str(mine[0]["unit"])).runs
-        if len(found) < 2:
-            return None
-        panels.append((metric, mine, np.sort(found[np.isfinite(found)])))
-    if not panels:
-        return None
-    figure, grid = canvas(1, len(panels), 2.6, sharey=True)
-    for ax, (metric, mine, found) in zip(grid[0], panels, strict=True):
-        part = 100.0 * np.arange(1, len(found) + 1) / len(found)
-        ax.step(found, part, color="black", lw=1.2, label=f"our {len(found)} flights")
-        for one in mine:
-            name = str(one["item"]).partition(",")[0]
-            ax.axvline(float(one["value"]), lw=1.3, label=name, color=line_of(names.index(name))["color"])
-        ax.axvline(float(np.sqrt(np.mean(found**2))), color=GREY, lw=4.0, alpha=0.5, label="our RMS")
-        ax.set(
-            xlim=(0.0, max(found[int(0.995 * (len(found) - 1))], 1.1 * max(float(one["value"]) for one in mine))),
-            ylim=(0.0, 100.0),
-            xlabel=f"|{metric.replace('_', ' ')}| ({mine[0]['unit']})",
-        )
-    grid[0, 0].set(ylabel="flights below (%)")
-    return figure
-
-
-@drawing
-def bound(tables: Tables, stated: Mapping[str, Any]) -> Figure:
-    """Draw the value of a statement over its axis, by formal sigma, true error and runs, with its bounds as lines."""
-    figure, ax = panel(3.0)
-    runs, shown = 1, (*(stated.get("tested_by") or NUMBERS), "true")
-    for number, (others, values) in enumerate(values_along(tables, stated)):
-        names = [level for level, _ in values]
-        sizes, kind = _sizes(names)
-        runs = max(runs, *(value.runs for _, value in values))
-        for column, style in (("formal", ":"), ("true", "-"), ("monte_carlo", "--")):
-            y = [getattr(value, column) for _, value in values]
-            if column in shown and np.isfinite(y).any():
-                words = column.replace("_", " ")
-                label = f"{others}: {words}" if others else words
-                ax.plot(sizes, y, marker="o", ms=3.5, label=label, color=line_of(number)["color"], ls=style)
-        _levels(ax, sizes, names, kind)
-    for limit in bounds(stated, runs):
-        if np.isfinite(limit):
-            ax.axhline(limit, color=PALETTE[1], lw=1.2, label="bound")
-    unit = str(stated.get("unit") or "-")
-    axis = str(stated["along"]).replace("_", " ") + (f" ({kind})" if kind else "")
-    ax.set(xlabel=axis, ylabel=f"{stated['value']} ({unit})")
     return figure
 
 
@@ -187,16 +126,16 @@ def locus(
     for case, levels in tables.levels.items():
         if case in chosen and axis in levels:
             others = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis and level != "base")
-            rows.append((levels[axis], others, ours(tables, case, stated, unit).value))
+            rows.append((levels[axis], others, evaluate_single(tables, case, stated, unit).value))
     frame = pd.DataFrame(rows, columns=["level", "others", "value"])
     if set(frame.level) > {BASE}:  # one at a time: the base has a word in place of a level
         frame = frame[frame.level != BASE]
     names = list(dict.fromkeys(frame.level))
-    sizes, kind = _sizes(names)
+    sizes, kind = level_sizes(names)
     frame = frame.assign(x=[sizes[names.index(level)] for level in frame.level])
-    mine = _flown(tables, axis, flown, frame, lambda case: ours(tables, case, stated, unit).value)
+    mine = _flown(tables, axis, flown, frame, lambda case: evaluate_single(tables, case, stated, unit).value)
     figure, ax = panel(3.0)
-    _levels(ax, [*sizes, *mine.x], names, kind)
+    mark_levels(ax, [*sizes, *mine.x], names, kind)
     points = pd.concat([frame, mine[mine.level == BASE]]).sort_values("x", kind="stable") if kind else frame
     points = points[_placed(ax, points)]
     for number, others in enumerate(dict.fromkeys(frame.others)):
@@ -224,7 +163,7 @@ def _flown(
         return frame[frame.level == level]
     case = next((case for case, levels in tables.levels.items() if set(levels.values()) == {BASE}), None)
     kinds = dict.fromkeys(frame.level)
-    sizes, kind = _sizes([*kinds, f"{base.number!r} {base.unit}".strip()])
+    sizes, kind = level_sizes([*kinds, f"{base.number!r} {base.unit}".strip()])
     if flown or case is None or kind is None or not np.isfinite(base.number):
         return frame[:0]
     return pd.DataFrame([{"level": BASE, "others": "", "value": value_of(case), "x": sizes[-1]}])
@@ -245,7 +184,7 @@ def _placed(ax: Panel, rows: pd.DataFrame) -> Any:
     return (rows.x > 0.0) | (ax.axes.get("xscale") != "log")
 
 
-def _levels(ax: Panel, sizes: Sequence[float], names: Sequence[str], kind: str | None) -> None:
+def mark_levels(ax: Panel, sizes: Sequence[float], names: Sequence[str], kind: str | None) -> None:
     """Mark the levels of an axis: by their names where they are no numbers of one unit."""
     if kind is None:
         ax.set(xticks=list(zip(sizes, map(str, names), strict=False)))  # behind them is what is flown
@@ -253,7 +192,7 @@ def _levels(ax: Panel, sizes: Sequence[float], names: Sequence[str], kind: str |
         scale_up(ax, "x", sizes, from_zero=False)
 
 
-def _sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
+def level_sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
     """Return where the levels of an axis stand, and their unit: their own numbers where all have one unit."""
     parts = [name.strip().partition(" ") for name in names]
     try:
@@ -265,54 +204,6 @@ def _sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
     except ValueError:
         return [float(k) for k in range(len(names))], None
     return numbers, first or "-"
-
-
-def single(table: pd.DataFrame) -> Figure:
-    """Draw position and velocity axis by axis, the error and its estimate above each other, what is left below; table
-    as of campaign.behind.flight_of.
-    """
-    names = [name.removesuffix("_true") for name in table.columns if name.endswith("_true")]
-    kinds = [kind for kind in ("position", "velocity") if any(name.startswith(kind) for name in names)]
-    figure, grid = canvas(2 * len(kinds), 3, 1.35, sharex=True)
-    for row, kind in enumerate(kinds):
-        for column, name in enumerate(one for one in names if one.startswith(kind)):
-            above, below = grid[2 * row : 2 * row + 2, column]
-            above.plot(table.t_s, table[f"{name}_true"], color=PALETTE[1], label="error of the inertial system")
-            above.plot(table.t_s, table[f"{name}_estimated"], color="black", ls="--", lw=1.0, label="estimated")
-            below.plot(table.t_s, table[f"{name}_left"], color=PALETTE[0], lw=0.9, label="left in the aided output")
-            below.axhline(0.0, color=GREY, lw=0.5)
-            above.set(title=f"{kind}, {name.removeprefix(f'{kind}_')}", ylabel=_UNITS[kind])
-            below.set(ylabel=f"left ({_UNITS[kind]})")
-    for ax in grid[-1]:
-        ax.set(xlabel="time since lift-off (s)")
-    return figure
-
-
-def clocks(table: pd.DataFrame) -> Figure:
-    """Draw bias and drift of the receiver's clock, and each solution of them; table as of derived.clocks_of."""
-    figure, grid = canvas(2, 1, 1.9, sharex=True)
-    for ax, name, label in zip(grid[:, 0], ("bias_m", "drift_m_per_s"), ("bias (m)", "drift (m/s)"), strict=True):
-        solved = [column for column in table.columns if column.startswith(f"{name} ")]
-        for k, column in enumerate(solved):
-            ax.plot(table.t_s, table[column], color=PALETTE[k], lw=1.2, label=column.removeprefix(f"{name} "))
-        ax.plot(table.t_s, table[name], color="black", lw=0.9, ls="--", label="true")
-        ax.set(ylabel=label)
-    grid[-1, 0].set(xlabel="time since lift-off (s)")
-    return figure
-
-
-def antennas(table: pd.DataFrame) -> Figure:
-    """Draw the gain of an antenna off its boresight, and of all across the body axis, as of derived.antennas_of."""
-    figure, grid = canvas(2, 1, 1.9)
-    first, all_round = grid[:, 0]
-    half = table[table.angle_deg <= 180.0]
-    first.plot(half.angle_deg, half.off_boresight.where(np.isfinite(half.off_boresight)), color=PALETTE[0])
-    first.set(ylabel="gain (dBi)", xlabel="angle off the boresight of one antenna (deg)")
-    for k, name in enumerate(table.columns[2:]):
-        heard = table[name].where(np.isfinite(table[name]))
-        all_round.plot(table.angle_deg, heard, color=PALETTE[k], label=name)
-    all_round.set(ylabel="gain (dBi)", xlabel="direction across the body axis, from y to z (deg)")
-    return figure
 
 
 def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) -> Figure:

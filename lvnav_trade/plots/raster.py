@@ -1,22 +1,28 @@
 """Figures as PNG and SVG, drawn by matplotlib: for pages that a repository keeps, and for slides."""
 
 import io
+import logging
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib as mpl
+from lvnav_trade.plots.backend import mpl  # before anything else of matplotlib
+
+# isort: split
 import numpy as np
 from joblib import Parallel, delayed
+from joblib.externals.loky.process_executor import TerminatedWorkerError
 from matplotlib.axis import Axis, YAxis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure as Drawing
 from matplotlib.font_manager import FontProperties
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from PIL import Image
 
 from lvnav_trade.plots.figure import GREY, SHADE, Figure, Mark, Panel
 
+_LOG = logging.getLogger("lvnav_trade.plots")
 # Inches: the text width of an A4 page.
 WIDTH = 7.4
 COLOURS = 96
@@ -56,11 +62,15 @@ _LOOK: Any = {
 
 
 def files(figures: Mapping[str, Figure], formats: Sequence[str] = ("png",), jobs: int = -1) -> dict[str, bytes]:
-    """Return the files of figures by name, `NAME.FORMAT`, drawn by worker processes."""
+    """Return the files of figures by name, `NAME.FORMAT`, drawn by worker processes; by this process if one dies."""
     asked = [(name, ending) for name in figures for ending in formats]
-    made = Parallel(n_jobs=min(jobs, len(asked)) if len(asked) else 1)(
-        delayed(written)(figures[name], ending) for name, ending in asked
-    )
+    units = [(figures[name], ending) for name, ending in asked]
+    try:
+        workers = Parallel(n_jobs=min(jobs, len(asked)) if len(asked) else 1, max_nbytes=None)
+        made = workers(delayed(written)(*unit) for unit in units)
+    except TerminatedWorkerError:
+        _LOG.warning("a worker process died (out of memory?); the figures are drawn one by one")
+        made = [written(*unit) for unit in units]
     return {f"{name}.{ending}": content for (name, ending), content in zip(asked, made, strict=True)}
 
 
@@ -130,7 +140,7 @@ def _fill(figure: Drawing, axes: Any, panel: Panel) -> None:
         low, high = state.get(f"{side}lim", (None, None))
         if low is not None and high is None:  # the room above what is drawn is a part of all that is shown
             axes.update_datalim([(low, low)], updatex=side == "x", updatey=side == "y")
-    axes.set(xlabel=state.get("xlabel", ""), ylabel=state.get("ylabel", ""), title=state.get("title", ""))
+    axes.set(xlabel=panel.label("x"), ylabel=panel.label("y"), title=state.get("title", ""))
     if state.get("grid") is False:
         axes.grid(visible=False)
     if state.get("equal"):
@@ -198,6 +208,9 @@ def _look(mark: Mark, *names: str) -> dict[str, Any]:
 def _line(_: Drawing, axes: Any, mark: Mark) -> None:
     style = _look(mark, "color", "ls", "lw", "alpha", "marker", "ms", "mfc")
     style |= {"drawstyle": "steps-post"} if mark.style.get("step") else {}
+    style |= {"markevery": mark.style["every"]} if "every" in mark.style else {}
+    if style.get("color") == "white":  # so that the legend shows it too
+        style["path_effects"] = [withStroke(linewidth=float(mark.style.get("lw", 1.3)) + 1.5, foreground="black")]
     axes.plot(mark.data["x"], mark.data["y"], **style)
 
 

@@ -47,7 +47,10 @@ def satellites(tables: Tables, case: str) -> Figure:
     axes.step(rows.t_s, rows.tracked_count, color=PALETTE[0], label="tracked")
     axes.axhline(4, color=PALETTE[1], lw=0.8, ls=":", label="four: a receiver's own solution")
     most = rows[["above_count", "tracked_count"]].to_numpy().max()
-    axes.set(ylim=(0.0, float(max(5, most + 1))), ylabel="satellites (number)")
+    top = int(max(5, most + 1))
+    step = 1 if top <= 6 else 2 if top <= 14 else 5
+    axes.set(ylim=(0.0, float(top)), ylabel="satellites (number)")
+    axes.set(yticks=[(float(count), str(count)) for count in range(0, top + 1, step)])
     if linked:
         _carrier(grid[1, 0], mine, tables.cases.set_index("case").loc[case])
     over_time(grid[:, 0], tables, case)
@@ -63,7 +66,8 @@ def _carrier(axes: Panel, rows: pd.DataFrame, case: pd.Series) -> None:
             (~measured, _FAINT, "not tracked"),
             (measured, PALETTE[5], "each satellite tracked"),
         ):
-            axes.plot(times, line.cn0_db_hz.where(shown), lw=0.7, color=colour, label=None if number else label)
+            style = {"label": None if number else label, "group": label}
+            axes.plot(times, line.cn0_db_hz.where(shown), lw=0.7, color=colour, **style)
     median = rows[rows.tracked].groupby("t_s").cn0_db_hz.median().reindex(times)
     axes.plot(times, median, color="black", lw=1.9, label="median of those tracked")
     found, kept = (case.acquire_above_db_hz, "found above", "--"), (case.track_above_db_hz, "kept above", ":")
@@ -117,8 +121,8 @@ def _one_sky(axes: Panel, rows: pd.DataFrame, antennas: list[int], edge: float) 
         axes.plot(distance * np.sin(turn), distance * np.cos(turn), **style)
     for azimuth in np.radians([0.0, 90.0, 180.0, 270.0]):
         axes.plot([0.0, edge * np.sin(azimuth)], [0.0, edge * np.cos(azimuth)], color=_FAINT, lw=0.6)
-    axes.text(0.0, [-31.0, -61.0, -91.0], ["60", "30", "0"], color=GREY, ha="center", va="top")
-    axes.text([0.0, edge, 0.0, -edge], [edge, 0.0, -edge, 0.0], ["0", "90", "180", "270"], color=GREY, ha="center")
+    axes.text(0.0, [-31.0, -61.0], ["60", "30"], color=GREY, ha="center", va="top")
+    axes.text([0.0, edge, 0.0, -edge], [edge, 0.0, -edge, 0.0], ["N", "E", "S", "W"], ha="center")
     for marker, antenna in zip(_MARKERS * len(antennas), antennas, strict=False):
         for _, style, group in _by_state(rows[rows.antenna_number == antenna]):
             axes.plot(*_place(group), ls="none", marker=marker, ms=5, **style)
@@ -228,8 +232,8 @@ def delays(tables: Tables, case: str) -> Figure:
 def _lines(axes: Panel, rows: pd.DataFrame, column: str, colour: str) -> None:
     times = pd.Index(np.sort(rows.t_s.unique()))
     for number, (_, one) in enumerate(rows.groupby("satellite")):
-        label = "each satellite tracked" if number == 0 else None
-        axes.plot(times, one.set_index("t_s")[column].reindex(times), color=colour, lw=0.6, alpha=0.6, label=label)
+        style = {"label": None if number else "each satellite tracked", "group": "each satellite tracked"}
+        axes.plot(times, one.set_index("t_s")[column].reindex(times), color=colour, lw=0.6, alpha=0.6, **style)
     axes.plot(times, rows.groupby("t_s")[column].median().reindex(times), color="black", lw=1.7, label="their median")
 
 

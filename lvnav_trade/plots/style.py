@@ -17,9 +17,12 @@ from lvnav_trade.store.read import Tables, load
 PLOTS: dict[str, Callable[..., Any]] = {}
 _Options = ParamSpec("_Options")
 _Drawn = TypeVar("_Drawn")
-# Okabe and Ito's colours, darkest contrasts first; further cases repeat them with other dashes.
+# Okabe and Ito's colours, darkest contrasts first; each has dashes of its own for prints in grey, and further cases
+# have them in another order.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
-DASHES = ("-", "--", "-.", ":")
+DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5, 1, 1.5)), (0, (7, 2.5)), (0, (3, 1.2)))
+MARKERS = "os^Dv<>p"
+_DEEPEST = 1e6  # factor that a logarithmic axis shows at most
 _PAUSE = 5.0  # usual steps without a row
 
 
@@ -40,8 +43,8 @@ def drawing(
 
 
 def line_of(number: int) -> dict[str, Any]:
-    """Return colour and dashes of the case of that number."""
-    return {"color": PALETTE[number % len(PALETTE)], "ls": DASHES[(number // len(PALETTE)) % len(DASHES)]}
+    """Return colour and dashes of the case of that number; 56 numbers differ."""
+    return {"color": PALETTE[number % len(PALETTE)], "ls": DASHES[number % len(DASHES)]}
 
 
 def over_time(
@@ -78,8 +81,31 @@ def with_gaps(rows: pd.DataFrame) -> pd.DataFrame:
 
 def scale_up(ax: Panel, side: str, values: Iterable[float], from_zero: bool = True) -> None:
     """Make an axis ("x" or "y") logarithmic where its values span a factor of 30, else begin it at zero."""
-    found = [value for value in values if value == value and value > 0]
+    found = [float(value) for value in values if 0.0 < value < np.inf]
+    if found:
+        ax.spans[side] = min(found), max(found)
     if found and max(found) > 30 * min(found):
         ax.set(**{f"{side}scale": "log"})
     elif from_zero:
         ax.set(**{f"{side}lim": 0.0})
+
+
+def share_scales(figures: Iterable[Figure]) -> None:
+    """Give the ordinates of figures that are compared one scale, and those with one label the same limits.
+
+    The scale is logarithmic where the values of any label span a factor of 30, as of `scale_up`; other axes stay.
+    """
+    panels = [one for figure in figures for one in figure.panels if "y" in one.spans]
+    spans: dict[str, tuple[float, float]] = {}
+    for one in panels:
+        low, high = one.spans["y"]
+        least, most = spans.get(one.label("y"), (np.inf, 0.0))
+        spans[one.label("y")] = min(low, least), max(high, most)
+    alike = {id(one): spans[one.label("y")] for one in panels}
+    logarithmic = any(high > 30 * low for low, high in spans.values())
+    for one in panels:
+        low, high = alike[id(one)]
+        low = max(low, high / _DEEPEST)
+        room = (high / low) ** 0.05 if high > low else 1.5
+        limits = (low / room, high * room) if logarithmic else (0.0, 1.05 * high)
+        one.set(yscale="log" if logarithmic else "linear", ylim=limits)

@@ -14,7 +14,7 @@ import numpy as np
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, sqrt, where
-from lvnav_trade.observables.base import line_of_sight
+from lvnav_trade.line_of_sight import line_of_sight
 from lvnav_trade.receivers.base import (
     CONSISTENT,
     FIX_BIAS,

@@ -1,4 +1,4 @@
-"""What receivers that solve for position and velocity work with: settings in numbers, and the arrays of a run.
+"""Receivers that compute position and velocity: settings as numbers, and the arrays of a run.
 
 A solution is position, velocity, clock bias and drift in frame i from pseudoranges and range rates of satellites given
 at transmission. What is not measured in a run is not-a-number there; what is not known has quality zero.
@@ -55,13 +55,32 @@ class PointModel(NamedTuple):
 
 
 class ReceiverFilter(NamedTuple):
-    """Settings of the receiver's filter over its interval (s).
+    """Settings of the receiver's own Kalman filter, as numbers for one interval between epochs.
 
-    blocks (n_block, 9) of Phi at rows, columns (n_block,); ones, zeros (11,); decay, to_velocity, to_position: how
-    acceleration acts; drive (3,): how the driving noise enters acceleration, velocity, position; its variance per axis
-    is the larger of a floor and gain x acceleration^2; range and rate variances are the larger of a floor and gain x
-    size of acceleration; clock: variance of the drift's derivative; start: variance of acceleration at the start;
-    gate_squared, range_limit (m), rate_limit (m/s) of innovations; restart: epochs of mostly rejected rows; coast: s.
+    interval : s. Time between epochs.
+    blocks : (n_block, 9). 3 x 3 blocks that the transition matrix has beyond the identity.
+    rows : (n_block,). First row of each block.
+    columns : (n_block,). First column of each block.
+    ones : (11,). Decay factors of the states, all 1, as the common kernel needs them.
+    zeros : (11,). Process noise of the states, all 0, as the common kernel needs it.
+    decay : Decay factor of the acceleration.
+    to_velocity : s. Velocity change per acceleration.
+    to_position : s^2. Position change per acceleration.
+    drive : (3,). Effect of the driving noise on acceleration, velocity and position.
+    drive_floor : Smallest variance of the driving noise per axis: m^2/s^6 (jerk) or m^2/s^4 (acceleration).
+    drive_gain : Variance of the driving noise per squared acceleration; the larger of the two is used.
+    clock : m^2/s^4. Variance of the derivative of the clock drift.
+    range_floor : m^2. Smallest variance of a range.
+    range_gain : m s^2. Variance of a range per acceleration; the larger of the two is used.
+    rate_floor : m^2/s^2. Smallest variance of a range rate.
+    rate_gain : m. Variance of a range rate per acceleration; the larger of the two is used.
+    start : m^2/s^4. Variance of the acceleration at the start.
+    gate_squared : Largest square of a normalised innovation; infinite without a gate.
+    range_limit : m. Largest innovation of a range.
+    rate_limit : m/s. Largest innovation of a range rate.
+    restart : Epochs with most measurements rejected after which the filter restarts.
+    coast : s. Longest time without an accepted measurement for which a solution is output.
+    reported : Covariance that is reported with the solution.
     """
 
     interval: float
@@ -101,14 +120,28 @@ class Solver(NamedTuple):
 
 
 class Receiver(NamedTuple):
-    """Arrays of a receiver in a run, or lane views of eight; see `new_receiver`.
+    """Arrays of a receiver in a run, or lane views of eight runs; see `new_receiver`. Quantities in frame i, SI.
 
-    near (3,) m where the point solution is looked for; fix (8,) the point solution; inverse (4, 4) of its normal
-    matrix; verdict (2,) its quality and number of satellites; nav (11,), P (11, 11) state and covariance of the filter;
-    innovation (2 n_sat,) normalised, by satellite (range and range rate in turn), not-a-number where there is none;
-    average (n_sat,) m of code minus carrier, by satellite; memory (10,); used (2,) quality of the filtered solution and
-    rows accepted; solution (6,) position and velocity output, not-a-number where there is none, covariance (6, 6)
-    reported with it; the rest is work.
+    NaN marks an innovation or a solution that does not exist.
+
+    near : (3,) m. Position at which the point solution starts its search.
+    fix : (8,). Point solution: position, velocity, clock bias, clock drift.
+    inverse : (4, 4). Inverse of the normal matrix of the point solution.
+    normal : (4, 4). Normal matrix, factorised in place.
+    sides : (2, 4). Two right-hand sides of the normal equations, then their solutions.
+    verdict : (2,). Quality of the point solution and number of satellites.
+    nav : (11,). State of the filter: acceleration, velocity, position, clock bias, clock drift.
+    P : (11, 11). Covariance of the filter.
+    x : (11,). Scratch: error state of an update.
+    K : (11,). Scratch: gain of a scalar measurement.
+    h : (N_ENTRY,). Scratch: Jacobian row of a scalar measurement.
+    at : (21,). Scratch: antenna state, as in `line_of_sight.antenna`.
+    memory : (10,). Memory of the filter besides state and covariance, from STARTED to ACCELERATION.
+    used : (2,). Quality of the filtered solution and number of accepted scalar measurements.
+    solution : (6,) m, m/s. Position and velocity that the receiver outputs.
+    covariance : (6, 6). Covariance reported with the solution.
+    innovation : (2 n_sat,). Normalised innovation by satellite: range, then range rate.
+    average : (n_sat,) m. Smoothed code minus carrier by satellite.
     """
 
     near: Floats
@@ -186,33 +219,48 @@ def _acting(dt: float, time: float) -> tuple[float, float, float]:
     return math.exp(-dt / time), to_velocity, time * (dt - to_velocity)
 
 
-def receiver_filter(
-    reported: ReportedCovariance,
-    interval: float,
-    range_sigma: float,
-    rate_sigma: float,
-    drive_sigma: float,
-    clock_noise: float,
-    acceleration: bool = True,
-    acceleration_time: float | None = None,
-    drive_gain: float = 0.0,
-    range_gain: float = 0.0,
-    rate_gain: float = 0.0,
-    start_acceleration: float = 0.0,
-    gate: float | None = None,
-    range_limit: float | None = None,
-    rate_limit: float | None = None,
-    restart_after: int | None = None,
-    longest_coast: float | None = None,
-) -> ReceiverFilter:
-    """Turn settings of the receiver's filter into numbers for one interval (s) between epochs.
+class FilterSettings(NamedTuple):
+    """Settings of the receiver's own filter.
 
-    With `acceleration` its derivative is the driving noise (drive_sigma in m/s^3, drive_gain in 1/s^2); without it the
-    acceleration itself is (drive_sigma in m/s^2, drive_gain a number), and its states stay at zero. acceleration_time
-    (s) lets the acceleration decay, none: a random walk.
+    range_sigma : m. Noise of a pseudorange.
+    rate_sigma : m/s. Noise of a range rate.
+    drive_sigma : m/s^3. Driving noise: derivative of the acceleration; without acceleration states the acceleration
+        itself, m/s^2.
+    clock_noise : m/s^2. Sigma of the derivative of the clock drift, constant over an interval.
+    acceleration : Whether the acceleration is a state.
+    acceleration_time : s. In which it decays; None: a random walk.
+    drive_gain : 1/s^2, without acceleration states a number. Driving variance per squared acceleration, where larger.
+    range_gain : m s^2. Variance of a pseudorange per acceleration, where larger.
+    rate_gain : m. Variance of a range rate per acceleration, where larger.
+    start_acceleration : m/s^2. Sigma of the acceleration at the start.
+    gate : Sigmas beyond which a row is rejected; None: no limit, like the settings below.
+    range_limit : m. Innovation of a pseudorange beyond which it is rejected.
+    rate_limit : m/s. Innovation of a range rate beyond which it is rejected.
+    restart_after : Epochs with most measurements rejected after which the filter restarts.
+    longest_coast : s. Longest time without an accepted measurement for which a solution is output.
     """
-    dt = interval
-    decay, to_velocity, to_position = _acting(dt, math.inf if acceleration_time is None else acceleration_time)
+
+    range_sigma: float
+    rate_sigma: float
+    drive_sigma: float
+    clock_noise: float
+    acceleration: bool = True
+    acceleration_time: float | None = None
+    drive_gain: float = 0.0
+    range_gain: float = 0.0
+    rate_gain: float = 0.0
+    start_acceleration: float = 0.0
+    gate: float | None = None
+    range_limit: float | None = None
+    rate_limit: float | None = None
+    restart_after: int | None = None
+    longest_coast: float | None = None
+
+
+def receiver_filter(reported: ReportedCovariance, interval: float, settings: FilterSettings) -> ReceiverFilter:
+    """Turn settings of the receiver's filter into numbers for one interval (s) between epochs."""
+    dt, acceleration, time = interval, settings.acceleration, settings.acceleration_time
+    decay, to_velocity, to_position = _acting(dt, math.inf if time is None else time)
     pairs = [(POS, VEL, dt)]
     if acceleration:
         pairs += [(POS, ACC, to_position), (VEL, ACC, to_velocity), (ACC, ACC, decay - 1.0)]  # as they act, one by one
@@ -229,21 +277,26 @@ def receiver_filter(
         to_velocity=to_velocity,
         to_position=to_position,
         drive=np.array(drive),
-        drive_floor=drive_sigma**2,
-        drive_gain=drive_gain,
-        clock=clock_noise**2,
-        range_floor=range_sigma**2,
-        range_gain=range_gain,
-        rate_floor=rate_sigma**2,
-        rate_gain=rate_gain,
-        start=start_acceleration**2 if acceleration else 0.0,
-        gate_squared=math.inf if gate is None else gate**2,
-        range_limit=math.inf if range_limit is None else range_limit,
-        rate_limit=math.inf if rate_limit is None else rate_limit,
-        restart=math.inf if restart_after is None else float(restart_after),
-        coast=math.inf if longest_coast is None else longest_coast,
+        drive_floor=settings.drive_sigma**2,
+        drive_gain=settings.drive_gain,
+        clock=settings.clock_noise**2,
+        range_floor=settings.range_sigma**2,
+        range_gain=settings.range_gain,
+        rate_floor=settings.rate_sigma**2,
+        rate_gain=settings.rate_gain,
+        start=settings.start_acceleration**2 if acceleration else 0.0,
+        gate_squared=_limit(settings.gate) ** 2,
+        range_limit=_limit(settings.range_limit),
+        rate_limit=_limit(settings.rate_limit),
+        restart=_limit(settings.restart_after),
+        coast=_limit(settings.longest_coast),
         reported=reported,
     )
+
+
+def _limit(limit: float | None) -> float:
+    """Return a limit; infinity where there is none."""
+    return math.inf if limit is None else float(limit)
 
 
 def transition(model: ReceiverFilter) -> Floats:

@@ -1,4 +1,4 @@
-"""A filter behind a filter, linearly: from errors of ranges to the receiver's solution, and on to the navigation.
+"""Linear error propagation from ranges to the receiver's solution, and from there to the navigation filter.
 
 All errors are truth minus estimate. Over an epoch the receiver's error e follows
 
@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lvnav_trade.line_of_sight import sight
 from lvnav_trade.receivers.base import (
     ACC,
     BIAS,
@@ -52,15 +53,12 @@ class Gains(NamedTuple):
 
 def design(r_i: Floats, v_i: Floats, satellite: Floats, moving: Floats) -> Floats:
     """Return the rows (2 n_sat, 11) of pseudorange and range rate in turn; satellites (n_sat, 3), all in frame i."""
-    line, relative = satellite - r_i, moving - v_i
-    distance = np.linalg.norm(line, axis=1)[:, None]
-    u = line / distance
-    along = np.sum(u * relative, axis=1, keepdims=True)
-    found = np.zeros((2 * len(u), N_STATE))
-    found[0::2, POS : POS + 3] = -u
+    seen = sight(satellite - r_i, moving - v_i)
+    found = np.zeros((2 * len(satellite), N_STATE))
+    found[0::2, POS : POS + 3] = -seen.direction
     found[0::2, BIAS] = 1.0
-    found[1::2, POS : POS + 3] = -(relative - along * u) / distance
-    found[1::2, VEL : VEL + 3] = -u
+    found[1::2, POS : POS + 3] = -seen.turning
+    found[1::2, VEL : VEL + 3] = -seen.direction
     found[1::2, DRIFT] = 1.0
     return found
 

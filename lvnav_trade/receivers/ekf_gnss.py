@@ -16,7 +16,8 @@ import numpy as np
 from lvnav_trade.kernels.covariance import predict, update_scalar
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, magnitude, sqrt, where
-from lvnav_trade.observables.base import H_CLOCK, H_POS, H_VEL, N_ENTRY, line_of_sight
+from lvnav_trade.line_of_sight import line_of_sight
+from lvnav_trade.observables.base import H_CLOCK, H_POS, H_VEL, N_ENTRY
 from lvnav_trade.observables.ranges import range_row, rate_row
 from lvnav_trade.receivers.bancroft import fix, solution
 from lvnav_trade.receivers.base import (

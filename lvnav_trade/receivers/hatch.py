@@ -39,14 +39,19 @@ def gains(tracked: Bools, locked: Bools, longest: int) -> Floats:
     return found
 
 
-def divergence(gain: Floats, ionosphere: Floats) -> Floats:
-    """Return by how much more than the code's delay a smoothed range is late, (n_epoch, n_sat) m: the average of code
-    minus carrier trails a difference of twice the delay, ionosphere (n_epoch, n_sat) m.
+def smoothing_error(gain: Floats, difference: Floats) -> Floats:
+    """Return what smoothing adds to the errors of the code on the nominal flight, (n_epoch, n_sat) m.
+
+    gain : (n_epoch, n_sat), zero where a satellite is not in use
+    difference : (n_epoch, n_sat) m, code minus carrier: twice the ionospheric delay, less what cycle slips have added
+        to the carrier
+
+    The average of code minus carrier trails a changing difference: the error is the average less the present value.
     """
     average, found = np.zeros(gain.shape[1]), np.zeros(gain.shape)
     for epoch, a in enumerate(gain):
-        average = a * 2.0 * ionosphere[epoch] + (1.0 - a) * average
-        found[epoch] = np.where(a > 0.0, average - 2.0 * ionosphere[epoch], 0.0)
+        average = a * difference[epoch] + (1.0 - a) * average
+        found[epoch] = np.where(a > 0.0, average - difference[epoch], 0.0)
     return found
 
 
@@ -62,14 +67,15 @@ def _code_minus_carrier(shared, errors, smoothing, epoch, s):
 
 
 @jit
-def smooth(rx, ranges, errors, smoothing, signals, run, word, epoch, k0, k1):
+def smooth(rx, work, smoothing, signals, word, epoch, key):
     """Smooth the pseudoranges of an epoch, with the same draws of code noise that are in them.
 
-    rx : Receiver, `average` updated; ranges : (n_slot, 2), updated; errors : (n_component,) that measurements share;
-    smoothing : Smoothing, or None; run, word, k0, k1 : as of the ranges' draws
+    rx : Receiver, `average` updated; work : Work of the run: its number, `ranges` (n_slot, 2), updated, and `shared`
+    (n_component,) errors that measurements share; smoothing : Smoothing, or None; word, key : of the ranges' draws
     """
     if smoothing is None:
         return
+    (k0, k1), run, ranges, errors = key, work.run[0], work.ranges, work.shared
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
         code, _, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])

@@ -1,4 +1,4 @@
-"""What a report is made of: paragraphs, tables, figures of cases; and how names and numbers are written in it."""
+"""Building blocks of a report: paragraphs, tables, figures of cases; format of names and numbers."""
 
 import hashlib
 import math
@@ -16,20 +16,26 @@ from lvnav_trade.metrics.mission.orbit import LEAST
 from lvnav_trade.metrics.requirements.margins import key_cases
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.browser import data_of
-from lvnav_trade.plots.figure import Figure
+from lvnav_trade.plots.figure import Figure, Panel, alt_text
 from lvnav_trade.report.escape import note, texts
 from lvnav_trade.store.read import Tables
 
+_HALF_SHEET = 78  # letters of a table, and a space a column, across half a sheet of paper
+_HALF_ROWS = 40  # rows of it: it is kept in one piece
 MOST_CASES = 8
 """Cases whose own figures are drawn; of more, those that decide and the best."""
 
 
 class Text(NamedTuple):
-    """A paragraph whose lead stands out, or lines to type (kind "code")."""
+    """A paragraph whose lead stands out, or lines to type (kind "code").
+
+    is_nothing: it says that there is nothing to show; a section of such paragraphs alone is left out.
+    """
 
     text: str
     lead: str = ""
     kind: str = "text"
+    is_nothing: bool = False
 
 
 class Table(NamedTuple):
@@ -40,6 +46,13 @@ class Table(NamedTuple):
     numeric: tuple[bool, ...]
     caption: str = ""
     kind: str = "table"
+
+    @property
+    def narrow(self) -> bool:
+        """Whether it has room on half the width of a sheet of paper; a heading may break between words."""
+        headings = [max(map(len, name.split()), default=0) for name in self.head]
+        longest = [max([size, *(len(row[k]) for row in self.rows)]) for k, size in enumerate(headings)]
+        return len(self.rows) <= _HALF_ROWS and sum(longest) + len(longest) <= _HALF_SHEET
 
 
 class Picture(NamedTuple):
@@ -59,6 +72,23 @@ class Picture(NamedTuple):
     def height(self) -> int:
         """Pixels that the page keeps free for it until it is drawn, about."""
         return int(88 * self.figure.height * len(self.figure.grid)) + 60
+
+    @property
+    def alt(self) -> str:
+        """The figure in words: its caption, then what each panel shows."""
+        return " ".join([self.caption, *(f"{alt_text(panel)}." for panel in self.figure.panels if panel.marks)])
+
+    @property
+    def width(self) -> str:
+        """Part of a sheet of paper that it needs: the whole one of three columns, a third where panels are many."""
+        rows, columns = self.figure.grid.shape
+        bars = columns > 1 and self.figure.options.get("sharey") and not any(map(_is_map, self.figure.panels))
+        return "wide" if columns > 2 or bars else "third" if columns == 1 and rows > 2 else "half"
+
+
+def _is_map(one: Panel) -> bool:
+    """Whether a panel colours cells by their values."""
+    return any(mark.kind == "cells" for mark in one.marks)
 
 
 class Grades(NamedTuple):
@@ -107,6 +137,12 @@ def number(value: float) -> str:
 def percent(value: float) -> str:
     """Write a fraction in percent without rounding 99.73 to 100."""
     return f"{100.0 * value:.6g} %"
+
+
+def listed(texts: Sequence[str], most: int, separator: str = "; ") -> str:
+    """Join texts; of more than `most` the first ones, and how many more there are."""
+    more = len(texts) - most
+    return separator.join(texts[:most]) + f"; and {more} more, see the table" * (more > 0)
 
 
 def words(names: Any) -> Any:
@@ -179,7 +215,7 @@ def of(metric: str, nothing: str = "") -> Callable[[Callable[[Tables, pd.DataFra
         @wraps(make)
         def section(tables: Tables) -> list[Block]:
             frame = METRICS[metric](tables)
-            return make(tables, frame) if len(frame) else [Text(nothing)] * bool(nothing)
+            return make(tables, frame) if len(frame) else [Text(nothing, is_nothing=True)] * bool(nothing)
 
         return section
 
@@ -215,7 +251,10 @@ def deciding(tables: Tables) -> tuple[list[str], list[str]]:
 
     Without requirements the best case, and all quantities.
     """
-    asked = [split_metric(str(one["metric"]))[0] for one in tables.campaign.get("requirements") or ()]
+    asked = [
+        split_metric(str(one["metric"]))[0].removeprefix("normalised_")
+        for one in tables.campaign.get("requirements") or ()
+    ]
     known = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
     labels = list(key_cases(tables)) or list(METRICS["ranking"](tables).case[:1])
     digests = {label: case for case, label in tables.labels.items()}

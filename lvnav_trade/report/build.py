@@ -11,12 +11,18 @@ import pandas as pd
 
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics import CSV, METRICS
+from lvnav_trade.metrics.basics.names import named
+from lvnav_trade.plots.style import share_scales
+from lvnav_trade.report import assumptions as assumed
+from lvnav_trade.report import configuration as configured
 from lvnav_trade.report import curves, evidence, flight, integrity
 from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report import models as registered
+from lvnav_trade.report.answers import answers
 from lvnav_trade.report.blocks import Block, Blocks, Grades, More, Picture, Section, Table, Text, chosen_cases
+from lvnav_trade.report.document import Head, head, stated_requirements, title_of
 from lvnav_trade.report.escape import csv_text, render, source
-from lvnav_trade.report.summary import SIGNS, answers, summary
+from lvnav_trade.report.summary import SIGNS, summary
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import Tables, load
 
@@ -26,7 +32,7 @@ def _agreement(tables: Tables) -> list[Block]:
 
 
 def _requirements(tables: Tables) -> list[Block]:
-    return answers(tables) + evidence.requirements(tables)
+    return stated_requirements(tables) + answers(tables) + evidence.windows(tables) + evidence.requirements(tables)
 
 
 SECTIONS: dict[str, tuple[str, Blocks]] = {
@@ -55,6 +61,8 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "control": ("The vehicle under control", flight.control),
     "allan": ("Inertial units", flight.allan),
     "observability": ("Observability", explained.observability),
+    "configuration": ("Configuration", configured.configuration),
+    "assumptions": ("Assumptions", assumed.assumptions),
     "models": ("What checks these models", registered.models),
     "reproduce": ("How to reproduce", evidence.reproduce),
 }
@@ -62,41 +70,24 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
 show stands on the page only where it was asked for by name.
 """
 OPEN = ("summary", "requirements", "envelopes", "budget")
-"""Sections that the page shows at once; the others are one click away, and a brief report leaves them out."""
+"""Sections that the report shows at once; the others are one click away."""
+BRIEF = (*OPEN, "consistency", "agreement", "configuration", "assumptions", "models", "reproduce")
+"""Sections of a brief report, without what the report shows on demand."""
 _BRIEF_ROWS, _BRIEF_FIGURES = 15, 9  # of a table, and in all, of a brief report
 _SCRIPTS = ("uplot/uPlot.iife.min.js", "figures.js", "page.js", "grades.js")
 _MANY = 50
 _DETAILED = ("orbit", "correction", "impact")
 """Sections and tables whose numbers take a second a case; of more than `_MANY` cases they hold the first few."""
-_WHERE_ANY = (
-    "spot_check",
-    "transitions",
-    "logic",
-    "integrity",
-    "tested_errors",
-    "motion",
-    "nozzle",
-    "turning",
-    "allan",
-    "protection",
-    "exclusions",
-    "models",
-    "curves",
-    "crossings",
-    "tornado",
-    "totals",
-    "pareto",
-)
-"""CSV tables that are written only where they have rows."""
 
 
 class Made(NamedTuple):
-    """What a report says, before it is written in a form: title, question, sections, CSV tables by file name."""
+    """What a report says, before it is written in a form: title, question, sections, CSV tables by file name, head."""
 
     title: str
     asked: str
     sections: list[Section]
     csv: dict[str, str]
+    head: Head = ()
 
 
 def make(tables: Tables, sections: Sequence[str] | None = None, step: Callable[[], None] = lambda: None) -> Made:
@@ -113,19 +104,44 @@ def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], Non
     stated = (tables.campaign.get("report") or {}).get("sections")
     names = list(sections or stated or SECTIONS)
     _check(names)
-    made = []
+    title, asked = title_of(tables), str(tables.campaign.get("description") or "")
+    if tables.cases.empty:
+        return Made(title, asked, [Section(names[0], SECTIONS[names[0]][0], _without_cases(tables))], {})
+    made, labelled = [], tables
+    tables = named(labelled)
     detailed = _detailed(tables)
     for name in names:
         made.append(Section(name, SECTIONS[name][0], SECTIONS[name][1](detailed if name in _DETAILED else tables)))
         step()
     if sections or stated:
         made = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in made]
-    title = str(tables.manifest.get("campaign") or tables.campaign.get("name"))
+    else:
+        made = [section for section in made if not all(map(_is_nothing, section.blocks))]
+    for section in made:
+        share_scales(block.figure for block in _flat(section.blocks) if isinstance(block, Picture))
     frames = {name: METRICS[name](detailed if name in _DETAILED else tables) for name in CSV}
-    frames |= {"models": registered.evidence(tables)}
-    csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame) or name not in _WHERE_ANY}
-    asked = str(tables.campaign.get("description") or "")
-    return Made(title, asked, [section for section in made if section.blocks], csv)
+    labels = {tables.labels[case]: label for case, label in labelled.labels.items()}
+    if tables is not labelled:
+        frames = {name: frame.assign(case=frame.case.map(labels)) for name, frame in frames.items()}
+    frames |= {"models": registered.evidence(labelled)}
+    csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
+    return Made(title, asked, [section for section in made if section.blocks], csv, head(tables))
+
+
+def _without_cases(tables: Tables) -> list[Block]:
+    """Say that every case failed, and why each did."""
+    lead = Text("None could be computed, so there are no results. The same lvnav-trade run tries them again.", "Cases.")
+    return [lead, *(Text(f"{line}.", "Lost:") for line in tables.manifest.get("lost", []))]
+
+
+def _is_nothing(block: Block) -> bool:
+    """Whether a block only says that there is nothing to show."""
+    return isinstance(block, Text) and block.is_nothing
+
+
+def _flat(blocks: Sequence[Block]) -> list[Block]:
+    """Return blocks, and after them those that they show on demand."""
+    return [*blocks, *(inner for block in blocks if isinstance(block, More) for inner in block.blocks)]
 
 
 def _detailed(tables: Tables) -> Tables:
@@ -142,7 +158,7 @@ def build(
     brief: bool = False,
     step: Callable[[], None] = lambda: None,
 ) -> Path:
-    """Write report.html and the CSV tables into a results folder; return the page.
+    """Write report.html and the CSV tables that have rows into a results folder; return the page.
 
     figures: formats (png, svg) of the figures that are written into figures/ too; brief: a page for ten sheets of
     paper, without what report.html shows on demand, is written as brief.html too, and returned.
@@ -150,15 +166,27 @@ def build(
     """
     tables = load(folder)
     made = make(tables, sections, step)
-    pages = {"report.html": html_page(made.title, made.asked, made.sections)}
+    pages = {"report.html": html_page(made.title, made.asked, made.sections, head=made.head)}
     if brief:
-        pages["brief.html"] = html_page(made.title, made.asked, _shortened(made.sections))
+        pages["brief.html"] = html_page(made.title, made.asked, _shortened(made.sections), BRIEF, made.head)
     owned(tables.folder, "results").publish("report", {**made.csv, **pictures(made.sections, figures), **pages})
     return tables.folder / ("brief.html" if brief else "report.html")
 
 
+VERDICTS = ("requirements", "expected", "windows", "filter_verdicts")
+"""CSV tables that are written without a report too."""
+
+
+def verdict_tables(folder: Path | str) -> None:
+    """Write the CSV tables of verdicts into a results folder, in place of those of an earlier report."""
+    tables = load(folder)
+    frames = {name: METRICS[name](tables) for name in VERDICTS}
+    found = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
+    owned(tables.folder, "results").publish("report", found)
+
+
 def _shortened(sections: Sequence[Section]) -> list[Section]:
-    """Return the open sections without what is shown on demand, and the first rows and figures of what is long."""
+    """Return the sections of a brief report without what is shown on demand; of what is long the first rows."""
     left = _BRIEF_FIGURES
 
     def short(block: Block) -> list[Block]:
@@ -172,24 +200,27 @@ def _shortened(sections: Sequence[Section]) -> list[Section]:
     return [
         section._replace(blocks=[found for block in section.blocks for found in short(block)])
         for section in sections
-        if section.name in OPEN
+        if section.name in BRIEF
     ]
 
 
-def html_page(title: str, asked: str, sections: Sequence[Section]) -> str:
-    """Return the HTML page of a title, the question and sections, in one file."""
+def html_page(title: str, asked: str, sections: Sequence[Section], shown: Sequence[str] = OPEN, head: Head = ()) -> str:
+    """Return the HTML page of a title, the question and sections, in one file.
+
+    shown: sections that are not folded; head: what is said of the document below its title.
+    """
     style = source("page.css") + source("uplot/uPlot.min.css")
     script = "\n".join(source(name) for name in _SCRIPTS)
     allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     signs = {sign: verdict for verdict, sign in SIGNS.items() if sign != "–"}  # a dash stands for a missing number too
-    page = {"title": title, "asked": asked, "sections": sections, "open": {*OPEN, sections[0].name}}
+    page = {"title": title, "asked": asked, "sections": sections, "open": {*shown, sections[0].name}, "head": head}
     page |= {"signs": signs, "verdicts": {*SIGNS, "agree", "disagree"}}
     return render("page.html.j2", **page, style=style, script=script, allowed=allowed)
 
 
-def markdown_page(title: str, asked: str, sections: Sequence[Section]) -> str:
-    """Return the Markdown page of a title, the question and sections."""
-    return render("page.md.j2", title=title, asked=asked, sections=sections)
+def markdown_page(title: str, asked: str, sections: Sequence[Section], head: Head = ()) -> str:
+    """Return the Markdown page of a title, the question and sections; head: what is said of the document."""
+    return render("page.md.j2", title=title, asked=asked, sections=sections, head=head)
 
 
 def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
@@ -199,7 +230,7 @@ def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
     What an earlier report left there is replaced, and no other file; the HTML page is remade from results, not kept.
     """
     target, made = owned(folder, "report"), make(load(results))
-    page = markdown_page(made.title, made.asked, made.sections)
+    page = markdown_page(made.title, made.asked, made.sections, made.head)
     with writing(folder, "the report cannot be kept there"):
         target.publish("report", {**(made.csv if tables else {}), **pictures(made.sections), "report.md": page})
     return target.folder / "report.md"
@@ -219,7 +250,6 @@ def pictures(sections: Sequence[Section], formats: Sequence[str] = ("png",)) -> 
         return {}
     from lvnav_trade.plots.raster import files  # matplotlib, which a report as HTML does not need
 
-    blocks = [block for section in sections for block in section.blocks]
-    blocks += [inner for block in blocks if isinstance(block, More) for inner in block.blocks]
+    blocks = [block for section in sections for block in _flat(section.blocks)]
     figures = {f"figures/{block.name}": block.figure for block in blocks if isinstance(block, Picture)}
     return files(figures, formats)

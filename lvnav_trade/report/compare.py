@@ -14,8 +14,9 @@ from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.comparison.comparison import Comparison
 from lvnav_trade.report.blocks import number, percent
 from lvnav_trade.report.escape import render, xml_text
-from lvnav_trade.store.contents import MANIFEST, RESOLVED, owned
-from lvnav_trade.store.read import Tables, load
+from lvnav_trade.store.contents import MANIFEST, RESOLVED, is_without_rows, owned
+from lvnav_trade.store.manifest import DIGESTS, damaged, digest
+from lvnav_trade.store.read import Tables, load, stored_table
 
 EXIT = {"not worse": 0, "worse": 1, "undecided": 3}
 """Exit codes of the verdicts."""
@@ -153,25 +154,28 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
     Without Monte-Carlo runs the history and the covariances go along: then they are what is compared.
     """
     tables, target = load(results), owned(folder, "base")
+    if not tables.campaign:  # read once, so that a damaged file is not kept
+        raise damaged(tables.folder / RESOLVED, "it states nothing")
     names = KEPT if int(tables.cases.run_count.sum()) else (*KEPT, *KEPT_WITHOUT_RUNS)
     manifest = {name: value for name, value in tables.manifest.items() if name not in _OF_ONE_MACHINE}
     with writing(folder, "the base cannot be kept there"):
-        files = {
-            RESOLVED: (tables.folder / RESOLVED).read_bytes(),
-            MANIFEST: (json.dumps(manifest, indent=2, sort_keys=True) + "\n").encode(),
-        }
-        for path in (tables.folder / f"{name}.parquet" for name in names):
-            if path.exists():  # a table of an older version may lack; a comparison that needs it says so
-                files[path.name] = _kept(path)
+        files = {RESOLVED: (tables.folder / RESOLVED).read_bytes()}
+        for name in names:
+            file = f"{name}.parquet"
+            # a table of an older version may lack; a comparison that needs it says so
+            if is_without_rows(tables.folder, name) or (tables.folder / file).exists():
+                files[file] = _kept(tables.folder, name)
+        manifest[DIGESTS] = {name: digest(content) for name, content in files.items()}
+        files[MANIFEST] = (json.dumps(manifest, indent=2, sort_keys=True) + "\n").encode()
         target.publish("base", files)
     return target.folder
 
 
-def _kept(path: Path) -> bytes:
+def _kept(folder: Path, name: str) -> bytes:
     import pyarrow.parquet as pq
 
-    table, content = pq.read_table(path), io.BytesIO()
-    if path.stem == "reference":
+    table, content = stored_table(folder, name), io.BytesIO()
+    if name == "reference":
         table = table.take(list(range(0, table.num_rows, _KEPT_EVERY)))
     pq.write_table(table, content, compression="zstd")
     return content.getvalue()

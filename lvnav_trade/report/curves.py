@@ -1,6 +1,5 @@
 """Sections on choice: curves over numeric axes with crossings, tornado, cost against performance."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import pandas as pd
@@ -52,17 +51,18 @@ def pareto(tables: Tables) -> list[Block]:
     known = {"cost": "cost", "mass": "mass_kg"}
     order = ranked(frame, [name for name, column in known.items() if frame[column].notna().all()])
     best = order.iloc[0]
-    found: list[Block] = []
-    lead = "Cheapest that meets all requirements:" if best.meets else "No case meets all requirements. Cheapest:"
-    for one in (best, *_shown_to_meet(order)):
-        found.append(
-            Text(f"{one.case} (cost {one.cost:g}, {one.mass_kg:g} kg; error over limit {one.error_ratio:.2g}).", lead)
-        )
-        lead = "Its runs leave it undecided. Cheapest whose verdict is met:"
+    lead = (
+        "Cheapest that meets all requirements:"
+        if best.meets
+        else "No design is shown to meet all requirements. Cheapest:"
+    )
+    found: list[Block] = [Text(_priced(best), lead)]
+    cheaper = order[(order.verdict == "undecided") & (order.error_ratio <= 1.0) & (order.cost < best.cost)]
+    if best.meets and len(cheaper):
+        found.append(Text(_priced(cheaper.iloc[0]), "Cheaper, but its runs leave it undecided:"))
     return [*found, Text(note("pareto")), stated("pareto", order), figure(tables, "pareto")]
 
 
-def _shown_to_meet(order: pd.DataFrame) -> Iterator[Any]:
-    """Yield the first case whose verdict is met, where the first that meets all by its estimate is undecided."""
-    if order.meets.iloc[0] and order.verdict.iloc[0] == "undecided":
-        yield from order[order.verdict == "met"].head(1).itertuples()
+def _priced(one: Any) -> str:
+    """Return a case with its cost, mass and largest error over its limit."""
+    return f"{one.case} (cost {one.cost:g}, {one.mass_kg:g} kg; error over limit {one.error_ratio:.2g})."

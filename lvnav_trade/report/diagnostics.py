@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.basics.gaussian import gaussian
 from lvnav_trade.metrics.basics.select import final_event, mean_at
-from lvnav_trade.metrics.errors.covariances import gaussian
 from lvnav_trade.plots.validity import is_a_grid
 from lvnav_trade.report.blocks import (
     Block,

@@ -12,6 +12,8 @@ import jinja2
 import pandas as pd
 from jinja2.utils import htmlsafe_json_dumps
 
+from lvnav_trade.errors import visible
+
 _INLINE = (
     (re.compile(r"\\"), r"\\\\"),
     (re.compile(r"([`*])"), r"\\\1"),
@@ -28,6 +30,10 @@ _FORMULA = tuple("=+-@＝＋－＠")
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|-")
 _BREAKS = re.compile(r"[\r\n\t\0]+")
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+# In JSON these are escape sequences already, which a page would undo
+_HIDDEN_JSON = re.compile(r"(?<!\\)((?:\\\\)*)\\(u(?:00[01][0-9a-f]|007f|00[89][0-9a-f]|202[a-e]|206[6-9]))")
 
 
 def markdown(text: object) -> str:
@@ -92,6 +98,7 @@ def render(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
+        finalize=_shown,
     )
     environment.filters |= {
         **MARKDOWN,
@@ -102,14 +109,19 @@ def render(template: str, **content: Any) -> str:
     return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n" if template.endswith(".md.j2") else text
 
 
+def _shown(value: Any) -> Any:
+    """Return a value as a template writes it: hidden characters of a text as their escape sequences."""
+    return visible(value) if type(value) is str else value
+
+
 def data_json(data: Any) -> str:
     """Return data as JSON that may stand in a script element of a page."""
-    return str(htmlsafe_json_dumps(data))
+    return _HIDDEN_JSON.sub(r"\1\\\\\2", str(htmlsafe_json_dumps(data)))
 
 
 def xml_text(text: object) -> str:
     """Return a text without the characters that XML cannot hold."""
-    return _NOT_XML.sub("�", str(text))
+    return visible(_NOT_XML.sub("�", str(text)))
 
 
 def csv_text(frame: pd.DataFrame) -> str:
@@ -127,5 +139,5 @@ def csv_text(frame: pd.DataFrame) -> str:
 def _csv_cell(value: Any) -> Any:
     if not isinstance(value, str):
         return value
-    text = _BREAKS.sub(" ", value)
+    text = visible(_BREAKS.sub(" ", value))
     return "'" + text if text.lstrip().startswith(_FORMULA) and not _NUMBER.fullmatch(text) else text

@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import final_event, flight_events, pick, pick_columns
+from lvnav_trade.metrics.basics.select import final_event, flight_events, history_of, pick, pick_columns
 from lvnav_trade.metrics.errors.covariances import by_case
+from lvnav_trade.metrics.metric import where
 from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY
-from lvnav_trade.metrics.requirements.requirements import in_words, where
+from lvnav_trade.metrics.requirements.requirements import in_words
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.signals import LAYERS, layers_of
 from lvnav_trade.report.blocks import (
@@ -37,6 +38,7 @@ from lvnav_trade.report.blocks import (
     words,
 )
 from lvnav_trade.report.escape import note
+from lvnav_trade.report.validity import filter_verdict
 from lvnav_trade.store.read import Tables
 
 _FACT_UNITS = (
@@ -60,6 +62,12 @@ def requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     if (tables.campaign.get("monte_carlo") or {}).get("stop"):
         text += " " + note("stopping")
     return [table(frame.rename(columns=words)), Text(text), *_expected(tables)]
+
+
+@of("windows")
+def windows(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return the worst errors around the events of the requirements."""
+    return [stated("windows", frame.assign(by=frame.by.replace("LinCov", "linear covariance")))]
 
 
 def _expected(tables: Tables) -> list[Block]:
@@ -116,7 +124,9 @@ def envelopes(tables: Tables) -> list[Block]:
     ]
     own = [(case, quantity) for case in dict.fromkeys([*key, *chosen_cases(tables)]) for quantity in known]
     open_ones = [(case, quantity) for case, quantity in own if case in key and quantity in asked]
-    blocks: list[Block] = [*compared, *(figure(tables, "envelope", *about) for about in open_ones)]
+    simulated = [about for about in open_ones if _has_runs(tables, *about)]
+    blocks: list[Block] = [*compared, *(figure(tables, "quantiles", *about) for about in simulated)]
+    blocks += [figure(tables, "envelope", *about) for about in open_ones]
     rest += [*left_out(tables), *(figure(tables, "envelope", *about) for about in own if about not in open_ones)]
     frame = METRICS["rms"](tables)
     frame = frame[(frame.axis == "3d") & frame.metric.isin([f"{quantity}_error" for quantity in known])]
@@ -124,6 +134,11 @@ def envelopes(tables: Tables) -> list[Block]:
     frame = frame[[place in places[case] for case, place in zip(frame.case, frame.phase_or_event, strict=True)]]
     frame = frame.assign(metric=words(frame.metric), phase_or_event=words(frame.phase_or_event)).drop(columns="axis")
     return [*blocks, More("Errors of other cases and quantities", rest), More("Numbers", [stated("envelopes", frame)])]
+
+
+def _has_runs(tables: Tables, case: str, quantity: str) -> bool:
+    """Whether quantiles of the 3-D error over runs are stored."""
+    return bool(history_of(tables, case, quantity, "3d").q95_si.notna().any())
 
 
 def _places(tables: Tables) -> dict[str, set[str]]:
@@ -152,7 +167,12 @@ def consistency(tables: Tables) -> list[Block]:
     """Return NEES, NIS and whiteness."""
     frame = METRICS["consistency"](tables)
     frame = frame.assign(inside_ratio=frame.inside_ratio * 100)
-    blocks: list[Block] = [Text(note("consistency")), stated("consistency", frame), *left_out(tables)]
+    verdicts = METRICS["filter_verdicts"](tables)
+    shown = [filter_verdict(row.verdict, row.sigma_ratio) for row in verdicts.itertuples()]
+    by = verdicts.by.replace("LinCov", "linear covariance")
+    verdicts = verdicts.assign(shown=shown, moment=words(verdicts.moment), by=by)
+    blocks: list[Block] = [Text(note("consistency")), stated("filter_verdicts", verdicts)]
+    blocks += [stated("consistency", frame), *left_out(tables)]
     without = frame.case[(frame.test == "ANEES") & (frame.time_count == 0)]
     if len(without):
         blocks.append(

@@ -12,7 +12,6 @@ from lvnav_trade.report.blocks import (
     number,
     of,
     stated,
-    table,
     words,
 )
 from lvnav_trade.report.escape import note
@@ -34,8 +33,22 @@ def orbit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
             known = rows if rows.runs.max() > 0 else rows.drop(columns=["mc_sigma", "mc_bias", "mc_q99"])
             blocks.append(stated("orbit", known, label=label, event=words(event)))
             blocks += [Text(f"{why}.", "Not applicable.") for why in dict.fromkeys(rows.remark) if why]
-        blocks.append(figure(tables, "orbit", case))
+        blocks += [figure(tables, "orbit", case), *_not_gaussian(tables, label)]
     return [*blocks, Text(note("correction")), stated("correction", METRICS["correction"](tables))]
+
+
+def _not_gaussian(tables: Tables, label: str) -> list[Block]:
+    """Say which elements of a case's orbit the ellipse of the figure does not describe."""
+    frame = METRICS["normality"](tables)
+    rows = frame[(frame.case == label) & ~frame.gaussian.astype(bool)]
+    if rows.empty:
+        return []
+    named = ", ".join(f"{row.quantity} (skewness {row.skewness:+.2g})" for row in rows.itertuples())
+    chance = f"chance below {rows.p_ratio.max():.1g} for a Gaussian" if rows.p_ratio.max() > 0.0 else "no Gaussian"
+    text = f"The errors of {named} are not Gaussian ({rows.runs.iloc[0]} runs, {chance}): "
+    return [
+        Text(f"{text}the 3-sigma ellipse, a first-order covariance, does not describe them; quantiles do.", "Warning:")
+    ]
 
 
 @of("impact", "No stored state of any case has a point of impact.")
@@ -62,7 +75,7 @@ def _corridor(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 @of("motion")
 def motion_table(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return how much better than the raw sample rate and acceleration are, and whether as the filter models."""
-    return [*interpretations_table(tables), Text(note("motion")), stated("motion", _by_axis(frame))]
+    return [Text(note("motion")), stated("motion", _by_axis(frame))]
 
 
 def _by_axis(frame: pd.DataFrame) -> pd.DataFrame:
@@ -81,7 +94,7 @@ def motion_summary(tables: Tables) -> list[Block]:
     estimated = set(outputs.case[outputs.quantity == "rate"].map(tables.labels))
     frame = frame[frame.case.isin(estimated)]
     if frame.empty:
-        return interpretations_table(tables)
+        return []
     rows = []
     for (case, error), one in _by_axis(frame).groupby(["case", "error"], sort=False):
         low, high = (one.low / one.over_sigma_ratio).min(), (one.high / one.over_sigma_ratio).max()
@@ -90,33 +103,11 @@ def motion_summary(tables: Tables) -> list[Block]:
         verdicts = ", ".join(f"{name} in {count} of {len(one)}" for name, count in counts)
         rows.append((case, error, *ranges, f"times {number(low)} to {number(high)}", verdicts))
     phases = stated("motion_summary", pd.DataFrame(rows))
-    return [*interpretations_table(tables), Text(note("motion_summary")), phases]
+    return [Text(note("motion_summary")), phases]
 
 
 def _range(values: pd.Series) -> str:
     return f"{number(values.min())} to {number(values.max())}"
-
-
-@of("interpretations")
-def interpretations_table(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return improvements of all cases that references hold against raw samples, side by side; nothing without any, or
-    of more cases than a page has room for.
-    """
-    if frame.case.nunique() > _SIDE_BY_SIDE:
-        return []
-    keys = ["error", "during"]
-    found = frame[keys].drop_duplicates().reset_index(drop=True)
-    each, cases = pd.MultiIndex.from_frame(found), frame.case.unique()
-    for heading, column in (
-        ("{}: stated (%)", "stated_percent"),
-        ("{}: ours (%)", "raw_percent"),
-        ("both sides without bias, {} (%)", "unbiased_percent"),
-    ):
-        for case in cases:
-            mine = frame[frame.case == case].set_index(keys)[column]
-            found[heading.format(case)] = mine.reindex(each).to_numpy()
-    found["during"] = words(found.during)
-    return [Text(note("interpretations")), table(found, "Readings of one datasheet side by side.")]
 
 
 def observed_table(tables: Tables) -> list[Block]:

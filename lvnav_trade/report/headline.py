@@ -1,11 +1,11 @@
-"""The first screen of a study: how many published rows are evidence, how many of them hold, what does not and why."""
+"""Summary of a study: how many published numbers are evidence, how many are reproduced, and the rest with reasons."""
 
 from collections.abc import Sequence
 
 import pandas as pd
 
 from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, fitted, held, most_important, own
-from lvnav_trade.metrics.statements import FAILS
+from lvnav_trade.metrics.verdicts import FAILS
 from lvnav_trade.report.blocks import Block, Text, stated
 
 _EXPRESSION = r"^[^:]*[-+*/(][^:]*: "  # a metric of a statement: the expression, and what its terms are

@@ -17,6 +17,7 @@ from lvnav_trade.frames import ecef_from_geodetic, geodetic_from_ecef, rotation_
 from lvnav_trade.metrics.basics.probability import outline_of
 from lvnav_trade.records import Floats
 from lvnav_trade.report.escape import render
+from lvnav_trade.store.manifest import damaged
 from lvnav_trade.store.read import Tables
 
 SIGMAS = 3.0
@@ -47,6 +48,8 @@ def flights(tables: Tables, ellipses: bool, every: float) -> list[Flight]:
     found = []
     for case, label in tables.labels.items():
         reference, events = (table[table["case"] == case] for table in (tables.reference, tables.events))
+        if reference.empty:
+            raise damaged(tables.folder / "reference.parquet", f"no rows of the case {label}")
         found.append(Flight(label or "flight", reference, events, _ellipses(tables, case, every) if ellipses else {}))
     return found
 

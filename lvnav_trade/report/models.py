@@ -1,4 +1,7 @@
-"""Evidence: the models that a campaign uses, what checks each and what it leaves out (`templates/models.toml`)."""
+"""Evidence: the models that a campaign uses, what checks each and what it leaves out.
+
+The list is `templates/models.toml`; members of a family that state their evidence themselves are read from there.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,13 @@ from typing import Any
 import pandas as pd
 
 from lvnav_trade.campaign.definition.axes import put
+from lvnav_trade.campaign.definition.evidence import of_sensors
 from lvnav_trade.report.blocks import Block, Text, stated
 from lvnav_trade.report.escape import note, source
 from lvnav_trade.store.lookup import once
 from lvnav_trade.store.read import Tables
 
+_OF = {"sensors": of_sensors}
 Conditions = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 _FEW = 2  # cases that are named one by one
 
@@ -22,7 +27,9 @@ _FEW = 2  # cases that are named one by one
 @cache
 def registry() -> dict[str, Any]:
     """Return what `templates/models.toml` holds: sorts of evidence, named conditions, one entry for each model."""
-    return tomllib.loads(source("models.toml"))
+    found = tomllib.loads(source("models.toml"))
+    found["model"] = [entry for one in found["model"] for entry in (_OF[one["of"]]() if "of" in one else [one])]
+    return found
 
 
 def is_used(entry: Mapping[str, Any], scenario: Mapping[str, Any]) -> bool:

@@ -1,4 +1,4 @@
-"""The page of a recorded log: how the filters of a campaign come through outages that were withheld from them."""
+"""Report on a recorded log: errors of a campaign's filters during outages that are imposed on the log."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -14,7 +14,7 @@ from lvnav_trade.report.escape import note
 INSIDE, LEAST_NEES = 95.0, 0.3
 """Percent of outages that should end within three sigma, and the mean NEES below which a filter is too careful."""
 _COLUMNS = (
-    "case | withheld (s) = length_s: number | outages | inside 3 sigma (%) = inside_percent: number | "
+    "case | withheld (s) = length_s: number | outages | failed | inside 3 sigma (%) = inside_percent: number | "
     "NEES = nees_ratio: number | position RMS (m) = position_rms_m: number | worst (m) = position_worst_m: number | "
     "velocity RMS (m/s) = velocity_rms_m_per_s: number"
 )
@@ -25,6 +25,7 @@ def page(done: Processed, campaign: Campaign) -> tuple[str, str, list[Section]]:
     blocks: list[Block] = [
         Text(done.card.source),
         Text(note("recorded", campaign=campaign.name, alignment=_alignment(done))),
+        *(Text(f"{one}.") for one in done.notes),
         table(done.summary, "Outages by case and length.", _COLUMNS),
         *(Text(text) for text in _wanting(done)),
         Picture("outages", outages_of_log(done.outages), note("outages_of_log", "figures")),
@@ -50,6 +51,8 @@ def _wanting(done: Processed) -> Iterator[str]:
 
 
 def _reason(row: Any) -> str:
+    if row.failed:
+        return ""  # among the notes: what is left says nothing of the filter
     if row.inside_percent < INSIDE:
         return f"{row.inside_percent:.0f} % inside three sigma, fewer than {INSIDE:g} %: the filter assumes too little"
     if row.nees_ratio < LEAST_NEES:

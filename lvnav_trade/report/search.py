@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from lvnav_trade.errors import writing
+from lvnav_trade.metrics.errors.covariances import NOT_APPLICABLE
 from lvnav_trade.plots import search as plots
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, table
 from lvnav_trade.report.build import html_page, markdown_page, pictures
@@ -68,7 +69,9 @@ def _answer(row: Any, names: Sequence[str]) -> str:
         return f"{where}{along}: no value of {names[0]} meets the requirements ({row.remark})."
     bound = f"bound by {row.binding}" if row.binding else "the largest that was tried"
     odd = "" if row.monotone else "; not monotone: see the intervals"
-    return f"{where}{along}: {names[0]} of at most {row.answer:.4g} {row.unit} ({bound}{odd})."
+    outside = row.remark.partition(NOT_APPLICABLE)
+    warning = f" {NOT_APPLICABLE.capitalize()}{outside[2]}." if outside[1] else ""
+    return f"{where}{along}: {names[0]} of at most {row.answer:.4g} {row.unit} ({bound}{odd}).{warning}"
 
 
 def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[Block]:
@@ -87,7 +90,9 @@ def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[B
     return found
 
 
-def indexed(frame: pd.DataFrame, case: str, error: str, covered: float, predicted: float, samples: int) -> list[Block]:
+def indexed(
+    frame: pd.DataFrame, case: str, error: str, covered: float, predicted: float, samples: int, remark: str = ""
+) -> list[Block]:
     """Return sensitivity indices, how much of the mean square they are of and how well the surrogate predicts."""
     order = frame.sort_values("retuned_total", ascending=False).iloc[:3]
     said = "; ".join(
@@ -100,7 +105,8 @@ def indexed(frame: pd.DataFrame, case: str, error: str, covered: float, predicte
     )
     drawn = Picture("indices", plots.indices(frame), note("indices", "figures"))
     lead = "Largest total indices, filter re-tuned:"
-    return [Text(f"{said}.", lead), Text(about), Text(note("indices")), table(_words(frame)), drawn]
+    warning = [Text(f"{remark}.", "Linear covariance:")] if remark else []
+    return [Text(f"{said}.", lead), *warning, Text(about), Text(note("indices")), table(_words(frame)), drawn]
 
 
 def tuned(values: pd.DataFrame, cases: pd.DataFrame, source: str) -> list[Block]:

@@ -1,30 +1,28 @@
-"""The page of a study: what was published beside ours, campaign by campaign, with tables, figures and assumptions."""
+"""Report of a study: published and computed results by campaign, with tables, figures and assumptions."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from lvnav_trade.campaign.definition.published import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.study import Figure, Part, Study
+from lvnav_trade.campaign.reading.study import Figure, Study
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.basics.select import in_units
 from lvnav_trade.metrics.errors.covariances import agreement, by_case
 from lvnav_trade.metrics.errors.coverage import coverage
 from lvnav_trade.metrics.errors.rms import paired_levels
 from lvnav_trade.metrics.held import evidence, held, own
-from lvnav_trade.metrics.pooled import axes_of, cases_of, ours
-from lvnav_trade.metrics.published import references
+from lvnav_trade.metrics.pooled import cases_of
+from lvnav_trade.metrics.published import COLUMNS
 from lvnav_trade.metrics.requirements.requirements import in_words
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.figure import Figure as Drawing
-from lvnav_trade.plots.published import antennas, clocks, ratios, single, steps
-from lvnav_trade.report.blocks import Block, Picture, Section, Text, number, of, percent, stated, table, words
+from lvnav_trade.plots.published import ratios
+from lvnav_trade.report.blocks import Block, Picture, Section, Text, of, percent, stated, table
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.diagnostics import error_bound
 from lvnav_trade.report.escape import csv_text, note
@@ -33,47 +31,42 @@ from lvnav_trade.report.flight import control_tables, motion_summary, observed_t
 from lvnav_trade.report.headline import headline, those_that_fail
 from lvnav_trade.report.integrity import rates, worth
 from lvnav_trade.report.kml import flights, kml
-from lvnav_trade.report.statements import is_statement, verdicts, with_those_left_out
+from lvnav_trade.report.script import Answered, StudyScript, published_rows
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import Tables
 
 _ACRONYMS = {"ekf", "fdir", "hil", "imu", "pvt", "ukf"}
 _MANY = 12  # cases: a table of them has one event
-_FLOWN_APART: dict[str, Callable[[pd.DataFrame], Drawing]] = {"single": single, "clocks": clocks, "antennas": antennas}
 
 
-class Answered(NamedTuple):
-    """A campaign of the study with its results; stated: references, orderings, innovations as the campaign has them;
-    behind: what the study computes beside them (campaign.behind.Behind), or None.
-    """
-
-    part: Part
-    tables: Tables
-    stated: dict[str, Any]
-    behind: Any = None
-
-    @property
-    def flown(self) -> list[dict[str, Any]]:
-        """The published single flights that are shown among ours."""
-        return [one.model_dump(mode="json") for one in self.part.flown]
-
-
-def build(study: Study, answered: Sequence[Answered], folder: Path | str, unflown: Sequence[Campaign] = ()) -> Path:
+def build(
+    study: Study,
+    answered: Sequence[Answered],
+    folder: Path | str,
+    unflown: Sequence[Campaign] = (),
+    script: StudyScript | None = None,
+) -> Path:
     """Write report.md, figures/ and the two CSV tables of a study into a folder; return the page.
 
-    unflown: campaigns without results, whose statements are listed as such. What an earlier page left there is
-    replaced. InputError where the folder cannot be written.
+    unflown : Campaigns without results, whose statements are listed as such.
+    script : What adds to the report.
+
+    What an earlier page left there is replaced. InputError where the folder cannot be written.
     """
-    target = owned(folder, "study")
+    target, script = owned(folder, "study"), script or StudyScript(folder)
     answered = [one._replace(tables=in_units(one.tables, study.units)) for one in answered]
-    published = _together(answered, [references(one.tables, one.stated) for one in answered])
-    published = with_those_left_out(published, study.not_set_up, unflown, study.elsewhere)
+    rows = [
+        published_rows(one.campaign.name, one.tables, one.campaign.model_dump(mode="json"), script) for one in answered
+    ]
+    published = _together(answered, [_frame(one) for one in rows])
+    if further := script.further_rows(unflown):
+        published = pd.concat([published, _frame(further)], ignore_index=True)
     agreed = _together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
     assumptions: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
     sections = [
-        _answer(study, answered, published),
+        _answer(study, answered, published, script),
         *[Section("assumptions", "Assumptions", assumptions)] * bool(assumptions),
-        *map(_campaign, answered),
+        *(_campaign(one, _frame(mine), script) for one, mine in zip(answered, rows, strict=True)),
         _agreements(answered),
         _reproduce(study, answered),
     ]
@@ -89,6 +82,10 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str, unflow
     return target.folder / "report.md"
 
 
+def _frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
 def _flight(one: Answered, case: Case) -> bytes:
     label = one.tables.labels[_cases(one, case)[0]]
     drawn = [flight for flight in flights(one.tables, True, 60.0) if flight.name == label]
@@ -97,17 +94,18 @@ def _flight(one: Answered, case: Case) -> bytes:
 
 def _together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Return the frames of all campaigns, the campaign's name before each case."""
-    named = [
-        frame.assign(case=[f"{one.part.campaign}: {case}" for case in frame["case"]])
-        for one, frame in zip(answered, frames, strict=True)
-    ]
+    named = [_named(one, frame) for one, frame in zip(answered, frames, strict=True)]
     return pd.concat([frame for frame in named if len(frame)] or named[:1], ignore_index=True)
 
 
-def _answer(study: Study, answered: Sequence[Answered], every: pd.DataFrame) -> Section:
-    numbered = is_statement(every, [one.stated for one in answered]) & ~own(every)
+def _named(one: Answered, frame: pd.DataFrame) -> pd.DataFrame:
+    return frame.assign(case=[f"{one.part.campaign}: {case}" for case in frame["case"]])
+
+
+def _answer(study: Study, answered: Sequence[Answered], every: pd.DataFrame, script: StudyScript) -> Section:
+    numbered = script.is_statement(every) & ~own(every)
     frame = every[~numbered]
-    blocks = [*headline(frame, study.important, every[numbered]), *verdicts(every[numbered])]
+    blocks = [*headline(frame, study.important, every[numbered]), *script.verdicts(every[numbered])]
     blocks.append(table(pd.DataFrame([_line(one, every) for one in answered]), "The campaigns of this study."))
     numbers = frame[frame.published.notna() & evidence(frame)]
     if len(numbers):
@@ -130,23 +128,24 @@ def _line(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _campaign(one: Answered) -> Section:
+def _campaign(one: Answered, frame: pd.DataFrame, script: StudyScript) -> Section:
     part, tables = one.part, one.tables
-    question = part.question or str(one.stated.get("description") or "")
+    question = part.question or one.campaign.description
     blocks: list[Block] = [Text(" ".join(question.split()))] if question else []
-    frame = references(tables, {**one.stated, "statements": ()})  # those stand in the answer
+    frame = frame[~script.is_statement(_named(one, frame))]  # those stand in the answer
     if len(frame):
         blocks.append(stated("study_references", frame, sources="; ".join(dict.fromkeys(frame.source))))
-    blocks += [*missions_table(tables, one.flown), *motion_summary(tables), *control_tables(tables, brief=True)]
-    blocks += [*observed_table(tables), *study_tables(tables, part.tables, part.paired), *_behind(one)]
+    blocks += [*script.blocks(one), *motion_summary(tables), *control_tables(tables, brief=True)]
+    blocks += [*observed_table(tables), *study_tables(tables, part.tables, part.paired)]
     shown = [(f"{place}-{figure.plot}", figure) for place, figure in enumerate(part.figures, 1)]
     if not any(figure.plot == "spread" for figure in part.figures):
         shown.append(("spread", Figure(plot="spread")))
-    for place, (name, figure) in enumerate(shown):
-        drawn = _draw(one, figure) if figure.plot not in _FLOWN_APART else _draw_apart(one, figure.plot, place)
+    for name, figure in shown:
+        known = script.figures.get(figure.plot)
+        drawn = _draw(one, figure, script) if known is None else known.draw(one, figure)
         if drawn is not None:
-            caption = figure.caption or note(figure.plot, "figures_of_a_study", **figure.model_dump())
-            blocks.append(Picture(f"{part.campaign}-{name}", drawn, " ".join(caption.split())))
+            about = note(figure.plot, "figures_of_a_study", **figure.model_dump()) if known is None else known.caption
+            blocks.append(Picture(f"{part.campaign}-{name}", drawn, " ".join((figure.caption or about).split())))
     if part.kml is not None:
         file = f"{part.campaign}.kml"
         blocks.append(Text(f"The flight with its 3-sigma position errors, for viewers of the Earth: {file}."))
@@ -160,18 +159,7 @@ def heading(campaign: str) -> str:
     return " ".join([first[:1].upper() + first[1:], *rest])
 
 
-def _behind(one: Answered) -> list[Block]:
-    blocks: list[Block] = []
-    if one.behind is None:
-        return blocks
-    for step, found in one.behind.noise:
-        drawn = steps(found.steps, [phase[:3] for phase in found.phases])
-        caption = f"Error of the unaided system, and what the transition misses of it in steps of {step:g} s."
-        blocks += [noise_table(found, step), Picture(f"{one.part.campaign}-steps-{step:g}", drawn, caption)]
-    return blocks
-
-
-def _draw(one: Answered, figure: Figure) -> Drawing | None:
+def _draw(one: Answered, figure: Figure, script: StudyScript) -> Drawing | None:
     case, many, quantity = _cases(one, figure.case)[0], figure.cases, figure.quantity
     for asked in many:
         _cases(one, asked)
@@ -179,28 +167,18 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
     metric = figure.model_dump(include={"metric", "at", "during", "statistic"})
     band = figure.band or (0.5, 2.0)
     arguments: dict[str, tuple[Any, ...]] = {
-        "spread": (one.stated.get("references") or (),),
+        "spread": ([*one.campaign.model_dump(mode="json")["references"], *script.references(one.campaign.name)],),
         "errors": over,
         "relative": over,
         "autocorrelation": (many, figure.channels),
         "locus": (figure.axis, metric, figure.unit, figure.published, band, many, figure.varied, figure.flown),
-        "missions": (one.flown,),
-        "bound": (next((s for s in one.stated.get("statements") or () if s.get("id") == figure.statement), {}),),
         "sweep": (figure.band,),
-        "interpretations": (),
-        "worth": (many,),
-        "apart": (many, figure.axes),
         "envelope": (case, quantity),
         "budget": (case, quantity),
         "motion": (case, quantity),
     }
     drawn: Drawing | None = PLOTS[figure.plot](one.tables, *arguments.get(figure.plot, (case,)))
     return drawn
-
-
-def _draw_apart(one: Answered, plot: str, place: int) -> Drawing | None:
-    """Draw a figure that results alone do not give, of what was computed beside them."""
-    return None if one.behind is None else _FLOWN_APART[plot](one.behind.drawn[place])
 
 
 def _cases(one: Answered, case: Case) -> list[str]:
@@ -307,33 +285,3 @@ def _shown_events(frame: pd.DataFrame) -> list[str]:
             shown.append(name)
             level = float(value)
     return [str(name) for name in dict.fromkeys([*shown, worst.index[-1]])]
-
-
-def missions_table(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> list[Block]:
-    """Return flown missions in the layout of their publication, and where each lies among our flights."""
-    published: dict[str, dict[str, str]] = {}
-    compared: dict[str, dict[str, str]] = {}
-    for one in flown:
-        name, _, what = (part.strip() for part in str(one["item"]).partition(","))
-        head, value = f"{what} ({one['unit']})", float(one["value"])
-        case = next(iter(cases_of(tables, one.get("case") or {}, axes_of(one))), None)
-        found = np.empty(0) if case is None else ours(tables, case, one, str(one["unit"])).runs
-        below = f"{100 * float(np.mean(found < value)):.0f}" if len(found) else "–"
-        row = published.setdefault(name, {"mission": name})
-        row |= {head: number(value), f"ours below it, {what} (%)": below}
-        if len(found):
-            sizes = (np.sqrt(np.mean(found**2)), *np.quantile(found, [0.5, 0.95]))
-            for label, size in zip(("ours, RMS", "ours, 50 %", "ours, 95 %"), sizes, strict=True):
-                compared.setdefault(label, {"mission": label})[head] = number(size)
-    rows = [*published.values(), *compared.values()]
-    caption = "Flown missions (sizes of the published differences) and our flights."
-    return [table(pd.DataFrame(rows).fillna("–"), caption)] if rows else []
-
-
-def noise_table(found: Any, step: float) -> Block:
-    """Return the densities of an estimate (campaign.estimate) over the whole flight and by phase, in the units of
-    people; step: its length in s.
-    """
-    every = [("whole flight", found.whole), *((name, noise) for name, _, _, noise in found.phases)]
-    rows = [(words(name), math.degrees(noise.attitude) * 60.0, noise.velocity, noise.position) for name, noise in every]
-    return stated("process_noise", pd.DataFrame(rows), step=f"{step:g}")

@@ -1,41 +1,41 @@
-"""The first screen: the answer in a few lines, margins of all cases, the ranking; the answer to each requirement."""
+"""Summary of a report: the answer in a few lines, its limits, margins of all cases, the ranking."""
 
-import math
 from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import mean_at
-from lvnav_trade.metrics.errors.covariances import by_case, why_not_applicable
-from lvnav_trade.metrics.requirements.improvements import asked
-from lvnav_trade.metrics.requirements.margins import ORDER, key_cases, worst, worst_runs
-from lvnav_trade.metrics.requirements.requirements import in_words, where, with_unit
-from lvnav_trade.report.blocks import Block, More, Table, Text, figure, number, percent, stated, table, words
+from lvnav_trade.metrics.errors.covariances import by_case
+from lvnav_trade.metrics.requirements.margins import ORDER, key_cases, worst
+from lvnav_trade.metrics.requirements.requirements import with_unit
+from lvnav_trade.metrics.requirements.windows import COVARIANCE
+from lvnav_trade.report.advice import advice
+from lvnav_trade.report.assumptions import ranked_by_assumptions
+from lvnav_trade.report.blocks import Block, More, Table, Text, figure, listed, number, percent, table, words
+from lvnav_trade.report.document import margin_policy, place_of
+from lvnav_trade.report.validity import MARKS, RESTS_ON, filter_cells, mark, overconfidence, short_lived, window_cells
 from lvnav_trade.store.read import Tables
 
 _FEW = 4  # cases that are all named beside their verdict
+_MULTIPLE = 2.0  # times the limit from which on an error is written as a multiple of it, not as a margin
 SIGNS = {"met": "✓", "undecided": "?", "not applicable": "–", "not confirmed": "!", "violated": "✗"}
-_WORDS = {  # of verdicts, from the best to the worst
-    "met": "Met by", "undecided": "Undecided for", "not confirmed": "Not confirmed for", "violated": "Violated by",
-}  # fmt: skip
+_ROLES = {"worst": "worst", "binding": "smallest margin of those within their limits", "best": "best"}
 
 
 def summary(tables: Tables) -> list[Block]:
     """Return the answer in a few lines, the margin of every requirement in every case, and the ranking."""
     frame = METRICS["margins"](tables)
-    blocks: list[Block] = [*_beyond(tables), *_verdict(frame), *_cases_that_decide(tables, frame)]
+    blocks: list[Block] = [*_beyond(tables), *_verdict(frame), *short_lived(tables), *overconfidence(tables)]
+    blocks += [*margin_policy(tables, frame), *_cases_that_decide(tables, frame)]
     first = METRICS["improvements"](tables)
     if len(first):
-        lead = "What would make it met (by linear covariance, gains frozen; re-tuned may differ):"
-        row = first.iloc[:1]
         more = f" {len(first) - 1} more under Requirements." * (len(first) > 1)
-        blocks.append(Text(f"{_improvements(row)[0]}.{more}", lead))
+        blocks.append(Text(f"{advice(tables, next(first.itertuples()))}{more}", "To comply:"))
     blocks.append(Text(" ".join([_scale(tables), *_agreement(tables)])))
     for lead in ("Warning:", "Note:"):
         lines = [Text(f"{line}.", lead) for line in tables.manifest.get(f"{lead[:-1].lower()}s", [])]
         blocks += lines if len(lines) <= _FEW else [More(f"{len(lines)} {lead[:-1].lower()}s", lines)]
+    blocks += ranked_by_assumptions(tables)
     if len(frame):
         blocks.append(_matrix(tables, frame))
     else:
@@ -47,88 +47,140 @@ def summary(tables: Tables) -> list[Block]:
 
 
 def _verdict(frame: pd.DataFrame) -> list[Block]:
-    """Say how many cases meet all requirements, and of which the others violate."""
+    """Say how many designs meet the requirements, how many violate which, and what either rests on."""
     if frame.empty:
         return []
-    cases, count = frame.groupby("case", sort=False), frame.requirement.nunique()
-    of_cases = cases.verdict.agg(worst)
-    parts = []
-    for verdict, rows in of_cases.groupby(of_cases, sort=False):
-        these = frame[frame.case.isin(rows.index) & (frame.verdict == verdict)]
-        counts = these.groupby("requirement", sort=False).size()
-        which = f" ({', '.join(f'{name}: {number}' for name, number in counts.items())})" * (count > 1)
-        parts.append((ORDER.index(str(verdict)), f"{verdict}: {len(rows)}{which * (verdict != 'met')}"))
-    name = f"All {count} requirements together" if count > 1 else f"{str(frame.requirement.iloc[0]).capitalize()}"
-    shown = "; ".join(text for _, text in sorted(parts))
-    by = " by linear covariance" if (frame.by == "LinCov").all() else ""
-    return [Text(f"{len(of_cases)} case{'s' * (len(of_cases) > 1)}{by}: {shown}.", f"{name}.")]
+    names = list(dict.fromkeys(frame.requirement))
+    of_cases = frame.groupby("case", sort=False).verdict.agg(worst)
+    counts = of_cases.value_counts()
+    parts = [_part(frame, of_cases, verdict, len(names)) for verdict in ORDER[::-1] if verdict in counts]
+    met = int(counts.get("met", 0))
+    every = {1: "the requirement", 2: "both requirements"}
+    what = every.get(len(names), f"all {len(names)} requirements")
+    whole = len(of_cases)
+    start = f"{met or 'None'} of {whole} designs meet{'s' * (met < 2)} {what}"
+    if whole == 1:
+        start = f"The design {'meets' if met else 'does not meet'} {what}"
+    name = f"{what.capitalize()} together" if len(names) > 1 else str(names[0]).capitalize()
+    rest = [part for part in parts if part]
+    start += _rests_on(frame, of_cases, "met")
+    alone = "By linear covariance, without a demonstration by runs: " * bool((frame.by == "LinCov").all())
+    return [Text(f"{alone}{'; '.join([start, *rest])}.", f"{name}.")]
+
+
+def _part(frame: pd.DataFrame, of_cases: pd.Series, verdict: str, count: int) -> str:
+    """Return how many designs have a verdict as their worst, and of which requirements; empty for those that comply."""
+    number_of = int((of_cases == verdict).sum())
+    if verdict == "met":
+        return ""
+    these = frame[frame.case.isin(of_cases.index[of_cases == verdict]) & (frame.verdict == verdict)]
+    which = these.groupby("requirement", sort=False).size()
+    where = f" ({', '.join(f'{name}: {size}' for name, size in which.items())})" * (count > 1)
+    one, some = {
+        "violated": ("violates it", "violate it") if count == 1 else ("violates one", "violate at least one"),
+        "undecided": ("is undecided", "are undecided"),
+        "not confirmed": ("is not confirmed", "are not confirmed"),
+        "not applicable": ("has no verdict", "have no verdict"),
+    }[verdict]
+    return f"{number_of} {one if number_of == 1 else some}{where}{_rests_on(frame, of_cases, verdict)}"
+
+
+def _rests_on(frame: pd.DataFrame, of_cases: pd.Series, verdict: str) -> str:
+    """Say how many designs of a verdict are shown by their runs, where others rest on linear covariance.
+
+    That a design complies is shown where all its requirements are; that it violates one, by that one.
+    """
+    of_runs = frame.by != "LinCov"
+    if of_runs.all() or not of_runs.any() or verdict not in ("met", "violated"):
+        return ""
+    rows = frame.assign(of_runs=of_runs)[frame.case.map(of_cases) == verdict]
+    if rows.empty:
+        return ""
+    by_case = rows[rows.verdict == verdict].groupby("case", sort=False).of_runs
+    shown = by_case.all() if verdict == "met" else by_case.any()
+    others = by_case.any()[~shown]
+    by_runs, by_covariance = "shown by runs", f"by linear covariance{' in part' * bool(others.any())}"
+    if shown.all() or not shown.any():
+        return f", {by_runs if shown.all() else by_covariance}"
+    return f", {int(shown.sum())} {by_runs} and {len(others)} {by_covariance}"
 
 
 def _cases_that_decide(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Name the worst case, the one that keeps its limits with the smallest margin, and the best."""
+    """Name the worst case, the one with the smallest margin of those that comply, and the best."""
     found = []
     for case, role in key_cases(tables).items():
         rows = frame[frame.case == case]
         row = rows.loc[rows.margin_ratio.idxmin()]
         size, limit = (with_unit(value, row.unit) for value in (row.estimate, row.limit))
-        found.append(f"{role}: {case} ({_signed(row)}, {size} of {limit})")
+        found.append(f"{_ROLES[role]}: {case} ({_signed(row)}, {size} of {limit})")
     return [Text(f"{'; '.join(found)}.", "Margins.")] if found else []
 
 
-def _signed(row: Any) -> str:
-    """Write a margin with the sign of its verdict."""
+def _signed(row: Any, as_multiple: bool | None = None) -> str:
+    """Write a margin with the sign of its verdict.
+
+    as_multiple: whether the error is written as a multiple of the limit; where it is at least `_MULTIPLE` by default.
+    """
     size = row.margin_ratio
     if pd.isna(size):
         return SIGNS[row.verdict]
-    text = f" {100.0 * size:+.0f} %" if size > -1.0 else f" {number(1.0 - size)} times the limit"
+    multiple = 1.0 - size >= _MULTIPLE if as_multiple is None else as_multiple
+    text = f" {number(1.0 - size)} times the limit" if multiple else f" {100.0 * size:+.0f} %"
     return f"{SIGNS[row.verdict]}{text}"
 
 
 def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
-    """Return the matrix of cases and requirements, smallest margin first, with the errors that rank the cases."""
+    """Return the matrix of cases and requirements, smallest margin first: margins, whether the filter is consistent,
+    the worst error around events, and the errors that rank the cases.
+    """
     names = list(dict.fromkeys(frame.requirement))
     ranking = METRICS["ranking"](tables).set_index("case")
     shown = [name for name in ("velocity", "position", "attitude") if name in ranking]
-    cells = {(row.case, row.requirement): _signed(row) for row in frame.itertuples()}
+    multiple = {name: bool((1.0 - rows.margin_ratio >= _MULTIPLE).any()) for name, rows in frame.groupby("requirement")}
+    alone = bool((frame.by == COVARIANCE).all())
+    cells = {
+        (row.case, row.requirement): _signed(row, multiple[row.requirement]) + mark(row.by, alone)
+        for row in frame.itertuples()
+    }
+    filters, around = filter_cells(tables), window_cells(tables)
     rows = tuple(
-        (case, *(cells.get((case, name), "") for name in names), *(number(ranking.at[case, name]) for name in shown))
+        (
+            case,
+            *(cells.get((case, name), "") for name in names),
+            filters[case],
+            *(of.get(case, "–") for of in around.values()),
+            *(number(ranking.at[case, name]) for name in shown),
+        )
         for case in dict.fromkeys(frame.case)
     )
     units = [f"{name} ({ranking[f'{name}_unit'].iloc[0]})" for name in shown]
-    by = " Verdicts and margins are linear covariance's." if (frame.by == "LinCov").all() else ""
     signs = ", ".join(f"{sign} {verdict}" for verdict, sign in SIGNS.items() if (frame.verdict == verdict).any())
+    shown_marks = [f"{sign} {RESTS_ON[by]}" for by, sign in MARKS.items() if any(sign in str(row) for row in rows)]
+    by = " Verdicts and margins are linear covariance's." * alone + f" {', '.join(shown_marks)}." * bool(shown_marks)
+    scale = " (the error as a multiple of it in columns with an error of twice the limit or more)" * any(
+        multiple.values()
+    )
+    at = [words(one["at"]) for one in tables.campaign.get("requirements") or () if one.get("at")]
+    nees = " and ".join(["NEES over the run", *[f"at {event}" for event in dict.fromkeys(at)]])
     caption = (
-        f"Margin to the limit, smallest first: {signs}.{by} Beside it the 3D RMS error at "
-        f"{words(METRICS['ranking'](tables).event.iloc[0])}."
+        f"{_required(tables, frame)}Margin to the limit{scale}, smallest first: {signs}.{by} Filter consistent: mean "
+        f"{nees}. Last columns: 3D RMS error at {words(METRICS['ranking'](tables).event.iloc[0])}."
     )
-    return Table(("case", *names, *units), rows, (False, *(True for _ in (*names, *shown))), caption)
+    head = ("design", *names, "filter consistent over the run?", *around, *units)
+    return Table(head, rows, (False, *(True for _ in names), False, *(True for _ in (*around, *shown))), caption)
 
 
-def answers(tables: Tables) -> list[Block]:
-    """Return what each requirement says of the cases, how sure it is, what would make it met, and the worst runs."""
-    verdicts = in_words(METRICS["requirements"](tables))
-    blocks: list[Block] = []
-    for requirement in tables.campaign.get("requirements") or ():
-        blocks += _answer(tables, requirement, verdicts[verdicts.requirement == requirement["name"]])
-    return blocks + _worst_runs(tables)
-
-
-def _worst_runs(tables: Tables) -> list[Block]:
-    """Return the run with the largest error of each requirement in the cases that decide, how to fly it again, and
-    pictures of them.
-    """
-    found = worst_runs(tables)
-    if found.empty:
-        return []
-    shown = found.assign(
-        case=found.case.map(tables.labels),
-        error=[with_unit(row.error, row.unit) for row in found.itertuples()],
-        command=[f"lvnav-trade replay . {row.case} {row.run_number}" for row in found.itertuples()],
-    )
-    names = ["case", "run_number"]
-    kept = found[names].merge(tables.traces[names].drop_duplicates()).drop_duplicates()
-    drawn = [figure(tables, "worst_run", row.case, str(row.run_number)) for row in kept.itertuples()]
-    return [stated("worst_runs", shown), *[More("Pictures of the worst runs", drawn)] * bool(drawn)]
+def _required(tables: Tables, frame: pd.DataFrame) -> str:
+    """Return what is required, in a sentence: limit, place and share of flights; empty beyond a few requirements."""
+    stated = tables.campaign.get("requirements") or ()
+    if len(stated) > _FEW:
+        return ""
+    limits = {row.requirement: with_unit(row.limit, row.unit) for row in frame.dropna(subset="limit").itertuples()}
+    parts = []
+    for one in stated:
+        limit = limits.get(one["name"], one["below"])
+        parts.append(f"{one['name']} below {limit} {place_of(one)} in {percent(float(one['probability']))} of flights")
+    return f"Required: {'; '.join(parts)}. " * bool(parts)
 
 
 def _beyond(tables: Tables) -> list[Block]:
@@ -153,141 +205,6 @@ def _scale(tables: Tables) -> str:
     return f"{len(cases)} case{'s' * (len(cases) > 1)}, linear covariance {flown}{lost}"
 
 
-def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> list[Block]:
-    name = str(requirement["name"])
-    wanted = (
-        f"{_metric(requirement)} below {_limit(requirement, rows.limit.iloc[0])} {_place(requirement)} in "
-        f"{percent(requirement['probability'])} of flights, to be shown with "
-        f"{percent(requirement.get('confidence', 0.9))} confidence."
-    )
-    blocks: list[Block] = [Text(wanted[0].upper() + wanted[1:], f"{name.capitalize()}.")]
-    for verdict in ("met", "violated", "not confirmed", "undecided"):
-        chosen = rows[rows.verdict == verdict]
-        if len(chosen):
-            part = f"{len(chosen)} of {len(rows)} cases: " if len(chosen) > _FEW else ""
-            part = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else part
-            blocks.append(Text(f"{part}{_listed(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
-    blocks += [Text(text, "Linear covariance alone:") for text in _by_covariance(tables, name, rows)]
-    better = METRICS["improvements"](tables)
-    better = better[better.requirement == name]
-    if len(better):
-        return [*blocks, Text(f"{_listed(_improvements(better))}.", "What would make it met:")]
-    return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
-
-
-def _listed(texts: list[str]) -> str:
-    """Join texts; of many the first ones, and how many more there are."""
-    more = len(texts) - 2 * _FEW
-    return "; ".join(texts[: 2 * _FEW]) + f"; and {more} more, see the table" * (more > 0)
-
-
-def _cases(verdict: str, rows: pd.DataFrame) -> list[str]:
-    """Name the cases of a verdict, with what it rests on."""
-    if verdict == "undecided":
-        return _undecided(rows)
-    if verdict == "not confirmed":
-        return list(rows.case)
-    return [f"{row.case} ({row.estimate}; {row.failures} of {row.runs} runs beyond)" for row in rows.itertuples()]
-
-
-def _metric(requirement: dict[str, Any]) -> str:
-    name = words(requirement["metric"])
-    return f"3D {name.removesuffix(' 3d')}" if name.endswith(" 3d") else name
-
-
-def _limit(requirement: dict[str, Any], shown: str) -> str:
-    """Write a limit; an angle in milliradians in degrees too."""
-    size, _, unit = str(requirement["below"]).partition(" ")
-    return f"{shown} ({math.degrees(float(size)):.3g} deg)" if unit == "rad" and "mrad" in shown else shown
-
-
-def _place(requirement: dict[str, Any]) -> str:
-    at = words(where(requirement))
-    if not requirement.get("during"):
-        return f"at {at}"
-    return "at all times of the flight" if at == "flight" else f"at all times from {at}"
-
-
-def _by_covariance(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[str]:
-    """Say what linear covariance by itself would conclude, in one sentence where it concludes the same."""
-    frame = METRICS["expected"](tables)
-    frame = frame[frame.requirement == name]
-    runs = verdicts.set_index("case").verdict
-    shown = frame[(frame.verdict != frame.case.map(runs)) | (len(frame) <= _FEW)]
-    applies = ~shown.verdict.isin(["not applicable", "not confirmed"])
-    found = [
-        f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to keep it"
-        for row in shown[applies].itertuples()
-    ]
-    for (verdict, reason), rows in shown[~applies].groupby(["verdict", "reason"], sort=False):
-        found.append(f"{rows.case.iloc[0] if len(rows) == 1 else f'{len(rows)} cases'}: {verdict}, {reason}")
-    if not len(frame):
-        return []
-    same = int((frame.verdict == frame.case.map(runs)).sum())
-    if not found:
-        return ["the same verdict" + (f" in all {same} cases." if same > 1 else ".")]
-    start = f"the same verdict in {same} of {len(frame)} cases; " if same and len(frame) > _FEW else ""
-    return [start + _listed(found) + "."]
-
-
-def _chance(probability: float) -> str:
-    """Write a probability in percent; what would round to 100 is shown as more than 99.9."""
-    return "more than 99.9 %" if probability > 0.999 else f"{100 * probability:.3g} %"
-
-
-def _improvements(frame: pd.DataFrame) -> list[str]:
-    found = []
-    for row in frame.itertuples():
-        together, _, beyond = row.remark.partition("; ") if row.remark.startswith("together") else ("", "", row.remark)
-        together, beyond = f", {together}," if together else "", f", {beyond}" if beyond else ""
-        part = f"{100 * row.share_ratio:.0f} % of the mean square"
-        better = f"sigma of {_some(row.source)}{together} times {number(row.factor_ratio)} ({part}{beyond})"
-        found.append(f"{row.case}: {better if row.source else row.remark}")
-    return found
-
-
-def _some(sources: str) -> str:
-    """Name the first of several sources, which are the largest, and count the others."""
-    names = sources.split(", ")
-    return sources if len(names) <= _FEW else f"{', '.join(names[: _FEW - 1])} and {len(names) - _FEW + 1} more"
-
-
-def _undecided(rows: pd.DataFrame) -> list[str]:
-    return [
-        f"{_together(list(group.case))} ({more} further good runs {'each ' * (len(group) > 1)}would decide)"
-        for more, group in rows.groupby("runs_to_decide", sort=True)
-    ]
-
-
-def _together(cases: list[str]) -> str:
-    """Name cases, or of many the first ones and how many more there are."""
-    more = len(cases) - _FEW
-    return " and ".join([*cases[:_FEW], f"{more} more"] if more > 1 else cases)
-
-
-def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.DataFrame) -> list[str]:
-    """Say which source makes most of the error, by linear covariance, where a requirement is violated; or that what is
-    the same in every flight does. Of a phase, at the event that keeps the bound least.
-    """
-    budget, quantity = METRICS["budget"](tables), split_metric(requirement["metric"])[0]
-    digests = {label: case for case, label in tables.labels.items()}
-    found = []
-    for case in violated.case:
-        at, there = where(requirement), ""
-        if requirement.get("during"):
-            law = asked(tables, requirement, digests[case])
-            at = at if isinstance(law, str) else law.moment.replace(" ", "_")
-            there = f" at {words(at)}"
-        rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == f"{quantity}_error")]
-        if len(rows) and not why_not_applicable(tables, digests[case]):
-            top, mean = rows.iloc[0], mean_at(tables, digests[case], at, quantity)
-            biased = mean**2 > float((rows.sigma**2).sum())
-            share = f"{top.source} ({100 * top.share_ratio:.0f} % of the variance{there})"
-            same = f"the mean, {number(mean)} {top.unit} in every flight{there}"
-            found.append(f"{case}: {same if biased else share}")
-    return [f"Largest source in the 3D error, by linear covariance: {_listed(found)}."] if found else []
-
-
 def _ranking(tables: Tables) -> Block:
     frame = METRICS["ranking"](tables)
     frame = frame.assign(failed=frame.case.map(tables.cases.set_index("label").failed_count))
@@ -306,22 +223,25 @@ def _agreement(tables: Tables) -> list[str]:
     found = by_case(tables)
     tested = found[found.verdict.isin(["agree", "disagree"])]
     outside = found[found.verdict == "not applicable"].groupby("reason", sort=False)
-    why = [f"{_listed(list(rows.case))} ({reason})" for reason, rows in outside]
+    why = [f"{listed(list(rows.case), 2 * _FEW)} ({reason})" for reason, rows in outside]
     parts = [f"Not applicable: {'; '.join(why)}."] * bool(why)
     if not len(tested):
         return parts
     level = f"({percent(float(tested.alpha_ratio.iloc[0]))} family-wise level per case)"
+    compared = "RMS errors of attitude, velocity and position by axis at every event"
+    left_out = "Quantiles, orbit and impact point are not compared."
     bad = tested[tested.verdict == "disagree"]
     if bad.empty:
         everywhere = "in the one case" if len(tested) == 1 else f"in all {len(tested)} cases"
-        return [f"Monte Carlo and linear covariance agree {everywhere} {level}.", *parts]
+        agree = f"Monte Carlo and linear covariance agree in the {compared}, {everywhere} {level}."
+        return [f"{agree} {left_out}", *parts]
     named = [
         f"{row.case} (worst: {row.state} at {words(row.event)}, ratio {number(row.ratio)}, "
         f"bounds {number(row.low)} to {number(row.high)}, largest source there: {row.source or 'unknown'})"
         for row in bad.itertuples()
     ]
     disagree = (
-        f"Monte Carlo and linear covariance disagree in {len(bad)} of {len(tested)} cases {level}: {_listed(named)}. "
-        "There the Monte-Carlo numbers count."
+        f"Monte Carlo and linear covariance disagree in the {compared}, in {len(bad)} of {len(tested)} cases {level}: "
+        f"{listed(named, 2 * _FEW)}. There the Monte-Carlo numbers count. {left_out}"
     )
     return [disagree, *parts]

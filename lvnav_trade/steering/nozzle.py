@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.setup.vehicle import burns
-from lvnav_trade.observables.attitude import AttitudeReferenceCard
+from lvnav_trade.observables.sensors.attitude import AttitudeReferenceCard
 from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, sensors_measuring

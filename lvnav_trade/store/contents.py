@@ -9,26 +9,30 @@ from itertools import takewhile
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
-from lvnav_trade.errors import InputError, writing
+from lvnav_trade.errors import InputError, quoted, writing
+from lvnav_trade.input_files import read_bytes
 from lvnav_trade.store import parts as part_files
 from lvnav_trade.store import scratch
 from lvnav_trade.store.files import CASE_TABLE, replace_file
-from lvnav_trade.store.schema import TABLES
+from lvnav_trade.store.schema import FEATURES, REPORTED, TABLES
 
 CONTENTS, RESOLVED, MANIFEST = "contents.json", "campaign.resolved.yaml", "manifest.json"
+_BYTES = 2**26  # far beyond what either list of the largest campaign has
 RUN_FILES = (MANIFEST, RESOLVED, *(f"{table}.parquet" for table in TABLES))
 _MARK, _VERSION = "lvnav_trade_contents", 1
 _CASE_TABLES = (CASE_TABLE, ".parquet")  # and how earlier versions ended their names
 _CASE = re.compile(r"\w[\w.-]*")
+_NAME_BYTES = 255  # of a name in a folder, on every common file system
 _TEMPORARY = re.compile(r"^\.(.+)\.\d+$")
 _GIVE_ANOTHER = "nothing was changed; give another folder"
-Kind = Literal["results", "report", "study", "base", "code"]
+Kind = Literal["results", "report", "study", "base", "code", "vectors"]
 _KINDS: dict[str, str] = {
     "results": "the results of a campaign",
     "report": "a kept report",
     "study": "the kept report of a study",
     "base": "a kept base",
     "code": "the code of a filter",
+    "vectors": "the reference vectors of a filter",
 }
 
 
@@ -102,6 +106,14 @@ class OwnedFolder:
         self._files[group] = sorted(files)
         self._save()
 
+    def remove(self, group: str, names: Iterable[str]) -> None:
+        """Remove files of a group from the folder, and then from the list."""
+        gone = set(names)
+        for name in gone:
+            self._remove(self.place(name))
+        self._files[group] = [name for name in self._files.get(group, ()) if name not in gone]
+        self._save()
+
     def clear(self) -> None:
         """Remove every listed file, and the folders that become empty."""
         for name in sorted(self.names):
@@ -130,6 +142,10 @@ class OwnedFolder:
         parts = PurePosixPath(name).parts
         if not parts or ".." in parts or "\0" in name or PurePosixPath(name).is_absolute():
             raise InputError(f"{self.folder}: the name {name!r} leads out of the folder; {_GIVE_ANOTHER}")
+        if any(len(os.fsencode(part)) > _NAME_BYTES for part in parts):
+            raise InputError(
+                f"{self.folder}: the name {quoted(name)} is longer than {_NAME_BYTES} bytes; {_GIVE_ANOTHER}"
+            )
         path = self.folder
         for part in parts[:-1]:
             path = path / part
@@ -139,7 +155,7 @@ class OwnedFolder:
 
     def _place_case(self, case: str) -> Path:
         if not _CASE.fullmatch(case):
-            raise InputError(f"{self.folder}: {case!r} is no digest of a case; {_GIVE_ANOTHER}")
+            raise InputError(f"{self.folder}: {quoted(case)} is no digest of a case; {_GIVE_ANOTHER}")
         return self.place(f"parts/{case}/tables/x").parents[1]
 
     def _remove(self, path: Path) -> None:
@@ -150,7 +166,11 @@ class OwnedFolder:
 
     def _save(self) -> None:
         files = {group: names for group, names in sorted(self._files.items()) if names}
-        content = {_MARK: _VERSION, "kind": self.kind, "files": files, "cases": self.cases}
+        content: dict[str, Any] = {_MARK: _VERSION, "kind": self.kind, "files": files, "cases": self.cases}
+        if self.kind == "results":
+            stored, shown = files.get("run", ()), files.get("report", ())
+            content["tables"] = {name: FEATURES[name] for name in TABLES if f"{name}.parquet" in stored}
+            content["tables"] |= {f"{name}.csv": of for name, of in REPORTED.items() if f"{name}.csv" in shown}
         replace_file(self.folder / CONTENTS, json.dumps(content, indent=1) + "\n")
 
 
@@ -174,6 +194,12 @@ def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
     if holds != kind:
         raise InputError(f"{folder}: holds {_KINDS[holds]}, not {_KINDS[kind]}; {_GIVE_ANOTHER}")
     return OwnedFolder(folder, kind, files, cases, adopted=CONTENTS not in found)
+
+
+def is_without_rows(folder: Path, table: str) -> bool:
+    """Whether results lack a table because it has no rows: they list their tables, and it is not among them."""
+    tables = _json(folder / CONTENTS).get("tables")
+    return isinstance(tables, dict) and table not in tables
 
 
 def _listed(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
@@ -200,8 +226,8 @@ def _of_manifest(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
 def _json(path: Path) -> dict[str, Any]:
     """Return the JSON object of a file, empty where there is none."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        content = json.loads(read_bytes(path, _BYTES).decode())
+    except (InputError, OSError, ValueError, RecursionError):
         return {}
     return content if isinstance(content, dict) else {}
 

@@ -1,4 +1,4 @@
-"""The tables of what is behind a case's linear covariance, from covariances at events to observability."""
+"""Tables of the covariance diagnostics, from covariances at events to observability."""
 
 from typing import Any
 

@@ -81,6 +81,12 @@ def case_schema(path: Path) -> pa.Schema:
         return file.schema
 
 
+def has_rows(path: Path) -> bool:
+    """Whether a case's table has rows."""
+    with pa.memory_map(str(path)) as source, pa.ipc.open_file(source) as file:
+        return any(file.get_batch(k).num_rows for k in range(file.num_record_batches))
+
+
 def batches(path: Path) -> Iterator[pa.Table]:
     """Yield the batches of a case's table, one in memory at a time."""
     with pa.memory_map(str(path)) as source, pa.ipc.open_file(source) as file:

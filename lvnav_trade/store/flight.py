@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade import frames
-from lvnav_trade.engines.setup.prepare import Prepared, reporting_axes
-from lvnav_trade.records import IDLE, TRACKING, CovHistory, Floats, Reference
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.records import IDLE, TRACKING, CovHistory, Floats
 from lvnav_trade.store.columns import Coded
 from lvnav_trade.world.faults import periods, singled_out
 
@@ -21,7 +21,7 @@ _CHANGE = ("t_s", "satellite", "from_state", "to_state", "reason")
 def flight_columns(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
     """Return the columns or rows of the tables."""
     return {
-        "reference": _reference(prepared, cov.t),
+        "reference": _reference(prepared),
         "events": event_rows(prepared),
         "satellites": _satellites(prepared),
         "transitions": [dict(zip(_CHANGE, change, strict=True)) for change in prepared.sky.transitions],
@@ -29,21 +29,20 @@ def flight_columns(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
     }
 
 
-def _reference(prepared: Prepared, t: Floats) -> dict[str, Any]:
-    """Describe the flight at the ticks nearest to the history times."""
-    reference, at = prepared.reference, _ticks_at(prepared.reference, t)
-    r_i, v_i = reference.r_i[at], reference.v_i[at]
-    theta = frames.earth_angle(prepared.trajectory.theta0, reference.t[at])
+def _reference(prepared: Prepared) -> dict[str, Any]:
+    """Describe the flight at the history times."""
+    t, r_i, v_i, _, f_b, w_ib_b = prepared.motion
+    theta = frames.earth_angle(prepared.trajectory.theta0, t)
     latitude, longitude, altitude = frames.geodetic_from_ecef(frames.ecef_from_eci(r_i, theta))
     return {
-        "t_s": reference.t[at],
+        "t_s": t,
         "latitude_rad": latitude,
         "longitude_rad": longitude,
         "altitude_m": altitude,
         "inertial_speed_m_per_s": np.linalg.norm(v_i, axis=1),
         "ground_speed_m_per_s": np.linalg.norm(frames.earth_velocity(r_i, v_i), axis=1),
-        "specific_force_m_per_s2": np.linalg.norm(reference.f_b[at], axis=1),
-        "body_rate_rad_per_s": np.linalg.norm(reference.w_ib_b[at], axis=1),
+        "specific_force_m_per_s2": np.linalg.norm(f_b, axis=1),
+        "body_rate_rad_per_s": np.linalg.norm(w_ib_b, axis=1),
     }
 
 
@@ -106,19 +105,14 @@ def state_columns(prepared: Prepared, cov: CovHistory) -> dict[str, dict[str, An
     if len(index) != 6:
         return {"states": {}, "joint": {}}
     rows = _rows(prepared, cov)
-    reference, at = prepared.reference, _ticks_at(prepared.reference, cov.t[[k for _, k in rows]])
-    r_i, v_i, t = reference.r_i[at], reference.v_i[at], reference.t[at]
-    theta0 = prepared.trajectory.theta0
-    axes = reporting_axes(prepared.scenario.frame, t, r_i, v_i, theta0)
+    at = [k for _, k in rows]
+    # the true state is that of the event itself; its errors are those of the first tick at or after it, in axes there
+    t, r_i, v_i, axes = (part[at] for part in (*prepared.motion[:3], prepared.record.axes))
+    theta = frames.earth_angle(prepared.trajectory.theta0, t)
     return {
-        "states": _states([event for event, _ in rows], t, r_i, v_i, frames.earth_angle(theta0, t), axes),
+        "states": _states([event for event, _ in rows], t, r_i, v_i, theta, axes),
         "joint": _joint(rows, t, cov, index, axes),
     }
-
-
-def _ticks_at(reference: Reference, t: Floats) -> Any:
-    """Return the indices of the ticks of the flight nearest to times (n,)."""
-    return np.searchsorted(0.5 * (reference.t[1:] + reference.t[:-1]), t)
 
 
 def _rows(prepared: Prepared, cov: CovHistory) -> list[tuple[str, int]]:

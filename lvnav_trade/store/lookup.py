@@ -1,13 +1,17 @@
-"""Rows of a table by what stands in them, found without a search; results that are kept with the tables."""
+"""Indexed row lookup and cached metrics of result tables."""
+
+from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-import pandas as pd
 
 from lvnav_trade.store.read import PLACES, Tables
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _Found = TypeVar("_Found")  # frame or list
 

@@ -8,19 +8,25 @@ import weakref
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from ruamel.yaml.error import YAMLError
 
-from lvnav_trade.errors import InputError
-from lvnav_trade.store.contents import refuse_foreign
-from lvnav_trade.store.schema import TABLES, arrow_schema
+from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.input_files import read_bytes, refuse_irregular
+from lvnav_trade.store.contents import is_without_rows
+from lvnav_trade.store.manifest import damaged, read_manifest, refuse_changed
+from lvnav_trade.store.schema import OF_OUTPUTS, TABLES, arrow_schema
 from lvnav_trade.store.versions import parsed
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PLACES: dict[int, dict[tuple[str, ...], dict[Any, Any]]] = {}
 """Where the rows of values stand in a frame that is a table, by its identity and the columns; filled when asked for."""
+_RESOLVED_BYTES = 2**26  # far beyond what a resolved campaign of the largest size has
 
 
 class Tables:
@@ -54,7 +60,7 @@ class Tables:
         if name not in TABLES:
             raise AttributeError(name)
         if name not in self._read:
-            table = _whole(name, read_table(self.folder / f"{name}.parquet"))
+            table = _whole(name, stored_table(self.folder, name))
             self._read[name] = table.combine_chunks().to_pandas()  # rows are looked up in one piece, not case by case
         frame = self._read[name]
         if id(frame) not in PLACES:
@@ -65,19 +71,18 @@ class Tables:
     @cached_property
     def manifest(self) -> dict[str, Any]:
         """What computed the results."""
-        path = self.folder / "manifest.json"
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise InputError(f"{path}: damaged: {error}") from None
-        refuse_foreign(path, content)
-        return content
+        return read_manifest(self.folder / "manifest.json")
 
     @cached_property
     def campaign(self) -> dict[str, Any]:
         """The resolved campaign, all defaults filled in."""
-        text = (self.folder / "campaign.resolved.yaml").read_text(encoding="utf-8")
-        return dict(parsed(text))
+        path = self.folder / "campaign.resolved.yaml"
+        refuse_changed(path)
+        try:
+            found = dict(parsed(read_bytes(path, _RESOLVED_BYTES).decode()))
+        except (YAMLError, ValueError, TypeError, AttributeError, RecursionError) as error:
+            raise damaged(path, error) from None
+        return found
 
     @cached_property
     def labels(self) -> dict[str, str]:
@@ -111,6 +116,15 @@ def _whole(name: str, table: pa.Table) -> pa.Table:
     return table
 
 
+def _is_of_kind(held: pa.DataType, wanted: pa.DataType) -> bool:
+    """Whether values of a type are numbers, texts or switches as those of another: the widths may differ."""
+    if pa.types.is_dictionary(held):
+        held = held.value_type
+    kinds = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean)
+    is_text = [pa.types.is_string(kind) or pa.types.is_large_string(kind) for kind in (held, wanted)]
+    return pa.types.is_null(held) or (is_text[0] == is_text[1] and all(of(held) == of(wanted) for of in kinds))
+
+
 def load(results: Path | str | Tables) -> Tables:
     """Return the tables of a results folder; InputError where there is none. Tables are handed through."""
     if isinstance(results, Tables):
@@ -118,14 +132,36 @@ def load(results: Path | str | Tables) -> Tables:
     folder = Path(results)
     if not (folder / "manifest.json").exists():
         raise InputError(f"{folder}: no results here (no manifest.json)")
+    refuse_irregular(folder)
     tables = Tables(folder)
     if "created" in tables.manifest and "finished" not in tables.manifest:  # a kept base has neither
         raise InputError(f"{folder}: the campaign has not finished; the same lvnav-trade run goes on with it")
     return tables
 
 
+def stored_table(folder: Path, name: str) -> pa.Table:
+    """Return a table of a results folder; without rows where it was not written for lack of them. InputError as of
+    `read_table`.
+    """
+    if not is_without_rows(folder, name):
+        path = folder / f"{name}.parquet"
+        found = read_table(path)
+        for field in arrow_schema(name):
+            held = found.schema.field(field.name).type if field.name in found.column_names else field.type
+            if not _is_of_kind(held, field.type):
+                raise damaged(path, f"the column {quoted(field.name)} has values of type {held}, not {field.type}")
+        return found
+    kinds = OF_OUTPUTS.get(name, ())
+    outputs = stored_table(folder, "outputs").to_pylist() if kinds else []  # none either where every case failed
+    every = {kind(row["quantity"], row["axis"], row["unit"]): None for kind in kinds for row in outputs}
+    return arrow_schema(name, tuple(every)).empty_table()
+
+
 def read_table(path: Path) -> pa.Table:
-    """Return a table of results, every page held against its checksum; InputError where it is missing or damaged."""
+    """Return a table of results, held against its digest and every page against its checksum; InputError where it is
+    missing or damaged.
+    """
+    refuse_changed(path)
     try:
         return pq.read_table(path, page_checksum_verification=True)
     except FileNotFoundError:
@@ -135,4 +171,4 @@ def read_table(path: Path) -> pa.Table:
         if isinstance(error, OSError) and error.errno is not None:
             raise InputError(f"{path}: cannot be read: {os.strerror(error.errno)}") from None
         why = str(error).strip().partition("\n")[0] or type(error).__name__
-        raise InputError(f"{path}: damaged: {why}; the same lvnav-trade run makes it again") from None
+        raise damaged(path, why) from None

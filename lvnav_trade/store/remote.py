@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, credentials
 from lvnav_trade.store.contents import CONTENTS, MANIFEST, owned
 
 _LAST = (CONTENTS, MANIFEST)  # what says that results are there is copied behind them
@@ -98,7 +98,14 @@ def _reached(url: str) -> Iterator[tuple[Any, str]]:
     except InputError:
         raise
     except ImportError as error:
-        raise InputError(f"{url}: {str(error).partition(chr(10))[0]}") from None
+        raise InputError(f"{url}: {_without_secrets(error, url)}") from None
     except Exception as error:  # every file system has errors of its own
-        why = str(error).strip().partition("\n")[0] or type(error).__name__
-        raise InputError(f"{url}: cannot be reached: {why}") from None
+        raise InputError(f"{url}: cannot be reached: {_without_secrets(error, url)}") from None
+
+
+def _without_secrets(error: Exception, url: str) -> str:
+    """Return the first line of an error, which may quote parts of the address in a form of its own."""
+    why = str(error).strip().partition("\n")[0] or type(error).__name__
+    for secret in credentials(url):
+        why = why.replace(secret, "***")
+    return why

@@ -1,5 +1,6 @@
-"""The data dictionary, `tables.toml`: which tables there are, which columns, in which unit."""
+"""The data dictionary, `tables.toml`: which tables there are and of which feature, which columns, in which unit."""
 
+import re
 import tomllib
 from functools import lru_cache
 from importlib import resources
@@ -14,6 +15,10 @@ TABLES: dict[str, dict[str, str]] = {
     table: {name: meaning or _STATED["shared"][name] for name, meaning in columns.items()}
     for table, columns in _STATED["tables"].items()
 }
+# Feature of a campaign that each table belongs to; a table without rows is not written
+FEATURES: dict[str, str] = {table: _STATED["features"][table] for table in TABLES}
+# The same of the CSV tables beside a report
+REPORTED: dict[str, str] = _STATED["reported"]
 # Suffix of a column of errors in the table `runs`, by the SI unit of the output
 SI_SUFFIX = {
     "m": "m",
@@ -26,10 +31,21 @@ SI_SUFFIX = {
     "rad*s/m": "rad_s_per_m",
     "s/rad": "s_per_rad",
     "s^2/m": "s2_per_m",
+    "T": "tesla",
     "dimensionless": "ratio",
     "": "ratio",
     "1": "ratio",
 }
+
+
+def unit_suffix(unit: str) -> str:
+    """Return the end of a column's name for numbers in an SI unit, such as rad_per_sqrt_s for ``rad/s**0.5``."""
+    if unit in SI_SUFFIX:
+        return SI_SUFFIX[unit]
+    text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)0\.5", r"sqrt_\1", unit)
+    text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)1\.5", r"\1_sqrt_\1", text)
+    text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)2\.5", r"\1_\1_sqrt_\1", text)
+    return re.sub(r"\W", "_", text.replace("**", "").replace("^", "").replace("/", "_per_").replace("*", "_")).lower()
 
 
 def error_column(quantity: str, axis: str, unit: str) -> str:
@@ -40,6 +56,10 @@ def error_column(quantity: str, axis: str, unit: str) -> str:
 def rms_column(quantity: str, axis: str, unit: str) -> str:
     """Return the column of the table `worst` with one error's root mean square over a span."""
     return f"{quantity}_{axis}_rms_{SI_SUFFIX[unit]}"
+
+
+# Columns of errors that tables have further, one for each output
+OF_OUTPUTS = {"runs": (error_column,), "spot_runs": (error_column,), "worst": (error_column, rms_column)}
 
 
 def kind_of(column: str) -> pa.DataType:

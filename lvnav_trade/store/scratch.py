@@ -91,7 +91,7 @@ def left(file: Path, root: type, identity: str) -> Any:
 
 
 def hold(file: Path, value: Any, identity: str) -> None:
-    """Keep a value at hand as `leave` does, without the file: it is of use to this unit of work alone."""
+    """Keep a value at hand as `leave` does, without the file: it is of use to this work item alone."""
     _keep(file, identity, value)
 
 

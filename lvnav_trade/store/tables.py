@@ -16,7 +16,7 @@ from lvnav_trade.scenario import Scenario
 from lvnav_trade.steering.nozzle import AXES, FEEDS, PHASES, Controlled
 from lvnav_trade.store.columns import Coded, column
 from lvnav_trade.store.diagnostics import explained_rows
-from lvnav_trade.store.flight import event_rows, flight_columns, state_columns
+from lvnav_trade.store.flight import flight_columns
 from lvnav_trade.store.runs import DRAWN, integrity_columns, run_columns, start_columns, trace_columns
 from lvnav_trade.store.schema import TABLES, arrow_schema
 
@@ -78,33 +78,6 @@ def starts_table(case_id: str, starts: StartDraws | None) -> dict[str, pa.Table]
 def traces_table(case_id: str, outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> pa.Table:
     """Return the table of runs over time, a block of one run each."""
     return _arrow("traces", case_id, trace_columns(outputs, blocks))
-
-
-def covariance_tables(case: CaseInfo, prepared: Prepared, cov: CovHistory) -> dict[str, pa.Table]:
-    """Return the tables that linear covariance's statement on a requirement rests on, without those of the flight."""
-    contents: dict[str, Any] = {
-        "cases": _cases(case, prepared, None, None),
-        "outputs": _outputs(prepared.outputs),
-        "history": _history(prepared.outputs, cov, None),
-        "innovations": _innovations(cov, None),
-        "worst": {},
-        "events": event_rows(prepared),
-        "consistency": _consistency(prepared, cov, None),
-        **state_columns(prepared, cov),
-        **explained_rows(prepared, cov, None),
-    }
-    return {name: _arrow(name, case.id, content) for name, content in contents.items()}
-
-
-def requirement_tables(case_id: str, prepared: Prepared, cov: CovHistory, summary: BlockSummary) -> dict[str, pa.Table]:
-    """Return the tables that requirements are tested on, of some runs of a case."""
-    contents: dict[str, Any] = {
-        "outputs": _outputs(prepared.outputs),
-        "events": event_rows(prepared),
-        **state_columns(prepared, cov),
-    }
-    tables = {name: _arrow(name, case_id, content) for name, content in contents.items()}
-    return tables | row_tables(case_id, prepared.outputs, summary, prepared.channel_names)
 
 
 def _arrow(name: str, case_id: str, content: dict[str, Any] | list[dict[str, Any]]) -> pa.Table:

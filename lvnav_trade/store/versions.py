@@ -1,4 +1,4 @@
-"""What computed the results: versions, digests, machine; and how far another machine's numbers may differ."""
+"""Versions, digests and machine that computed the results; tolerances between machines."""
 
 import hashlib
 import importlib.metadata
@@ -10,18 +10,21 @@ from typing import Any
 
 import ruamel.yaml
 
+from lvnav_trade.marks import without_marks
 from lvnav_trade.store.schema import TABLES
 
 RESULTS_VERSION = 2  # layout of the files in a folder of results; a block of another layout is computed again
 PACKAGE = Path(__file__).resolve().parents[1]
 _COMPUTES = ("kernels", "delays", "world", "observables", "receivers", "filters", "engines", "steering")
 _COMPUTES_TOO = (
-    "layout.py", "frames.py", "records.py", "scenario.py", "units.py", "sources.py", "refusals.py", "limits.py",
-    "input_files.py", "reads.py", "resources.py", "per_axis.py", "noise.py", "envelope.py",
+    "layout.py", "frames.py", "records.py", "scenario.py", "units.py", "unit_list.py", "unit_spelling.py",
+    "decimals.py", "sources.py", "refusals.py", "limits.py", "line_of_sight.py",
+    "input_files.py", "marks.py", "reads.py", "resources.py", "per_axis.py", "noise.py", "envelope.py",
 )  # fmt: skip
+_OF_RUNS = ("runs", "stop", "selected", "other_runs")  # of monte_carlo: how many runs there are
 _NOT_THE_RUNS = (
-    "description", "covariance", "requirements", "references", "orderings", "innovations", "statements", "report",
-    "corridor", "compare",
+    "description", "covariance", "requirements", "references", "report", "corridor", "compare", "document",
+    "margin_policy",
 )  # fmt: skip
 
 
@@ -54,9 +57,9 @@ def parsed(resolved_yaml: str) -> dict[str, Any]:
 def campaign_digest(resolved_yaml: str) -> str:
     """Return a digest of what a resolved campaign computes: neither its number of runs nor what is asked of them."""
     tree = parsed(resolved_yaml)
-    kept = {key: value for key, value in tree.items() if key not in _NOT_THE_RUNS}
+    kept = {key: without_marks(value) for key, value in tree.items() if key not in _NOT_THE_RUNS}
     if isinstance(kept.get("monte_carlo"), dict):
-        kept["monte_carlo"] = {key: value for key, value in kept["monte_carlo"].items() if key not in ("runs", "stop")}
+        kept["monte_carlo"] = {key: value for key, value in kept["monte_carlo"].items() if key not in _OF_RUNS}
     return hashlib.sha256(_canonical(kept).encode()).hexdigest()[:16]
 
 

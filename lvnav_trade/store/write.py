@@ -15,6 +15,7 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import BlockSummary, merge
 from lvnav_trade.errors import InputError, writing
+from lvnav_trade.input_files import read_bytes
 from lvnav_trade.records import CovHistory, RunBlock
 from lvnav_trade.steering.nozzle import Controlled
 from lvnav_trade.store import parts as part_files
@@ -24,11 +25,13 @@ from lvnav_trade.store.files import (
     CASE_TABLE,
     batches,
     case_schema,
+    has_rows,
     merged_table,
     replace_file,
     row_files,
     write_case_table,
 )  # fmt: skip
+from lvnav_trade.store.manifest import DIGESTS, MANIFEST_BYTES, digests
 from lvnav_trade.store.schema import TABLES, arrow_schema
 from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table, traces_table
 from lvnav_trade.store.versions import RESULTS_VERSION, across_machines, campaign_digest, environment
@@ -41,7 +44,7 @@ Each = Callable[[Callable[..., Any], Sequence[tuple[Any, ...]]], Iterable[Any]]
 
 
 def one_by_one(function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -> Iterable[Any]:
-    """Yield function(*unit) of units of work, in this process."""
+    """Yield function(*unit) of work items, in this process."""
     return (function(*unit) for unit in units)
 
 
@@ -140,23 +143,35 @@ class Results:
 
         The cases come in the order of "cases", the digests in the order of the plan; those without tables are left out.
         `trace` is called when all tables but that of single runs over time are there, and may write those. `each` calls
-        a function with units of work, one a table: worker processes may do them.
+        a function with work items, one a table: worker processes may do them.
         """
         found = [case for case in extra_manifest["cases"] if (self.case_folder(case) / "tables").is_dir()]
-        for _ in each(self.merge_table, [(name, found) for name in TABLES if name != "traces"]):
-            pass
+        self._merge_tables([name for name in TABLES if name != "traces"], found, each)
         if trace is not None:
             trace(self.folder)
-        self.merge_table("traces", found)
+        self._merge_tables(["traces"], found, one_by_one)
         self.manifest |= extra_manifest
-        self.manifest |= {"cases": found, "across_machines": across_machines(), "finished": _now()}
+        files = [self.folder / RESOLVED, *(self.folder / f"{name}.parquet" for name in TABLES)]
+        self.manifest |= {
+            DIGESTS: digests(files),
+            "cases": found,
+            "across_machines": across_machines(),
+            "finished": _now(),
+        }
         self.owned.claim("run", (), found)
         _write_json(self.folder / MANIFEST, self.manifest)
 
-    def merge_table(self, name: str, cases: Sequence[str]) -> None:
-        """Write a table of all cases from those of each."""
+    def _merge_tables(self, names: Sequence[str], cases: Sequence[str], each: Each) -> None:
+        """Write tables of all cases; of those without rows nothing is left."""
+        written = each(self.merge_table, [(name, cases) for name in names])
+        self.owned.remove("run", [f"{name}.parquet" for name, rows in written if not rows])
+
+    def merge_table(self, name: str, cases: Sequence[str]) -> tuple[str, bool]:
+        """Write a table of all cases from those of each, where it has rows; return its name, and whether it has."""
         of_cases = [self.case_folder(case) / "tables" / f"{name}{CASE_TABLE}" for case in cases]
         files = [file for file in of_cases if file.is_file()]  # those that are empty are not there
+        if not any(map(has_rows, files)):
+            return name, False
         every = dict.fromkeys(column for file in files for column in case_schema(file).names[1:])
         metadata = {
             "lvnav_trade.table": name,
@@ -168,6 +183,7 @@ class Results:
         with merged_table(self.folder / f"{name}.parquet", schema) as write:
             for table in chain.from_iterable(map(batches, files)):
                 write(_widen(table, schema))
+        return name, True
 
 
 def _widen(table: pa.Table, schema: pa.Schema) -> pa.Table:
@@ -214,7 +230,7 @@ def _refuse_other(folder: Path, identity: dict[str, str]) -> None:
     if not path.exists():
         return
     try:
-        held = json.loads(path.read_text(encoding="utf-8"))
+        held = json.loads(read_bytes(path, MANIFEST_BYTES).decode())
         if not isinstance(held, dict):
             raise ValueError("no JSON object")
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Conditions on anything that is switched, a sensor or a fault: times, events, altitude, speed, dynamic pressure."""
+"""Conditions that switch a sensor or a fault: times, events, altitude, speed, dynamic pressure."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Angle, Card, Length, Pressure, SpeedSigma
-from lvnav_trade.world.events import resolve
+from lvnav_trade.world.events import Instant, resolve
 
 Mask = NDArray[np.bool_]
 Intervals = tuple[tuple[float, float], ...]
@@ -28,10 +28,10 @@ class Conditions(Card):
 
     model_config = ConfigDict(serialize_by_alias=True)
 
-    from_: str | None = Field(
+    from_: Instant | None = Field(
         None, alias="from", description="on from this time, such as '100 s', or event: 'stage1_cutoff + 20 s'"
     )
-    until: str | None = Field(None, description="on until this time or event, as `from`")
+    until: Instant | None = Field(None, description="on until this time or event, as `from`")
     above: Length | None = Field(None, description="on at and above this altitude over the ellipsoid")
     below: Length | None = Field(None, description="on below this altitude over the ellipsoid")
     speed_above: SpeedSigma | None = Field(None, description="on at and above this speed relative to the Earth")

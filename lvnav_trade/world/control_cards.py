@@ -11,8 +11,13 @@ from lvnav_trade import per_axis, units
 from lvnav_trade.envelope import EnvelopeCard
 from lvnav_trade.frames import rotation_e_n
 from lvnav_trade.records import Floats
+from lvnav_trade.world.events import Instant
 from lvnav_trade.world.sensors.imu import ImuCard
 
+_NOT_IN_RATE_FILTER = (  # fields of an envelope that the filter of pitch and yaw rate does not read
+    "roll", "axial_burn", "axial_coast", "axial_change", "lateral", "nozzle_gain", "nozzle_time", "start_rate",
+    "start_acceleration",
+)  # fmt: skip
 _UNIFORM = 0.28867513459481287  # radius of gyration of a uniform rod, in its lengths: 1 / sqrt(12)
 
 
@@ -20,7 +25,7 @@ class Nozzle(units.Card):
     """A thrust nozzle on two axes and its actuators: a first-order lag within limits of rate and deflection."""
 
     time_constant: units.TimeConstant
-    rate_limit: Annotated[units.AngularRate, Field(gt=0.0)]
+    rate_limit: units.AngularRateLimit
     deflection_limit: Annotated[units.Angle, Field(gt=0.0, lt=1.0)]
     misalignment: units.AngleSigma = Field(0.0, description="of the thrust, constant over a burn, per axis")
 
@@ -34,9 +39,9 @@ class Thrusters(units.Card):
 
     force: units.Force = Field(description="of a pair that turns the vehicle about one axis")
     arm: Annotated[units.Length, Field(gt=0.0)] = Field(description="from the centre of mass, in every stack")
-    dead_band: Annotated[units.Angle, Field(gt=0.0)]
+    dead_band: units.AngleLimit
     lead: units.TimeConstant
-    release: float = Field(0.5, ge=0.0, lt=1.0)
+    release: units.Share = Field(0.5, ge=0.0, lt=1.0)
 
 
 class Stack(units.Card):
@@ -88,7 +93,7 @@ class Gains(units.Card):
 class Turn(units.Card):
     """A turn manoeuvre laid over the ascent's attitude: by an angle, from an event on, along a quintic in time."""
 
-    start: str = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
+    start: Instant = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
     axis: Literal["pitch", "yaw"]
     angle: units.Angle
     duration: units.TimeConstant
@@ -103,7 +108,7 @@ class Guidance(units.Card):
     from_stage: int = Field(2, ge=1, description="number of the first stage that is corrected; below: open loop")
     period: units.TimeConstant = 1.0
     time: units.TimeConstant = 20.0
-    limit: Annotated[units.Angle, Field(gt=0.0)] = 0.03490658503988659  # 2 deg
+    limit: units.AngleLimit = 0.03490658503988659  # 2 deg
     velocity_sigma: units.SpeedSigma = Field(
         0.0, description="noise of the navigation's lateral speed, new at every step"
     )
@@ -197,8 +202,14 @@ class SteeredCard(units.Card):
     realisation: int = Field(0, ge=0, lt=2**32, description="which launch; the same for all runs")
 
     def _faults(self) -> Iterator[str]:
-        if self.envelope is not None and self.feedback.rate != "filtered":
-            yield f"the {self.feedback.rate} rate feeds the controller, no envelope filters it"
+        if self.envelope is None:
+            return
+        if self.feedback.rate != "filtered":
+            yield f"envelope has no effect: the controller takes the {self.feedback.rate} rate; leave it out"
+        usual = EnvelopeCard()
+        idle = [name for name in _NOT_IN_RATE_FILTER if getattr(self.envelope, name) != getattr(usual, name)]
+        if idle:
+            yield f"envelope.{idle[0]} has no effect: only the rates of pitch and yaw are filtered; leave it out"
 
     def misfits(self, stages: int) -> Iterator[str]:
         """Yield what does not fit a vehicle of so many stages."""

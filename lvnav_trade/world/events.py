@@ -3,6 +3,9 @@
 import difflib
 import re
 from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import AfterValidator
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.units import parse
@@ -34,3 +37,18 @@ def _seconds(part: str, text: str) -> float:
         return parse(part.strip(), "s")
     except ValueError as error:
         raise InputError(f"{text!r} is not a time: {error}") from None
+
+
+def _instant(text: str) -> str:
+    """Return a text that is a time as far as it can be seen without a flight; ValueError where its duration is none."""
+    match = _TIMED.match(text)
+    part = text if match is None else match["offset"]
+    try:
+        parse((part or "0 s").strip(), "s")
+    except ValueError as error:
+        raise ValueError(f"{text!r} is not a time: {error}") from None
+    return text
+
+
+Instant = Annotated[str, AfterValidator(_instant)]
+"""A text that `resolve` reads; its unit is checked with the card, its event with the flight."""

@@ -21,6 +21,7 @@ from lvnav_trade.units import (
     distinct,
 )
 from lvnav_trade.world.conditions import Conditions, SightConditions
+from lvnav_trade.world.events import Instant
 from lvnav_trade.world.patterns import Pattern
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
 class Timed(Conditions):
     """What every fault has: when it starts and how long it lasts, or conditions while which it holds, or both."""
 
-    start: str | None = Field(
+    start: Instant | None = Field(
         None, description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'; with a duration"
     )
     duration: Pause | None = Field(None, description="how long it lasts from its start")
@@ -86,7 +87,9 @@ class RangeBias(TimedInSight):
 class Jump(Conditions):
     """Something that jumps once."""
 
-    start: str | None = Field(None, description="time, or relative to an event; or conditions, once they begin to hold")
+    start: Instant | None = Field(
+        None, description="time, or relative to an event; or conditions, once they begin to hold"
+    )
 
     @property
     def duration(self) -> float:
@@ -169,16 +172,16 @@ class Spoofing(Timed):
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
         if not any(self.velocity):
-            yield "velocity: a place that does not move away is the antenna's own"
+            yield "velocity: is zero, so the false position is the true one; give a velocity, or leave the fault out"
 
 
 class Jamming(Timed):
     """A transmitter on the ground in the receiver's band: C/N0 falls as the link budget says."""
 
     kind: Literal["jamming"] = "jamming"
-    latitude: Annotated[Angle, Field(ge=-0.5 * math.pi, le=0.5 * math.pi)]
-    longitude: Angle
-    height: Length = 0.0
+    latitude: Annotated[Angle, Field(ge=-0.5 * math.pi, le=0.5 * math.pi)]  # geodetic, of the transmitter
+    longitude: Angle  # of the transmitter
+    height: Length = 0.0  # over the ellipsoid
     power: Level = Field(description="into the transmitter's antenna")
     pattern: Pattern | None = Field(None, description="of the transmitter's antenna; none: 0 dBi in all directions")
     azimuth: Angle = Field(0.0, description="of the boresight, from north over east")

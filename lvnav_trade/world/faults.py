@@ -1,4 +1,4 @@
-"""Faults that a campaign names: what fails, when, and what that does to satellites and receiver at the epochs."""
+"""Faults of a campaign: effects on satellites and receiver at the epochs."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -31,10 +31,18 @@ Mask = NDArray[np.bool_]
 
 
 class Failures(NamedTuple):
-    """What faults do at the epochs. noise (n_epoch, n_sat) factor on white noise, solution_noise (n_epoch,); bias and
-    drift (n_epoch, n_sat) m and m/s in range and its rate; slip (n_epoch, n_sat) cycles in the carrier phase; jump
-    (n_epoch, 2) of the clock's bias (m) and drift (m/s) at this epoch; wild (n_epoch, n_sat) and solution_wild
-    (n_epoch,) sigma (m); frozen (n_epoch,); invalid (n_epoch, n_flag), by the flags of `records.FLAGS`.
+    """Effects of faults on the receiver at the epochs.
+
+    noise : (n_epoch, n_sat). Factor on the white noise of the satellite's measurements.
+    solution_noise : (n_epoch,). Factor on the white noise of the receiver's solution.
+    bias : (n_epoch, n_sat) m. Error of the range.
+    drift : (n_epoch, n_sat) m/s. Error of the range rate.
+    slip : (n_epoch, n_sat) cycles. Accumulated slips of the carrier phase.
+    jump : (n_epoch, 2) m, m/s. Jump of clock bias and drift at this epoch.
+    wild : (n_epoch, n_sat) m. Sigma of wild ranges.
+    solution_wild : (n_epoch,) m. Sigma of wild solutions.
+    frozen : (n_epoch,). Whether the receiver repeats its last output.
+    invalid : (n_epoch, n_flag). Whether the receiver raises the flag, in the order of `records.FLAGS`.
     """
 
     noise: Floats

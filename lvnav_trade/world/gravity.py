@@ -1,14 +1,14 @@
-"""What true gravity has beyond any model: a disturbance along the flight."""
+"""Disturbance of the true gravity along the flight, beyond any gravity model."""
 
 import math
 
 from pydantic import Field
 
+from lvnav_trade.layout import NO_SENSOR, ErrorTerm
 from lvnav_trade.units import AccelerationSigma, Card, TimeConstant
-from lvnav_trade.world.sensors.imu import ErrorBlock
 
 # Not a sensor's error: it pushes along the axes of frame i.
-NO_SENSOR, GRAVITY = -1, -2
+GRAVITY = -2
 
 
 class GravityCard(Card):
@@ -20,8 +20,8 @@ class GravityCard(Card):
     time: TimeConstant | None = Field(20.0, description="correlation time; none: constant over the flight")
 
 
-def disturbance(card: GravityCard | None) -> tuple[ErrorBlock, ...]:
-    """Return the disturbance as a block of true parameters; none where the card names none."""
+def disturbance(card: GravityCard | None) -> tuple[ErrorTerm, ...]:
+    """Return the disturbance as a true error term; none where the card names none."""
     if card is None or card.sigma == 0.0:
         return ()
-    return (ErrorBlock("gravity disturbance", 0, NO_SENSOR, GRAVITY, card.sigma, 0.0, card.time or math.inf),)
+    return (ErrorTerm("gravity disturbance", 0, NO_SENSOR, GRAVITY, card.sigma, 0.0, card.time or math.inf),)

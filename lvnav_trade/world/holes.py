@@ -1,4 +1,4 @@
-"""Holes in the rows of a file: how long each may be, and what is said of those that a spline bridges."""
+"""Gaps in the rows of a file: largest length allowed, and remarks on gaps that a spline bridges."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,7 +12,7 @@ _MANY = 6.0  # times the longer of the intervals beside it: more than that is a 
 
 
 class Hole(NamedTuple):
-    """A stretch from `start` to `end` (s) without rows, after row `row`, where rows beside are `usual` s apart."""
+    """A stretch from `start` to `end` (s) without rows, after row `row`, where the rows around are `usual` s apart."""
 
     row: int
     start: float
@@ -50,7 +50,7 @@ def bridged(
         else:
             line = f":{places[hole.row + 1]}" if places else ""
             raise InputError(
-                f"{file}{line}: no data between {hole.start:g} s and {hole.end:g} s, where rows beside are "
+                f"{file}{line}: no data between {hole.start:g} s and {hole.end:g} s, where the rows around are "
                 f"{hole.usual:.3g} s apart; at most {longest:g} s are bridged"
             )
     return short, None

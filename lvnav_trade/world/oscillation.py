@@ -15,7 +15,7 @@ from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.waves import sum_of_waves
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Card, require_rising
-from lvnav_trade.world.events import resolve
+from lvnav_trade.world.events import Instant, resolve
 
 Complex = NDArray[np.complex128]
 Axis = Literal["x", "y", "z"]
@@ -85,7 +85,7 @@ class Mode(Card):
         (0.0, 0.0, 0.0),
         description="body axes, from the axis of rotation to the unit; of a bending mode deflection over slope",
     )
-    damping: float | None = Field(None, gt=0.0, lt=0.5, description="damping ratio; none: one sinusoid")
+    damping: units.Share | None = Field(None, gt=0.0, lt=0.5, description="damping ratio; none: one sinusoid")
     lines: int = Field(32, ge=8, le=1024)
 
 
@@ -95,8 +95,8 @@ class OscillationCard(Card):
     They are laid over the flight: the trajectory of the unit's resting point stays what it is.
     """
 
-    start: str = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
-    end: str
+    start: Instant = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
+    end: Instant
     ramp: units.TimeConstant = 0.5
     coning: tuple[Coning, ...] = ()
     tones: tuple[Tone, ...] = ()

@@ -16,7 +16,7 @@ class CosineGain(Card):
 
     kind: Literal["cosine"] = "cosine"
     peak: Gain = Field(description="on boresight, right-hand circular")
-    exponent: float = Field(1.0, ge=0, description="of the cosine, in power: 1 loses 3 dB at 60 deg")
+    exponent: float = Field(1.0, ge=0, le=1000, description="of the cosine, in power: 1 loses 3 dB at 60 deg")
     front_to_back: Decibels = Field(15.0, description="the gain is never lower than the peak by more than this")
 
 

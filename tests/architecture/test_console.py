@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-HEAVY = ("jinja2", "matplotlib", "numba", "numpy", "pandas", "pint", "pyarrow", "pydantic", "ruamel", "scipy")
+HEAVY = ("jinja2", "matplotlib", "numba", "numpy", "pandas", "pyarrow", "pydantic", "ruamel", "scipy")
 ASK = """\
 import sys
 from lvnav_trade.cli import main

@@ -95,8 +95,43 @@ def test_only_modules_that_hold_kernels_are_excused_from_annotations(modules, ro
     assert patterns
     excused = [m for m in modules if any(fnmatch(m.name, pattern) for pattern in patterns)]
     assert [p for p in patterns if not any(fnmatch(m.name, p) for m in modules)] == []  # no excuse outlives its module
-    without = [str(m.path) for m in excused if "kernels" not in m.name and "kernels.jit import" not in m.text]
-    assert without == []
+    outside = [m for m in excused if not m.name.startswith("lvnav_trade.kernels")]
+    assert [
+        m.at(one) for m in outside for one in m.functions() if not _is_annotated(one) and not _is_compiled(one)
+    ] == []
+    single = {m for m in outside if m.name in patterns}  # a pattern of a folder may match modules that need no excuse
+    assert [str(m.path) for m in single if all(map(_is_annotated, m.functions()))] == []
+
+
+def _is_annotated(function):
+    arguments = [*function.args.args, *function.args.kwonlyargs]
+    return function.returns is not None or all(one.annotation or one.arg in ("self", "cls") for one in arguments)
+
+
+def _is_compiled(function):
+    names = {ast.unparse(one).partition("(")[0] for one in function.decorator_list}
+    return bool(names & {"jit", "inlined", "making_arrays", "overload"})
+
+
+def test_every_module_of_the_studies_has_its_test_file(root):
+    modules = [path for path in (root / "lvnav_studies").glob("*.py") if not path.name.startswith("__")]
+    assert modules
+    assert [path.name for path in modules if not (root / "tests/studies" / f"test_{path.name}").exists()] == []
+    scripts = [path for path in (root / "campaigns").glob("*/*.py") if path.name != "study.py"]
+    assert scripts
+    assert [path.name for path in scripts if not (root / "tests/published" / f"test_{path.name}").exists()] == []
+
+
+def test_scripts_of_studies_use_the_public_functions_alone(root):
+    scripts = sorted((root / "campaigns").glob("*/*.py"))
+    used = {
+        node.module
+        for path in scripts
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("lvnav_trade")
+    }
+    assert used
+    assert [name for name in sorted(used) if not name.startswith("lvnav_trade.api")] == []
 
 
 def test_every_module_with_functions_has_its_test_file(modules, root):

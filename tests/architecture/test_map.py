@@ -14,6 +14,6 @@ def test_every_package_is_on_the_map(root):
 def test_every_module_that_the_map_names_is_there(root):
     text = (root / "docs" / "map.md").read_text(encoding="utf-8")
     named = {name for name in re.findall(r"[\w/]+\.py\b", text) if not name.endswith("NAME.py")}
-    files = {str(path.relative_to(root)) for path in [*root.glob("lvnav_trade/**/*.py"), *root.glob("tests/**/*.py")]}
+    files = {str(path.relative_to(root)) for path in [*root.glob("lvnav_*/**/*.py"), *root.glob("tests/**/*.py")]}
     assert named
     assert {name for name in named if not any(file == name or file.endswith(f"/{name}") for file in files)} == set()

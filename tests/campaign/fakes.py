@@ -70,7 +70,7 @@ class Fake:
         return SimpleNamespace(
             name=f"{scenario.imu.name} {scenario.filter.name}",
             outputs=OUTPUTS,
-            reference=SimpleNamespace(t=np.array([0.0, 1.0, 2.0])),
+            t_hist=np.array([0.0, 1.0, 2.0]),
             trajectory=SimpleNamespace(events=dict(EVENTS)),
         )
 

@@ -1,7 +1,7 @@
 # ruff: noqa: E501 - a message stands in one line, as the user sees it
 """The mistakes that test_mistakes makes, and what the user reads; a table."""
 
-from __future__ import annotations
+from lvnav_trade.observables.sensors import MEASUREMENTS
 
 # What goes wrong, the file, the text and what it becomes, the message: one line per mistake.
 BAD: dict[str, tuple[str, str, str, str]] = {
@@ -16,7 +16,7 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "campaign.yaml",
         "seed: 7",
         "seed: 7\nseed: 8",
-        "campaign.yaml:3:1: seed: the key 'seed' stands twice (first on line 2)",
+        "campaign.yaml:3:1: seed: the key 'seed' is given twice (first on line 2)",
     ),
     "a_negative_seed_is_refused": (
         "campaign.yaml",
@@ -64,7 +64,7 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "campaign.yaml",
         "imu: imu/good",
         "imu: {card: imu/good, gyro: {random_walk: 1 deg/srt(h)}}",
-        "campaign.yaml:5:45: base.imu.gyro.random_walk: '1 deg/srt(h)' has no unit that is known ('deg/srt(h)'); expected angle random walk (deg/sqrt(h), deg/h/sqrt(Hz)) (did you mean 'deg/sqrt(h)'?)",
+        "campaign.yaml:5:45: base.imu.gyro.random_walk: '1 deg/srt(h)' has no unit that is known ('srt'); expected angle random walk (deg/sqrt(h), deg/h/sqrt(Hz)) (did you mean 'deg/sqrt(h)'?)",
     ),
     "a_card_without_unit_is_refused": (
         "configs/imu/good.yaml",
@@ -94,7 +94,7 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "configs/filters/near.yaml",
         "measurements: [pseudorange, range_rate]",
         "measurements: [pseudorange, range_rat]",
-        "configs/filters/near.yaml:3:29: base.filter.measurements.1: 'range_rat' is not one of position, velocity, pseudorange, range_rate, carrier_phase, tdcp, delta_pseudorange, altitude, attitude, zero_velocity, pad_position, azimuth, angle_difference, velocity_difference, stellar_attitude, magnetic_field, pressure_altitude, ground_tracking, zero_rotation, imu (did you mean 'range_rate'?)",
+        f"configs/filters/near.yaml:3:29: base.filter.measurements.1: 'range_rat' is not one of {', '.join(MEASUREMENTS)} (did you mean 'range_rate'?)",
     ),
     "a_bare_word_where_matched_is_meant_is_refused": (
         "configs/filters/near.yaml",
@@ -118,7 +118,7 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "configs/vehicles/small.yaml",
         '"30 t"',
         '"30 tt"',
-        "configs/vehicles/small.yaml:4:29: base.trajectory.vehicle.stages.0.propellant: '30 tt' has no unit that is known ('tt'); expected mass (kg, t) (did you mean 't'?)",
+        "configs/vehicles/small.yaml:4:29: base.trajectory.vehicle.stages.0.propellant: '30 tt' has no unit that is known ('tt'); expected mass (kg, t, lb) (did you mean 't'?)",
     ),
     "a_rule_of_a_card_is_told_in_its_file": (
         "configs/vehicles/small.yaml",

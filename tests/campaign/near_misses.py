@@ -38,7 +38,7 @@ NEAR: dict[str, tuple[str, str, str, str]] = {
         "configs/filters/near.yaml",
         "measurements: [pseudorange, range_rate]",
         "measurements: [pseudorange, range_rate, pseudorange]",
-        "configs/filters/near.yaml:3:15: base.filter.measurements: 'pseudorange' stands twice",
+        "configs/filters/near.yaml:3:15: base.filter.measurements: 'pseudorange' is listed twice",
     ),
     "a_solution_beside_its_ranges_is_refused_with_the_reason": (
         "configs/filters/near.yaml",
@@ -68,7 +68,7 @@ NEAR: dict[str, tuple[str, str, str, str]] = {
         "campaign.yaml",
         "  imu: imu/good",
         "  imu: imu/good\n  altimeter: altimeters/radar_004",
-        "campaign.yaml:6:14: base.altimeter: replaced by sensors, such as sensors: {altimeter: altimeters/radar_004}; the filter lists altitude among its measurements",
+        "campaign.yaml:6:14: base.altimeter: replaced by sensors, such as sensors: {altimeter: CARD}; the filter lists altitude among its measurements",
     ),
     "a_name_that_no_sensor_can_have_is_refused": (
         "campaign.yaml",

@@ -78,9 +78,9 @@ POINT = "base.receiver.solution={kind: bancroft, range_sigma: 2 m, rate_sigma: 0
 @pytest.mark.parametrize(
     ("settings", "tolerance", "reported"),
     [
-        ((MATCHED, LOOSE, POINT), 0.02, "the covariance that comes with each solution decides the gains"),
-        ((MATCHED, LOOSE), 0.0, "no share"),
-        ((MATCHED, LOOSE), 1.0, "no share"),
+        ((MATCHED, LOOSE, POINT), 0.02, "its gains depend on the covariance of each solution"),
+        ((MATCHED, LOOSE), 0.0, "give one between 0 and 1"),
+        ((MATCHED, LOOSE), 1.0, "give one between 0 and 1"),
     ],
 )
 def test_what_has_no_schedule_is_reported(settings, tolerance, reported):

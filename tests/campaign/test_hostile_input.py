@@ -28,7 +28,7 @@ EDITS = {
     "a_quantity_of_many_letters": ('"1 m"', f'"1 {"m" * 90_000}"', "90002 characters, at most 80"),
     "a_card_of_300_letters": ("imu/good", "i" * 300, "base.imu: no card 'iii"),
     "a_card_of_3000_folders": ("imu/good", "i/" * 3_000, "base.imu: no card 'i/i"),
-    "a_card_with_a_zero_byte": ("imu/good", '"imu/\\0good"', r"no card 'imu/\x00good'"),
+    "a_card_with_a_zero_byte": ("imu/good", '"imu/\\0good"', r"'imu/\x00good' has the hidden character U+0000"),
     "a_card_that_is_a_device": ("imu/good", "/dev/zero", "no card '/dev/zero'"),
     "a_card_that_is_a_mapping": ("imu/good", "{card: {a: b}}", "a card is named by a word"),
     "a_kind_that_is_a_mapping": (
@@ -46,11 +46,15 @@ EDITS = {
     "a_list_that_is_too_long": (*faults(f"[{', '.join(['x'] * 10_001)}]"), "more than 10000 items in a list"),
     "an_antenna_twice": (
         *faults("[{kind: antenna_failure, antennas: [2, 2], start: 1 s, duration: 1 s}]"),
-        "base.faults.0.antennas: 2 stands twice",
+        "base.faults.0.antennas: 2 is listed twice",
+    ),
+    "a_fault_twice": (
+        *faults("[{kind: clock_jump, size: 1 m, start: 1 s}, {kind: clock_jump, size: 1 m, start: 1 s}]"),
+        "faults.1: is the same as faults.0",
     ),
     "a_satellite_twice": (
         *faults("[{kind: wild_samples, satellites: [A1, A1], sigma: 1 m, start: 1 s, duration: 1 s}]"),
-        "base.faults.0.satellites: 'A1' stands twice",
+        "base.faults.0.satellites: 'A1' is listed twice",
     ),
 }
 LINES = {
@@ -61,10 +65,15 @@ LINES = {
     "brackets_that_never_close": (f"x: {'[' * 100_000}\n", "more than 30 lists and mappings within each other"),
     "too_large_a_file": ("#" * 2**20 + "\n", "bytes; at most 1048576 are read"),
     "a_key_that_moves_the_cursor": ('"\\e[2Jkey\\u202e": 1\n', r"campaign.yaml:10:1: \x1b[2Jkey\u202e: unknown key"),
+    "a_description_that_turns_round": ('description: "ready \\u202etxt"\n', r"description: 'ready \u202etxt' has the hidden character U+202E; remove it"),
+    "a_name_with_a_mark_that_nobody_sees": ('requirements: [{name: "\\ufeffa", metric: velocity_error_3d}]\n', r"requirements.0.name: '\ufeffa' has the hidden character U+FEFF"),
+    "a_requirement_that_clears_the_screen": ('requirements: [{name: "a\\e[2J", metric: velocity_error_3d}]\n', r"requirements.0.name: 'a\x1b[2J' has the hidden character U+001B"),
     "a_tag_that_makes_objects": ("description: !!python/object:os.system x\n", "has no meaning here"),
+    "a_history_of_more_times_than_memory_holds": ("keep: {history: 5e-9 s}\n", "keep.history: 5e-09 s is too fine; give 1 ms or more"),
+    "a_history_coarser_than_a_day": ("keep: {history: 5e9 s}\n", "keep.history: should be less than or equal to 86400"),
     "a_tag_that_lies": ("description: !!bool maybe\ndesign: !!bool zip\nkeep: {history: !!float no}\n", "history: 'no' is not a quantity"),
     "runs_that_are_true": ("monte_carlo: {runs: true}\n", "monte_carlo.runs: should be a number, not true"),
-    "runs_without_end": ("monte_carlo: {runs: 1000000000000000000}\n", "1000000000000000000 runs; at most 1000000 are flown"),
+    "runs_without_end": ("monte_carlo: {runs: 1000000000000000000}\n", "1000000000000000000 runs; give 1000000 at most"),
     "runs_that_are_a_power": ("monte_carlo: {runs: 10**18}\n", "should be a valid integer, not '10**18'"),
     "an_axis_that_is_a_mapping": ("axes: [{path: {a: b}, values: [1]}]\n", "axes.0.path: should be a valid string"),
     "an_axis_that_is_a_list": ("axes: [[1, 2]]\n", "axes.0: should be a mapping"),

@@ -51,7 +51,7 @@ def raise_height(file: Path, after: float, rate: float) -> None:
 
 
 def test_one_line_of_yaml_brings_a_file_of_ones_own(mine: Path) -> None:
-    assert cases(api.check("campaign.yaml"))[0].scenario.trajectory.file == str(mine.resolve())
+    assert api.check("campaign.yaml").cases[0].scenario.trajectory.file == str(mine.resolve())
 
 
 def test_the_digest_of_a_case_changes_with_the_content_of_the_file(mine: Path) -> None:
@@ -142,7 +142,7 @@ def test_what_a_card_allows_beyond_the_usual_leads_what_check_prints(mine: Path)
     found = json.loads(CliRunner().invoke(app, ["check", "campaign.yaml", *allowed, "--json"]).output)
     assert first == f"beyond usual limits: {found['beyond_limits'][0]}"
     assert (found["warnings"], found["notes"]) == ([], [])
-    unneeded = api.examine("campaign.yaml", ["trajectory.highest_rate=900 deg/s", "trajectory.highest_load=90 g"])[1]
+    unneeded = api.check("campaign.yaml", ["trajectory.highest_rate=900 deg/s", "trajectory.highest_load=90 g"]).remarks
     assert unneeded["beyond_limits"] == found["beyond_limits"]
 
 
@@ -176,3 +176,13 @@ def test_a_wrong_call_of_the_verb_is_one_line(mine: Path, arguments: list[str], 
     done = CliRunner().invoke(app, ["kml", *arguments])
     assert done.exit_code == 2
     assert fault in done.output
+
+
+def test_an_event_outside_a_file_is_reported_once_for_cases_that_differ_in_their_imu(mine: Path) -> None:
+    text = Path("campaign.yaml").read_text()
+    imus = "axes:\n  - {path: imu, cards: [imu/navigation, imu/tactical_fog, imu/tactical_mems]}\n"
+    Path("campaign.yaml").write_text(text + imus)
+    with pytest.raises(InputError) as refused:
+        api.check("campaign.yaml", ["trajectory.events.injection=9000 s"])
+    (record,) = refused.value.records
+    assert "event 'injection' at 9000 s is outside the rows" in str(record)

@@ -36,7 +36,7 @@ def test_outages_of_a_filter_that_knows_its_errors(tmp_path):
 def test_a_summary_counts_and_averages():
     rows = pd.DataFrame(
         {"case": "a", "length_s": 15.0, "position_error_m": [3.0, 4.0], "velocity_error_m_per_s": [0.0, 1.0],
-         "nees_ratio": [0.5, 1.5], "inside": [True, False]}
+         "nees_ratio": [0.5, 1.5], "inside": [True, False], "failed": False}
     )  # fmt: skip
     (found,) = summarised(rows).itertuples()
     assert (found.outages, found.inside_percent, found.nees_ratio, found.position_worst_m) == (2, 50.0, 1.0, 4.0)

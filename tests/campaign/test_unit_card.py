@@ -7,7 +7,10 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.campaign.unit_card import fit_unit
+from lvnav_trade.engines.analysis.stream import stream_at_rest
 from lvnav_trade.errors import InputError
+from lvnav_trade.world.sensors.allan import overlapping
+from tests.building import case
 
 GYRO, ACCEL = 3e-5, 1e-3  # rad/sqrt(s), m/s^1.5
 
@@ -58,3 +61,36 @@ def test_a_log_that_is_too_short_or_never_changes_is_refused(tmp_path):
     pd.read_parquet(file).assign(gyro_y_rad_s=1.0).to_parquet(file)
     with pytest.raises(InputError, match="gyro y never changes"):
         fit_unit(file)
+
+
+def flicker(n: int, dt: float, coefficient: float, rng: np.random.Generator) -> np.ndarray:
+    """Return means (n,) over dt s of flicker noise, a two-sided spectrum of B^2 / (2 pi f) (IEEE 952)."""
+    f = np.fft.rfftfreq(2 * n, dt)
+    shape = np.concatenate([[0.0], coefficient / np.sqrt(2.0 * np.pi * f[1:] * dt)])
+    return np.fft.irfft(np.fft.rfft(rng.standard_normal(2 * n)) * shape, 2 * n)[:n]
+
+
+def test_the_floor_of_a_log_is_the_floor_of_the_stream_that_its_card_simulates(tmp_path):
+    n, dt, floor = 60_000, 0.1, np.radians(14.5 / 3600.0)
+    rng = np.random.default_rng(4)
+    frame = pd.DataFrame({"t_s": dt * np.arange(n)})
+    for axis in "xyz":
+        frame[f"gyro_{axis}_rad_s"] = flicker(n, dt, floor / 0.664, rng) + 2e-5 * rng.standard_normal(n)
+        frame[f"accel_{axis}_m_s2"] = 1e-3 * rng.standard_normal(n)
+    frame.to_parquet(tmp_path / "rest.parquet")
+    found = fit_unit(str(tmp_path / "rest.parquet"))
+    assert "convention: coefficient" in found.text
+    card = tmp_path / "unit.yaml"
+    card.write_text(found.text)
+    prepared = case(f"base.imu={card}", "base.imu.process_rate=10 Hz", "base.filter.strapdown.ratio=1")
+    imu = prepared.scenario.imu
+    assert imu.gyro.flicker == pytest.approx(floor / 0.664, rel=0.05)
+    stream = stream_at_rest(prepared, 0, imu, n, 5)[:, :3]
+    factors = [100, 200, 400]
+    made, logged = (overlapping(one, dt, factors) for one in (stream, frame.iloc[:, [1, 3, 5]].to_numpy()))
+    # three axes of 150 intervals of the longest time: 5 % a deviation
+    for one in (made, logged):
+        np.testing.assert_allclose(np.sqrt(np.mean(one**2, axis=1)), floor, rtol=0.1)
+    printed = next(line for line in found.text.splitlines() if "floor of the Allan deviation" in line)
+    values = [float(number) for number in printed.partition(": ")[2].removesuffix(" deg/h").split(";")]
+    np.testing.assert_allclose(values, 14.5, rtol=0.1)

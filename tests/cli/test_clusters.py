@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lvnav_trade import clusters
+from lvnav_trade import api
+from lvnav_trade.api import clusters
 from tests.cli.calling import call
 
 SMOKE = "campaigns/smoke.yaml"
@@ -41,7 +42,7 @@ def test_options_that_do_not_go_together_are_refused(options: list[str], said: s
 def test_a_shard_says_what_is_stored_and_what_comes_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = clusters.Shared(tmp_path / "shard-2-of-8", 480, 3, ("a, run 3 diverged",))
     asked: list[object] = []
-    monkeypatch.setattr(clusters, "run_shard", lambda *given: (asked.append(given[1]), done)[1])
+    monkeypatch.setattr(api, "run_shard", lambda *given: (asked.append(given[1]), done)[1])
     result = call("run", SMOKE, "--shard", "2/8", "--out", str(tmp_path))
     assert result.output.splitlines() == [
         "failed: a, run 3 diverged",

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from joblib.externals.loky.process_executor import TerminatedWorkerError
 from typer.main import get_command
 
 from lvnav_trade import api
@@ -89,7 +93,7 @@ def test_a_full_disk_is_exit_code_four_wherever_it_shows(events, monkeypatch: py
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(api, "build_report", full)
+    monkeypatch.setattr(api, "report", full)
     monkeypatch.setattr(api, "load", lambda folder: None)
     result = call("report", "results/smoke")
     assert result.exit_code == 4
@@ -100,7 +104,7 @@ def test_what_the_system_refuses_to_a_verb_is_no_internal_error(events, monkeypa
     def refuse(*_: object) -> None:
         raise PermissionError(13, "Permission denied", "results/report.html")
 
-    monkeypatch.setattr(api, "build_report", refuse)
+    monkeypatch.setattr(api, "report", refuse)
     monkeypatch.setattr(api, "load", lambda folder: None)
     result = call("report", "results/smoke")
     assert result.exit_code == 2
@@ -128,6 +132,40 @@ def test_ctrl_c_is_exit_code_130(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     assert (result.exit_code, result.stderr) == (130, "interrupted; the same command resumes\n")
 
 
+def wrapped(*_: object) -> dict[str, float]:
+    """Raise what compiled code makes of an interrupt."""
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt as cause:
+        raise SystemError("returned a result with an exception set") from cause
+
+
+def discarded(*_: object) -> dict[str, float]:
+    """Receive an interrupt that is discarded, as within a call back from C, and fail of it later."""
+    with suppress(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+    raise ValueError("half a result")
+
+
+@pytest.mark.parametrize("events", [wrapped, discarded])
+def test_so_is_one_that_compiled_code_turns_into_another_error(monkeypatch, tmp_path: Path, events) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(work, "ENGINE", work.ENGINE._replace(events=events))
+    result = call("check", SMOKE)
+    assert (result.exit_code, result.stderr) == (130, "interrupted; the same command resumes\n")
+
+
+def test_a_worker_that_died_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def died(scenario: object) -> dict[str, float]:
+        raise TerminatedWorkerError("exit codes {SIGKILL(-9)}")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(work, "ENGINE", work.ENGINE._replace(events=died))
+    result = call("check", SMOKE)
+    reported = "a worker process died (out of memory?); the same command tries again\n"
+    assert (result.exit_code, result.stderr) == (4, reported)
+
+
 def test_what_each_verb_does_is_reported_whole_in_eighty_columns() -> None:
     shown = call("--help").output
     assert "kml" in shown
@@ -141,3 +179,14 @@ def test_every_example_below_a_help_is_a_call_that_the_command_takes() -> None:
         _, _, example = command.epilog.partition(f"lvnav-trade {name} ")
         command.make_context(name, shlex.split(example.partition(">")[0]))
         assert "Example: lvnav-trade" in call(name, "--help").output
+
+
+@pytest.mark.parametrize(("set_by_user", "found"), [(None, "1"), ("2", "2")])
+def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise(set_by_user, found):
+    """Set before numpy is imported, since its libraries read it then."""
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    if set_by_user is not None:
+        environment["OPENBLAS_NUM_THREADS"] = set_by_user
+    code = "import os, sys, lvnav_trade.cli; print(os.environ['OPENBLAS_NUM_THREADS'], 'numpy' in sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert shown.stdout.split() == [found, "False"]

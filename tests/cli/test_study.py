@@ -49,18 +49,6 @@ def test_without_results_there_is_no_page(folder: Path) -> None:
     assert (result.exit_code, result.stderr) == (2, "elsewhere/synthetic: no results here (no manifest.json)\n")
 
 
-def test_statements_of_campaigns_without_results_are_listed_as_not_flown(folder: Path) -> None:
-    bound = "{source: A paper, item: '#7 far', value: a, terms: {a: {metric: velocity_error_3d}}, at_most: 1}"
-    more = f"statements:\n  - {bound}\n"
-    (folder / "papers" / "later.yaml").write_text(CAMPAIGN.format(name="later", more=more))
-    result = call("study", "papers", "--keep", "kept", "--only-page")
-    assert result.exit_code == 0, result.stderr
-    text = Path("kept/report.md").read_text()
-    assert "Of 1 statements 1 are not flown yet." in text
-    assert "| #7 far | campaign later |" in text
-    assert "not flown" in Path("kept/references.csv").read_text()
-
-
 def test_a_folder_of_the_users_own_is_refused_before_anything_runs(folder: Path) -> None:
     Path("kept/figures").mkdir(parents=True)
     for name in ("kept/flight.kml", "kept/figures/photo.png"):

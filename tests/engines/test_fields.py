@@ -21,7 +21,7 @@ from lvnav_trade.world.sky.constellation import CombinedConstellation
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 
 # What names a card and says where it is from; both stand in the report, no engine reads them.
-LABELS = {"name", "source", "resources"}
+LABELS = {"name", "source", "resources", "assumed", "second_hand"}
 
 # Hearing and tracking: tests/world/receiver/test_reception.py walks these cards, the sky shows all that they do.
 HEARING = {"antennas", "link", "loops", "tracking"}
@@ -44,7 +44,7 @@ RECORDED = {"error_table"}
 MODELLED = {"envelope", "report_imu_samples"}
 # Models of sensors: tests/engines/test_altimeter.py, tests/engines/setup/test_vehicle.py.
 SENSORS = {"sensor_models"}
-# States of a difference of two units: tests/observables/test_imu_difference.py.
+# States of a difference of two units: tests/observables/sensors/test_imu_difference.py.
 RELATIVE = {f"{kind}_relative_bias{end}" for kind in ("gyro", "accel") for end in ("", "_walk", "_correlation")}
 # Policies: walked in tests/filters/test_{late,feedforward,monitor}.py, tests/campaign/test_gains.py,
 # tests/engines/setup/receiver/test_clocks.py, which walks the filter's clock too; tests/filters/integrity.

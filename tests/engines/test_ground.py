@@ -12,7 +12,7 @@ from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.setup.sensors import view_of
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, rotation_i_n
-from lvnav_trade.observables.ground import StationCard
+from lvnav_trade.observables.sensors.ground import StationCard
 from tests.building import INERTIAL, MATCHED, SITE_R, flight, loaded, prepare_hop, turning, with_fields
 
 N_RUN = 200

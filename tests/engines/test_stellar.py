@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.setup.prepare import reporting_axes
-from lvnav_trade.frames import matrices
-from lvnav_trade.observables.stellar import axes_of
+from lvnav_trade.frames import matrices, reporting_axes
+from lvnav_trade.observables.optics import axes_of
 from lvnav_trade.world.flight.trajectory import motion
 from tests.building import INERTIAL, LOOSE, MATCHED, flight, loaded, prepare_hop, turning, with_fields
 from tests.engines.setup.test_sensors import agree

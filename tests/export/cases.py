@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from lvnav_trade.campaign.filter_code import FLAGS
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.export.code import Exported, exported
+from lvnav_trade.export.filter_code import FLAGS
 from lvnav_trade.export.replay import flight_bytes, replay_text, run_bytes
 from tests.building import prepare_hop
 from tests.engines.combinations import scenario_of, with_stored_gains

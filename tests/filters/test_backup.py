@@ -7,10 +7,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from lvnav_trade.engines.epoch.case import Parts, case_of
+from lvnav_trade.engines.epoch.process import update_receiver
 from lvnav_trade.engines.lincov.history import adjoint, covariance, source_covariances
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.filters import ekf
-from lvnav_trade.filters.updates import update_receiver
 from lvnav_trade.kernels.transition import correct_motion
 from tests.building import INERTIAL, MATCHED, loaded, prepare_hop, with_fields
 from tests.filters.test_residuals import dense_rows, observed
@@ -103,9 +104,9 @@ def test_a_direct_filter_linearises_every_scalar_where_the_one_before_has_left_t
         return work
 
     direct, closed, by_hand = start(), start(), start()
-    none = (None,) * 5
-    update_receiver(direct, *none, True, None, None, model, signals, epoch, dt, np.inf, None)
-    update_receiver(closed, *none, None, None, None, model, signals, epoch, dt, np.inf, None)
+    case = case_of(prepared)
+    update_receiver(direct, Parts(), case, None, True, epoch, np.inf, None)
+    update_receiver(closed, Parts(), case, None, None, epoch, np.inf, None)
     ekf.correct(closed, None, None, model)
     P = np.array(by_hand.P)
     for row in range(n_row):

@@ -7,8 +7,16 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from lvnav_trade.filters.delayed import Delayed, begin_transition, clone, find_earlier, follow, new_earlier, renew
-from lvnav_trade.filters.ekf import forget
+from lvnav_trade.filters.delayed import (
+    Delayed,
+    accumulate_transition,
+    begin_transition,
+    clone,
+    find_earlier,
+    new_earlier,
+    renew,
+)
+from lvnav_trade.filters.ekf import apply_fading_memory
 from lvnav_trade.kernels.covariance import predict, update_scalar
 
 N, T, SIGMA = 20, 0.5, 2e-3
@@ -85,10 +93,10 @@ def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone(growth):
     blocks[1:] = 0.2 * rng.standard_normal((2, 9))
     rows, columns = np.array([6, 3, 0]), np.array([3, 0, 9 - 3])
     Model = namedtuple(
-        "Model", "seconds block_rows block_columns decay noise clock injected inflation n_estimated n_state"
+        "Model", "seconds block_rows block_columns decay noise clock injected inflation n_estimated n_state uneven"
     )
     model = Model(
-        np.array([0.3]), rows, columns, decay[None], noise[None], -1, np.zeros((0, n)), np.array([growth]), n, n
+        np.array([0.3]), rows, columns, decay[None], noise[None], -1, np.zeros((0, n)), np.array([growth]), n, n, None
     )
     by_clone, by_inverse = P.copy(), P.copy()
     clones, inverse = delayed(cloned, first), delayed(cloned, first, back=True)
@@ -97,9 +105,9 @@ def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone(growth):
     begin_transition(earlier, inverse)
     for _ in range(4):
         for one in (by_clone, by_inverse):
-            forget(one, model, 0)
+            apply_fading_memory(one, model, 0)
             predict(one, blocks, rows, columns, decay, noise, -1, 0.3)
-        follow(earlier, inverse, blocks, model, 0, -1)
+        accumulate_transition(earlier, inverse, blocks, np.zeros(18), model, 0, -1)
     assert np.abs(by_inverse[first:]).max() == 0.0
     find_earlier(by_inverse, earlier, inverse)
     np.testing.assert_allclose(by_inverse, by_clone, rtol=0, atol=1e-10 * np.abs(by_clone).max())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.filters.logic import CHECKS
 from lvnav_trade.kernels.covariance import apply_phi
@@ -91,6 +91,32 @@ def test_linear_covariance_describes_the_open_loop():
     low, high = chi2.ppf([tail, 1.0 - tail], runs - 1) / (runs - 1)
     assert np.all((ratio > low) & (ratio < high)), ratio.round(2)
     np.testing.assert_array_equal(history.true_sigma, covariance(flown(LOOSE)).true_sigma)
+
+
+LATE = {"start_after": 3, "correct_after": "12 s"}
+
+
+def test_linear_covariance_describes_outputs_that_are_not_corrected_at_first():
+    """The filter starts at 3 s and corrects from 15 s on: before, the outputs are those of the inertial system."""
+    prepared, runs = flown(LOOSE, **OPEN, logic=LATE), 400
+    history, err = covariance(prepared), errors(prepared, runs)
+    at = [int(np.argmin(np.abs(prepared.t_hist - t))) for t in (2.0, 10.0, 14.0, 15.0, 25.0)]
+    ratio = err[:, at].var(axis=0, ddof=1) / history.true_sigma[at, :9] ** 2
+    tail = 1e-3 / 2 / ratio.size
+    low, high = chi2.ppf([tail, 1.0 - tail], runs - 1) / (runs - 1)
+    assert np.all((ratio > low) & (ratio < high)), ratio.round(2)
+    corrected, alone = (covariance(flown(*card, **OPEN)) for card in ((LOOSE,), (INERTIAL,)))
+    np.testing.assert_allclose(history.true_sigma[at[2], :9], alone.true_sigma[at[2], :9], rtol=1e-9)
+    assert history.true_sigma[at[2], 6:9].max() > 3.0 * corrected.true_sigma[at[2], 6:9].max()
+
+
+@pytest.mark.parametrize("time", [14.0, 25.0])
+def test_budget_and_adjoint_are_those_of_the_outputs_corrected_or_not(time):
+    prepared = flown(LOOSE, **OPEN, logic=LATE)
+    history, hist = covariance(prepared), int(np.argmin(np.abs(prepared.t_hist - time)))
+    variance = history.true_sigma[hist, :9] ** 2
+    np.testing.assert_allclose(history.budget[hist, :, :9].sum(axis=0), variance, rtol=1e-9)
+    np.testing.assert_allclose(adjoint(prepared, time).contribution.sum(axis=(1, 2)), variance, rtol=1e-6)
 
 
 @jit

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from lvnav_trade.engines.epoch.case import Parts, case_of
+from lvnav_trade.engines.epoch.process import process_receiver
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.simulate.montecarlo import new_work, run_block
 from lvnav_trade.filters import ekf
-from lvnav_trade.filters.iterated import hold
-from lvnav_trade.filters.updates import iterate_receiver, update_receiver
 from tests.building import loaded, prepare_hop, with_fields
 
 RUNS, SEED = 24, 7
@@ -27,8 +27,8 @@ def flown(initial=(), *settings, **fields):
     return prepare_hop(scenario.model_copy(update={"filter": card, "initial": start}))
 
 
-def updated(prepared, off, sigma, epoch=0):
-    """Update once, from a prediction whose position is `off` (3,) m from the truth, of covariance `sigma`^2."""
+def predicted(prepared, off, sigma, epoch=0):
+    """Return a prediction whose position is `off` (3,) m from the truth, of covariance `sigma`^2, with filled rows."""
     work, parts = new_work(prepared, False)
     signals, model, dt = prepared.signals, prepared.model, prepared.unit.dt
     ref, tick = prepared.reference, int(np.searchsorted(prepared.reference.t, prepared.t_epoch[epoch] - 1e-6))
@@ -36,23 +36,23 @@ def updated(prepared, off, sigma, epoch=0):
     work.previous[:3] = ref.dtheta[tick - 1]
     work.P[:] = np.diag(np.diag(prepared.start.P) + 1e-8)
     work.P[range(6, 9), range(6, 9)] = sigma**2
-    P, nav = work.P.copy(), work.nav.copy()
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
         work.ranges[slot] = signals.range[epoch, s], signals.rate[epoch, s]
     ekf.place_antenna(work, None, None, model, dt, epoch)
     ekf.fill_receiver(work, None, None, model, signals, epoch)
     ekf.clear_epoch(work, epoch)
-    hold(parts.again, work, epoch)
-    none = (None,) * 4
-    update_receiver(work, None, *none, None, None, None, model, signals, epoch, dt, np.inf, None)
-    first = work.x.copy()
-    passes = prepared.options.iterated
-    iterate_receiver(
-        work, parts.again, passes, *none, None, None, None, model, signals, epoch, dt, np.inf, None
-    )  # fmt: skip
+    return work, parts
+
+
+def updated(prepared, off, sigma, epoch=0):
+    """Return the arrays of an iterated update, the covariance before it, and the error state of a single update."""
+    case, (once, _), (work, parts) = case_of(prepared), *(predicted(prepared, off, sigma, epoch) for _ in range(2))
+    P, nav = work.P.copy(), work.nav.copy()
+    process_receiver(once, Parts(), case, None, None, epoch, np.inf, None)
+    process_receiver(work, parts, case, None, parts.again, epoch, np.inf, None)
     assert np.array_equal(work.nav, nav)
-    return work, P, first
+    return work, P, once.x.copy()
 
 
 def minimum(prepared, work, P, epoch=0):

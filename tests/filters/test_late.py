@@ -34,7 +34,8 @@ DT = 0.005
 def late(**fields):
     """A window in which an epoch's velocity before is kept, one in which its state is, and one in which nothing is."""
     settings = {
-        "extrapolated": True, "line": np.array([0]), "of_sensor": np.array([-1]), "n_ring": np.array([1]),
+        "extrapolated": True, "receiver": 0,
+        "line": np.array([0]), "of_sensor": np.array([-1]), "n_ring": np.array([1]),
         "first": np.array([0]), "valid": np.array([[[0, 0], [0, 1], [1, 1]]]),
         "early": np.array([[[0, 1], [1, 1], [1, 1]]]), "delay": np.array([0.3]), "offset": np.array([[0.0]]),
         "base": np.array([0.1]), "interval": 1.0, "jitter": 0.0, "acceleration": 0.0,
@@ -145,7 +146,7 @@ def test_the_stored_attitude_of_a_sensor_is_turned_by_less_than_a_tick_and_that_
     nav, previous = state()
     previous[:3] = 1e-3, -2e-3, 5e-4  # rad in a tick
     offset = np.array([[0.4 * DT]])
-    own, receivers = (late(offset=offset, line=np.array([line])) for line in (-1, 0))
+    own, receivers = (late(offset=offset, receiver=line) for line in (-1, 0))
     for settings, expected in ((own, 0.4 * previous[:3]), (receivers, np.zeros(3))):
         past = np.zeros((2, N_PAST))
         kept_after(past, nav, previous, np.zeros(9), settings, 1)
@@ -157,6 +158,7 @@ def test_lines_have_places_of_their_own_one_behind_the_other():
     assert [place_of(settings, 0, epoch) for epoch in range(4)] == [0, 1, 0, 1]
     assert [place_of(settings, 1, epoch) for epoch in range(4)] == [2, 3, 4, 2]
     assert [place_of_channel(settings, channel, 3) for channel in range(4)] == [1, 1, 2, 0]
+    assert place_of_channel(None, 0, 3) == 0
 
 
 def test_what_is_fed_back_corrects_every_stored_state_of_a_buffered_filter_and_none_of_an_extrapolated_one():

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.filters import model as room
 from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filters.model import build_filter_model, initial_covariance, window_tables
 from lvnav_trade.filters.rows import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
+from lvnav_trade.filters.states import Taken, state_layout
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.transition import ATT, POS, SQUARE, VEL
-from lvnav_trade.layout import StateLayout
+from lvnav_trade.layout import ErrorTerm, StateLayout
 from lvnav_trade.observables.partials import Channels
 
 IMU = ImuModel(
@@ -45,17 +45,13 @@ def channels(listed=RANGES):
 
 
 def accepted(lever=(0.0, 0.0, 0.0), **fields):
-    return build_filter_model(
-        card(**fields), IMU, RECEIVER, np.array([lever]), SECONDS, channels(fields.get("measurements", RANGES))
-    )
+    return built(card(**fields), IMU, lever, fields.get("measurements", RANGES))
 
 
-def test_a_tight_filter_has_17_states_and_a_loose_one_no_clock():
-    tight, _ = accepted()
-    loose, _ = accepted(measurements=SOLUTION)
-    assert (tight.n_state, tight.clock, tight.n_estimated) == (17, 15, 17)
-    assert (loose.n_state, loose.clock) == (15, -1)
-    assert [(b.name, b.offset) for b in tight.parameters] == [("gyro_bias", 9), ("accel_bias", 12)]
+def built(states, imu, lever=(0.0, 0.0, 0.0), listed=RANGES):
+    taken = Taken(imu, RECEIVER, channels(listed), lever_arms=np.array([lever]))
+    layout = state_layout(states, taken)
+    return layout, build_filter_model(states, layout, taken, SECONDS)
 
 
 def test_extra_states_take_one_block_for_each_driver():
@@ -65,14 +61,6 @@ def test_extra_states_take_one_block_for_each_driver():
     offsets = [b.offset for b in layout.parameters]
     assert offsets == sorted(set(offsets))
     assert layout.clock == max(offsets) + 3
-
-
-def test_considered_states_stand_behind_all_estimated_ones():
-    layout, _ = accepted(extra_states=("gyro_scale_factor",), consider=("gyro_bias", "gyro_scale_factor"))
-    by_name = {b.name: b.offset for b in layout.parameters}
-    assert layout.n_estimated == 9 + 3 + 2  # accelerometer bias and clock
-    assert min(by_name["gyro_bias"], by_name["gyro_scale_factor"]) == layout.n_estimated
-    assert layout.n_state == layout.n_estimated + 6
 
 
 def test_a_state_may_be_considered_without_being_named_among_the_extra_ones():
@@ -159,7 +147,7 @@ def test_noise_densities_are_the_cards_own_and_add_in_square():
 
 def _carried(seconds, total, tau=2.0, sigma=3.0):
     """Variance of one Gauss-Markov state after `total` seconds of windows, from its steady state."""
-    block = room.ParameterBlock("gyro_bias", 0, 9, 0, 0, sigma, 0.0, tau)
+    block = ErrorTerm("gyro_bias", 0, 0, 0, sigma, 0.0, tau, offset=9)
     layout = StateLayout((block,), -1, 12, 12)
     decay, noise = window_tables(layout, np.zeros(12), np.array([seconds]))
     P = np.diag([0.0] * 9 + [sigma**2] * 3)
@@ -196,7 +184,7 @@ def test_a_nonlinearity_is_the_slope_of_the_scale_factor_and_its_walk_covers_it(
         "accel_scale_factor_walk": 2e-5,
     })  # fmt: skip
     states = card(extra_states=("accel_scale_factor", "accel_nonlinearity"))
-    layout, model = build_filter_model(states, imu, RECEIVER, np.zeros((1, 3)), SECONDS, channels())
+    layout, model = built(states, imu)
     scale, slope = (
         next(b for b in layout.parameters if b.name == f"accel_{name}") for name in ("scale_factor", "nonlinearity")
     )
@@ -214,10 +202,3 @@ def test_settings_reach_the_numbers_of_the_kernels():
     assert plain.strapdown.gravity != other.strapdown.gravity
     assert set(other.block_kinds) != set(plain.block_kinds)
     assert plain.fading  # the accelerometer bias has a time constant here
-
-
-def test_the_layout_does_not_depend_on_how_extra_states_are_ordered_in_the_card():
-    one, _ = accepted(extra_states=("gyro_scale_factor", "accel_scale_factor"))
-    two, _ = accepted(extra_states=("accel_scale_factor", "gyro_scale_factor"))
-    assert {b.name for b in one.parameters} == {b.name for b in two.parameters}
-    assert one.n_state == two.n_state

@@ -285,7 +285,7 @@ def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
 @jit
 def eight(w, rules, model, signals, P, x, z, gates, variance):
     watch = Watch(
-        view(w.state), view(w.before), view(w.predicted), view(w.sample), view(w.mode), view(w.reason)
+        view(w.state), view(w.before), view(w.z), view(w.predicted), view(w.sample), view(w.mode), view(w.reason)
     )  # fmt: skip
     Pv, xv, zv, gv = view(P), view(x), view(z), view(gates)
     begin_watch(watch)

@@ -137,7 +137,7 @@ def test_a_run_is_the_same_in_any_block():
 
 def test_samples_correct_the_state_at_the_earlier_epoch_of_a_difference(monkeypatch):
     """In closed loop the error state is fed back at every tick: what samples tell of a clone goes into its estimate."""
-    for name in ("correct_vehicle", "correct_motion", "correct_receiver"):
+    for name in ("correct_motion", "correct_receiver"):
         monkeypatch.setattr(samples, name, lambda *_: None)
     monkeypatch.setattr(samples, "correct_earlier", samples.correct_earlier.py_func)
     cloned = np.array([POS, POS + 1, POS + 2])
@@ -146,6 +146,6 @@ def test_samples_correct_the_state_at_the_earlier_epoch_of_a_difference(monkeypa
     for open_loop, expected in ((None, [1.0, 2.0, 3.0]), (object(), [0.0, 0.0, 0.0])):
         work, earlier = SimpleNamespace(x=np.zeros(12), nav=None), new_earlier(delayed, 1, 0, 12)
         work.x[9:] = 1.0, 2.0, 3.0
-        samples._correct_tick.py_func(work, None, earlier, open_loop, delayed, model, None)
+        samples._correct_closed.py_func(work, earlier, open_loop, delayed, model)
         np.testing.assert_array_equal(earlier.antenna[0, :3], expected)
         assert np.any(work.x) == (open_loop is not None)

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from lvnav_trade.engines.epoch.case import Parts, case_of
 from lvnav_trade.engines.simulate.montecarlo import new_work, run_block
 from lvnav_trade.filters.ekf import place_antenna
-from lvnav_trade.filters.unscented import factorise, hold_window, measure_receiver, predict, rotation_between
+from lvnav_trade.filters.linearise import fill_receiver_rows, propagate_estimate
+from lvnav_trade.filters.unscented import factorise, hold_window, rotation_between
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.strapdown import mechanise
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
@@ -61,7 +63,7 @@ def propagated(prepared, P):
     processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, unit.dt)
     mechanise(work.nav, work.sums, work.previous, work.increments, n_tick, unit.dt, model.strapdown, unit.dt * first)
     before = np.array(work.nav)
-    predict(work, points, None, model, unit, prepared.schedule, w, unit.dt)
+    propagate_estimate(work, case_of(prepared), points, None, w)
     return work, before
 
 
@@ -184,14 +186,14 @@ def test_with_an_attitude_that_is_hardly_known_the_mean_of_the_velocity_gained_i
 
 def test_a_lever_arm_that_hardly_has_a_direction_shortens_by_the_closed_form():
     prepared, epoch = flown(LOOSE, ARM), 3
-    model, signals, dt = prepared.model, prepared.signals, prepared.unit.dt
+    model, dt = prepared.model, prepared.unit.dt
     P = np.diag(spread(prepared, attitude=WIDE) ** 2)
     work, points, _ = windowed(prepared, P)
     place_antenna(work, None, None, model, dt, epoch)
     arm = np.array(work.antenna[0, 6:9])
     work.solution[:] = np.concatenate([work.antenna[0, :3], work.antenna[0, 3:6]])
     nav = np.array(work.nav)
-    measure_receiver(work, points, None, None, None, None, model, signals, epoch, dt)
+    fill_receiver_rows(work, Parts(), case_of(prepared), points, None, epoch)
     np.testing.assert_array_equal(work.nav, nav)
     np.testing.assert_allclose(work.z[:3], (1.0 - MEAN) * arm, rtol=0, atol=0.03 * (1.0 - MEAN) * 5.0)
     reach = math.sqrt(3.0) * WIDE

@@ -13,74 +13,7 @@ import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 
-from lvnav_trade.kernels import jit as room
 from lvnav_trade.kernels.jit import inlined, jit, making_arrays
-
-
-@pytest.fixture
-def package(tmp_path: Path) -> Path:
-    """Return a small package: a kernel, a module that holds one, and one that holds none."""
-    for name, text in {
-        "kernels/earth.py": "a = 1\n",
-        "engines/simulate/flight.py": "from lvnav_trade.kernels.jit import jit\n",
-        "report/page.py": "b = 2\n",
-    }.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
-    return tmp_path
-
-
-@pytest.mark.parametrize("name", ["kernels/earth.py", "engines/simulate/flight.py"])
-def test_an_edit_of_any_module_that_holds_a_kernel_gives_another_folder(package: Path, name: str) -> None:
-    before = room._source_digest(package)
-    (package / name).write_text((package / name).read_text() + "\n")
-    assert room._source_digest(package) != before
-
-
-def test_an_edit_elsewhere_compiles_nothing_again(package: Path) -> None:
-    before = room._source_digest(package)
-    (package / "report/page.py").write_text("b = 3\n")
-    assert room._source_digest(package) == before
-
-
-def test_a_kernel_under_another_name_gives_another_folder(package: Path) -> None:
-    before = room._source_digest(package)
-    (package / "kernels/earth.py").rename(package / "kernels/globe.py")
-    assert room._source_digest(package) != before
-
-
-def folder_with(monkeypatch: pytest.MonkeyPatch, **environment: str) -> Path:
-    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME", "NUMBA_BOUNDSCHECK"):
-        monkeypatch.delenv(name, raising=False)
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
-    room._set_cache_folder()
-    return Path(os.environ["NUMBA_CACHE_DIR"])
-
-
-@pytest.mark.parametrize(
-    ("environment", "parent"),
-    [
-        ({"NUMBA_CACHE_DIR": "/mine", "XDG_CACHE_HOME": "/cache", "HOME": "/users/a"}, "/mine"),
-        ({"XDG_CACHE_HOME": "/cache", "HOME": "/users/a"}, "/cache/lvnav_trade"),
-        ({"HOME": "/users/a"}, "/users/a/.cache/lvnav_trade"),
-    ],
-)
-def test_the_users_choice_of_a_cache_folder_is_kept(monkeypatch, environment: dict[str, str], parent: str) -> None:
-    found = folder_with(monkeypatch, **environment)
-    assert str(found.parent) == parent
-    assert found.name.startswith("kernels-")
-
-
-def test_kernels_with_bounds_checks_have_a_folder_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = folder_with(monkeypatch, NUMBA_CACHE_DIR="/mine", NUMBA_BOUNDSCHECK="0")
-    checked = folder_with(monkeypatch, NUMBA_CACHE_DIR="/mine", NUMBA_BOUNDSCHECK="1")
-    assert plain == folder_with(monkeypatch, NUMBA_CACHE_DIR="/mine") != checked
-
-
-def test_a_worker_process_inherits_the_folder_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = folder_with(monkeypatch, NUMBA_CACHE_DIR="/mine")
-    assert folder_with(monkeypatch, NUMBA_CACHE_DIR=str(found)) == found
 
 
 @jit

@@ -11,7 +11,7 @@ from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.earth import gravity_gradient
 from lvnav_trade.kernels.strapdown import J2, N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V, full_rate, mechanise
 from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, SQUARE, VEL, driver, fill
-from lvnav_trade.layout import ParameterBlock
+from lvnav_trade.layout import ErrorTerm
 
 N_DRIVER = SQUARE + 1
 RATE, FORCE = np.array([0.02, -0.05, 0.08]), np.array([35.0, 4.0, -6.0])  # rad/s, m/s^2: a sharp turn at 3.6 g
@@ -21,9 +21,7 @@ NAMES = ["own input", "own rolled by one", "own rolled by two", "other x", "othe
 def parameters():
     """Every driver on both sensors, in states from 9 on."""
     kinds = [(sensor, kind) for sensor in (GYRO, ACCEL) for kind in range(N_DRIVER)]
-    return tuple(
-        ParameterBlock("any", 0, 9 + 3 * at, sensor, kind, 0.0, 0.0, 0.0) for at, (sensor, kind) in enumerate(kinds)
-    )
+    return tuple(ErrorTerm("any", 0, sensor, kind, 0.0, offset=9 + 3 * at) for at, (sensor, kind) in enumerate(kinds))
 
 
 PARAMETERS = parameters()

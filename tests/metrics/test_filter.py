@@ -8,7 +8,7 @@ from scipy import stats
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
-from lvnav_trade.metrics.filter import accepted_moments, nees, nis
+from lvnav_trade.metrics.filter import accepted_moments, filter_verdicts, nees, nis
 from lvnav_trade.store.read import Tables, load
 from tests import synthetic
 
@@ -124,3 +124,47 @@ def test_linear_covariance_is_not_held_against_a_filter_with_a_logic(watched, go
     assert "logic of its own" in why_not_applicable(watched, case)
     assert not why_not_applicable(good, good.cases.case[0])
     assert set(METRICS["agreement"](watched).agree) == {"not applicable"}
+
+
+def _with_expected(tables: Tables, factor: float) -> Tables:
+    frame = tables.consistency.assign(expected_nees_ratio=tables.consistency.expected_nees_ratio * factor)
+    return tables.with_frames(consistency=frame)
+
+
+def test_a_filter_is_overconfident_by_the_factor_that_its_errors_are_larger_than_its_sigma(wrong, good):
+    """Errors are drawn 1.6 times as large as the filter's sigma, with a mean of 0.0285 of the variance."""
+    found = filter_verdicts(wrong)
+    assert list(found.verdict) == ["overconfident"] * 2
+    assert found.sigma_ratio.to_numpy() == pytest.approx(np.sqrt(1.6**2 + 0.0285), rel=0.02)
+    assert (set(found.by), set(found.moment)) == ({"runs"}, {"run"})
+    assert list(filter_verdicts(good).verdict) == ["consistent"] * 2
+
+
+@pytest.mark.parametrize(("factor", "verdict", "sigma"), [(1.0, "consistent", 1.0), (16.0, "overconfident", 4.0),
+                                                          (1.0 / 9.0, "conservative", 1.0 / 3.0)])  # fmt: skip
+def test_without_runs_the_verdict_is_that_of_true_and_formal_covariance(alone, factor, verdict, sigma):
+    found = filter_verdicts(_with_expected(alone, factor))
+    assert set(found.verdict) == {verdict}
+    assert set(found.by) == {"LinCov"}
+    assert found.sigma_ratio.to_numpy() == pytest.approx(sigma * np.sqrt(1.0285), rel=0.01)
+
+
+def test_where_the_covariance_has_no_inverse_navigation_errors_decide(alone):
+    """True sigma of the nine errors is doubled; the mean is 0.05 of 0.12 m/s and 2 of 6 m, in two of nine axes."""
+    history = alone.history.assign(lincov_true_si=2.0 * alone.history.lincov_true_si)
+    found = filter_verdicts(_with_expected(alone, np.nan).with_frames(history=history))
+    extra = ((0.05 / 0.12) ** 2 + (2.0 / 6.0) ** 2) / 9.0
+    assert set(found.verdict) == {"overconfident"}
+    assert found.sigma_ratio.to_numpy() == pytest.approx(np.sqrt(4.0 + extra), rel=1e-6)
+
+
+def test_a_filter_that_is_inconsistent_at_the_event_of_a_requirement_alone_is_so(alone):
+    rows = alone.consistency
+    at = np.abs(rows.t_s - synthetic.EVENTS["injection"]) < 1e-6
+    found = filter_verdicts(alone.with_frames(
+        consistency=rows.assign(expected_nees_ratio=rows.expected_nees_ratio.where(~at, 9.0 * rows.nees_dof_count))
+    ))  # fmt: skip
+    assert set(found.verdict) == {"overconfident"}
+    assert set(found.moment) == {"injection"}
+    assert found.sigma_ratio.to_numpy() == pytest.approx(3.0)
+    assert found.largest_s.to_numpy() == pytest.approx(99.5)

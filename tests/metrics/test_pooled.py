@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lvnav_trade.metrics import numbers
-from lvnav_trade.metrics.numbers import Columns, Ours
-from lvnav_trade.metrics.pooled import cases_of, columns, label_of, members, ours
-from lvnav_trade.metrics.statements import value_of
+from lvnav_trade.metrics import evaluate as single_cases
+from lvnav_trade.metrics.metric import MetricValue, SingleValue
+from lvnav_trade.metrics.pooled import cases_of, evaluate, evaluate_single, label_of, members
+from lvnav_trade.metrics.verdicts import value_of
 
 SPEED = {"metric": "velocity_error_3d", "at": "injection"}
 LEVELS = {f"{imu}{draw}": {"imu": imu, "realisation": str(draw)} for imu in ("fine", "coarse") for draw in range(5)}
@@ -41,35 +41,35 @@ def test_numbers_are_those_of_all_runs_in_one_case(tables, monkeypatch):
     def one(_, case, stated, unit):
         worst = stated.get("statistic") == "worst"
         value = np.median(runs[case]) if worst else np.sqrt(np.mean(runs[case] ** 2))
-        return Ours(float(value), "", np.sort(runs[case]))
+        return SingleValue(float(value), "", np.sort(runs[case]))
 
-    monkeypatch.setattr(numbers, "ours", one)
+    monkeypatch.setattr(single_cases, "evaluate_single", one)
     every = np.concatenate([runs[f"fine{k}"] for k in range(5)])
-    found = ours(tables, "fine0", SPEED | {"pool": ("realisation",)}, "m/s")
+    found = evaluate_single(tables, "fine0", SPEED | {"pool": ("realisation",)}, "m/s")
     assert found.value == pytest.approx(np.sqrt(np.mean(every**2)), rel=1e-12)
     np.testing.assert_array_equal(found.runs, np.sort(every))
-    worst = ours(tables, "fine0", SPEED | {"pool": ("realisation",), "statistic": "worst"}, "m/s")
+    worst = evaluate_single(tables, "fine0", SPEED | {"pool": ("realisation",), "statistic": "worst"}, "m/s")
     assert worst.value == np.median(every)
-    assert ours(tables, "fine0", SPEED, "m/s").value == one(None, "fine0", SPEED, "").value
+    assert evaluate_single(tables, "fine0", SPEED, "m/s").value == one(None, "fine0", SPEED, "").value
 
 
 def test_a_count_is_the_median_of_the_cases(tables, monkeypatch):
     counts = dict(zip(LEVELS, (7.0, 9.0, 8.0, 8.0, 4.0, 1.0, 1.0, 1.0, 1.0, 1.0), strict=True))
-    monkeypatch.setattr(numbers, "ours", lambda _, case, stated, unit: Ours(counts[case]))
+    monkeypatch.setattr(single_cases, "evaluate_single", lambda _, case, stated, unit: SingleValue(counts[case]))
     stated = {"metric": "satellites_tracked", "pool": ("realisation",)}
-    assert ours(tables, "fine0", stated, "-").value == 8.0
+    assert evaluate_single(tables, "fine0", stated, "-").value == 8.0
 
 
-def _columns(each):
-    return Columns(1.0, 2.0, float(np.sqrt(each.mean())), runs=each)
+def _value(each):
+    return MetricValue(1.0, 2.0, float(np.sqrt(each.mean())), runs=each)
 
 
 def test_the_interval_covers_what_the_cases_differ_by(tables, monkeypatch):
     """Levels of very different size, runs alike: Student's interval of the logarithm of a mean of five cases."""
     sizes = np.array([1.0, 2.0, 4.0, 1.5, 3.0])
     each = dict(zip(LEVELS, [np.full(20, size) for size in (*sizes, *sizes)], strict=True))
-    monkeypatch.setattr(numbers, "columns", lambda _, case, stated, unit: _columns(each[case]))
-    found = columns(tables, "fine0", SPEED | {"pool": ("realisation",)}, "-")
+    monkeypatch.setattr(single_cases, "evaluate", lambda _, case, stated, unit: _value(each[case]))
+    found = evaluate(tables, "fine0", SPEED | {"pool": ("realisation",)}, "-")
     assert (found.formal, found.true) == (1.0, 2.0)
     assert found.monte_carlo == pytest.approx(np.sqrt(sizes.mean()), rel=1e-12)
     value = value_of("a", {"a": found})
@@ -82,31 +82,31 @@ def test_the_interval_covers_what_the_cases_differ_by(tables, monkeypatch):
 def test_runs_of_one_number_share_their_draws_and_count_once(tables, monkeypatch):
     """The same runs five times over know no more than once."""
     squares = np.random.default_rng(2).chisquare(1, 50)
-    monkeypatch.setattr(numbers, "columns", lambda _, case, stated, unit: _columns(squares))
-    found = value_of("a", {"a": columns(tables, "fine0", SPEED | {"pool": ("realisation",)}, "-")})
-    alone = value_of("a", {"a": _columns(squares)})
+    monkeypatch.setattr(single_cases, "evaluate", lambda _, case, stated, unit: _value(squares))
+    found = value_of("a", {"a": evaluate(tables, "fine0", SPEED | {"pool": ("realisation",)}, "-")})
+    alone = value_of("a", {"a": _value(squares)})
     assert (found.low, found.high) == pytest.approx((alone.low, alone.high), rel=1e-12)
 
 
 def test_a_share_of_cases_together_is_their_mean(tables, monkeypatch):
     each = dict(zip(LEVELS, [np.array([1.0] * k + [0.0] * (10 - k)) for k in (1, 2, 3, 4, 5, *[0] * 5)], strict=True))
-    made = {case: Columns(np.nan, np.nan, found.mean(), "", found, False, True) for case, found in each.items()}
-    monkeypatch.setattr(numbers, "columns", lambda _, case, stated, unit: made[case])
+    made = {case: MetricValue(np.nan, np.nan, found.mean(), "", found, False, True) for case, found in each.items()}
+    monkeypatch.setattr(single_cases, "evaluate", lambda _, case, stated, unit: made[case])
     stated = {"metric": "detection_rate", "during": "flight", "pool": ("realisation",)}
-    found = value_of("a", {"a": columns(tables, "fine0", stated, "-")})
+    found = value_of("a", {"a": evaluate(tables, "fine0", stated, "-")})
     assert found.monte_carlo == pytest.approx(0.3)
     assert found.low < 0.3 < found.high
-    none = value_of("a", {"a": columns(tables, "coarse0", stated, "-")})
+    none = value_of("a", {"a": evaluate(tables, "coarse0", stated, "-")})
     assert (none.low, none.monte_carlo) == (0.0, 0.0)
     assert none.high > 0.2  # ten runs without one tell no more
 
 
 def test_a_mean_of_cases_together_keeps_its_sign(tables, monkeypatch):
     means = dict(zip(LEVELS, (-3.0, -1.0, 1.0, 2.0, -4.0, *[0.0] * 5), strict=True))
-    monkeypatch.setattr(numbers, "ours", lambda _, case, stated, unit: Ours(means[case]))
-    made = {case: Columns(np.nan, 0.5, mean, is_root=False) for case, mean in means.items()}
-    monkeypatch.setattr(numbers, "columns", lambda _, case, stated, unit: made[case])
+    monkeypatch.setattr(single_cases, "evaluate_single", lambda _, case, stated, unit: SingleValue(means[case]))
+    made = {case: MetricValue(np.nan, 0.5, mean, is_root=False) for case, mean in means.items()}
+    monkeypatch.setattr(single_cases, "evaluate", lambda _, case, stated, unit: made[case])
     stated = {"metric": "clock_bias_error_time", "statistic": "mean", "during": "flight", "pool": ("realisation",)}
-    assert ours(tables, "fine0", stated, "m").value == pytest.approx(-1.0)
-    found = columns(tables, "fine0", stated, "m")
+    assert evaluate_single(tables, "fine0", stated, "m").value == pytest.approx(-1.0)
+    found = evaluate(tables, "fine0", stated, "m")
     assert (found.true, found.monte_carlo) == (0.5, pytest.approx(-1.0))

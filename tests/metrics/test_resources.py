@@ -18,7 +18,7 @@ from tests import synthetic
 
 BASE = """\
 base:
-  imu: {units: [{resources: {cost: 10, mass: 2 kg, mtbf: 1000 h}}, {resources: {cost: 10, mass: 2000 g, mtbf: 1000 h}}]}
+  imu: {units: [{resources: {cost: 10, mass: 2 kg, mtbf: 1000 h}}, {resources: {cost: 10, mass: 2 kg, mtbf: 1000 h}}]}
   receiver: {resources: {cost: 5, mass: 0.5 kg, power: 3 W, volume: 100 cm^3}}
   sensors: {one: {resources: null}, two: null, three: {resources: {cost: 1, mtbf: 500 h}}}
 axes:
@@ -62,9 +62,9 @@ def test_the_front_has_no_dominated_case_and_the_cheapest_that_meets_comes_first
 
 
 def test_runs_that_contradict_an_estimate_decide_what_meets(stated, monkeypatch) -> None:
-    """Verdicts of runs stand beside the estimate: a violated one is not met, an undecided one is named as such."""
+    """A design meets the requirements where its verdict says so, whatever linear covariance expects."""
     own = resources.margins(stated)
-    for verdict, meets in (("violated", False), ("not confirmed", False), ("undecided", True), ("met", True)):
+    for verdict, meets in (("violated", False), ("not confirmed", False), ("undecided", False), ("met", True)):
         changed = own.assign(verdict=own.verdict.where(own.case != "imu=fine", verdict))
         monkeypatch.setattr(resources, "margins", lambda _, found=changed: found)
         row = resources.pareto.__wrapped__(stated).set_index("case").loc["imu=fine"]
@@ -104,3 +104,12 @@ def test_the_front_is_drawn_with_a_cross_for_a_case_that_violates(stated) -> Non
     assert points["o"] == pytest.approx([106.0, frame.error_ratio["imu=fine"]])
     assert points["x"] == pytest.approx([6.0, frame.error_ratio["imu=coarse"]])
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("cost", "largest error over its limit (-)")
+
+
+def test_a_demonstrated_design_comes_before_a_cheaper_one_that_is_undecided(stated) -> None:
+    frame = METRICS["pareto"](stated)
+    cheap = frame.case == "imu=coarse"
+    changed = frame.assign(verdict=np.where(cheap, "undecided", "met"), error_ratio=0.9, meets=~cheap)
+    assert list(ranked(changed, ["cost"]).case) == ["imu=fine", "imu=coarse"]
+    violated = changed.assign(verdict=np.where(cheap, "undecided", "violated"), meets=False)
+    assert list(ranked(violated, ["cost"]).case) == ["imu=coarse", "imu=fine"]

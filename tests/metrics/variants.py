@@ -12,13 +12,14 @@ from ruamel.yaml import YAML
 
 from lvnav_trade.report.compare import keep_base
 from lvnav_trade.store.read import Tables, load
+from tests import synthetic
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
 
 
 def variant(source: Tables, target: Path, **changes: Change) -> Tables:
     """Copy what a comparison reads and change tables, such as ``runs=worse(1.05)``; `campaign` takes the mapping."""
-    keep_base(source, target)
+    synthetic.unsealed(keep_base(source, target))
     campaign = changes.pop("campaign", None)
     for name, change in changes.items():
         path = target / f"{name}.parquet"

@@ -57,11 +57,11 @@ MUTATIONS = {
         "tests/kernels/test_covariance.py::test_rows_of_an_epoch_may_come_in_any_order",
     ),
     "time constant of the truth twice too long": Mutation(
-        "engines/setup/prepare.py", "math.exp(-step / b.time_constant)", "math.exp(-0.5 * step / b.time_constant)",
+        "engines/setup/imu.py", "math.exp(-step / b.time_constant)", "math.exp(-0.5 * step / b.time_constant)",
         "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of a Gauss-Markov process scaled wrongly": Mutation(
-        "engines/setup/prepare.py", "expm1(-2.0 * step / b.time_constant)", "expm1(-step / b.time_constant)",
+        "engines/setup/imu.py", "expm1(-2.0 * step / b.time_constant)", "expm1(-step / b.time_constant)",
         "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of the filter's Gauss-Markov state scaled wrongly": Mutation(
@@ -69,8 +69,8 @@ MUTATIONS = {
         "tests/filters/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(
-        "engines/setup/receiver/signals.py", "at, self.trajectory, self.t = motion(trajectory, seen.t),",
-        "at, self.trajectory, self.t = motion(trajectory, seen.t - 0.0025),",
+        "engines/setup/receiver/lines.py", "at = motion(trajectory, seen.t)",
+        "at = motion(trajectory, seen.t - 0.0025)",
         "tests/engines/setup/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
     ),
     "attitude correction with the wrong sign": Mutation(

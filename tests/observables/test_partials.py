@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.receiver.signals import Line
+from lvnav_trade.engines.setup.receiver.lines import lines_of
+from lvnav_trade.line_of_sight import lever_partials
 from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, members, partial
 from lvnav_trade.world.receiver.visibility import sky
 from tests.building import hop, loaded, with_fields
@@ -16,27 +17,38 @@ T = np.array([3.0, 12.0, 25.0])
 def line(t=T, lever=(1.0, 0.5, -0.3)):
     scenario = loaded()
     receiver = with_fields(scenario.receiver, lever_b=[f"{x} m" for x in lever])
-    return Line(hop(), np.array(lever), sky(scenario.constellation, receiver, hop(), t))
+    return lines_of(hop(), np.array(lever), sky(scenario.constellation, receiver, hop(), t))
 
 
 def geometry(of):
-    shape = (*of.rate.shape, 2)
+    shape = (*of.sight.rate.shape, 2)
     troposphere, ionosphere = np.full(shape, 2.0), np.full(shape, 3.0)
-    solution = np.ones((of.rate.shape[0], 6))
+    solution = np.ones((of.sight.rate.shape[0], 6))
     return Geometry(
-        of.rate, of.acceleration, of.velocity, of.push, troposphere, ionosphere, solution, 2.0 * solution, of.lever
+        of.sight.rate,
+        of.acceleration,
+        of.velocity,
+        of.push,
+        troposphere,
+        ionosphere,
+        solution,
+        2.0 * solution,
+        lever_partials(of.sight, of.C_b_i, of.at.w_ib_b),
     )
 
 
 def channels(of, tight=True):
-    names = tuple(f"G{k:02d}" for k in range(of.rate.shape[1]))
+    names = tuple(f"G{k:02d}" for k in range(of.sight.rate.shape[1]))
     return Channels(tight, names, ("G",) * len(names), (True,) * len(names))
 
 
 def test_a_late_measurement_is_that_of_before():
     middle, before, after = line(), line(T - 0.01), line(T + 0.01)
     found = partial("timing", geometry(middle), channels(middle))
-    ranges, rates = (-(a - b) / 0.02 for a, b in ((after.distance, before.distance), (after.rate, before.rate)))
+    ranges, rates = (
+        -(a - b) / 0.02
+        for a, b in ((after.sight.distance, before.sight.distance), (after.sight.rate, before.sight.rate))
+    )
     np.testing.assert_allclose(found[:, 0::2], ranges, atol=1e-3)
     # the derivative leaves out the swing of the lever arm and the satellite's own jerk: cm/s^2 of 30 m/s^2
     np.testing.assert_allclose(found[:, 1::2], rates, atol=5e-2)
@@ -55,8 +67,8 @@ def test_an_antenna_elsewhere_changes_range_and_rate(axis):
     plus, minus = (line(lever=tuple(lever + sign * step * np.eye(3)[axis])) for sign in (1.0, -1.0))
     middle = line()
     found = partial(LEVER_AXES[axis], geometry(middle), channels(middle))
-    np.testing.assert_allclose(found[:, 0::2], (plus.distance - minus.distance) / (2 * step), atol=1e-5)
-    np.testing.assert_allclose(found[:, 1::2], (plus.rate - minus.rate) / (2 * step), atol=1e-5)
+    np.testing.assert_allclose(found[:, 0::2], (plus.sight.distance - minus.sight.distance) / (2 * step), atol=1e-5)
+    np.testing.assert_allclose(found[:, 1::2], (plus.sight.rate - minus.sight.rate) / (2 * step), atol=1e-5)
 
 
 def test_a_scale_factor_of_a_delay_is_worth_the_delay():

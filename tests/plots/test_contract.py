@@ -47,6 +47,7 @@ ARGUMENTS = {
     "delays": (CASE,),
     "latency": (CASE,),
     "envelope": (CASE, "velocity"),
+    "quantiles": (CASE, "velocity"),
     "errors": ("position",),
     "relative": ("position",),
     "autocorrelation": (),

@@ -16,7 +16,7 @@ def test_a_panel_has_the_card_as_a_line_and_the_stream_as_dots(good):
     case, tables = with_allan_curves(good)
     figure = drawn(PLOTS["allan"](tables, case))
     gyro, accel = figure.axes[:2]
-    assert (gyro.get_ylabel(), accel.get_ylabel()) == ("gyro\n(deg/h)", "accelerometer\n(mg)")
+    assert (gyro.get_ylabel(), accel.get_ylabel()) == ("gyro\n(deg/h, log)", "accelerometer\n(mg, log)")
     lines = {line.get_label(): line for line in gyro.get_lines()}
     assert set(lines) == {"card", "white noise", "random walk", "simulated stream"}  # no bias instability in the card
     np.testing.assert_allclose(lines["simulated stream"].get_ydata(), 1.1 * lines["card"].get_ydata())
@@ -38,7 +38,7 @@ def test_a_log_has_a_panel_for_each_axis_with_the_fit_and_its_interval():
                       "high_si": 1.1e-3 / tau, "model_si": 1e-3 / tau}) for name in names
     ])  # fmt: skip
     figure = drawn(allan_of_log(curves))
-    assert [axes.get_ylabel() for axes in figure.axes[2:4]] == ["gyro z (deg/h)", "accelerometer x (mg)"]
+    assert [axes.get_ylabel() for axes in figure.axes[2:4]] == ["gyro z (deg/h, log)", "accelerometer x (mg, log)"]
     fit = next(line for line in figure.axes[0].get_lines() if line.get_label() == "fit")
     np.testing.assert_allclose(fit.get_ydata(), 206.26480624709636 / tau)
     assert len(figure.axes) == 6

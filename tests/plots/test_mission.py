@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import errors_at
+from lvnav_trade.metrics.evaluate import errors_at
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.mission import _magnification, outline_of
 from lvnav_trade.plots.raster import drawn

@@ -14,8 +14,8 @@ def test_a_panel_has_both_levels_and_the_true_error(good):
     case, tables = with_protection_levels(good)
     figure = drawn(PLOTS["protection"](tables, case))
     position, velocity = figure.axes[:2]
-    assert position.get_ylabel() == "position (m)"
-    assert velocity.get_ylabel() == "velocity (m/s)"
+    assert position.get_ylabel() == "position (m, log)"
+    assert velocity.get_ylabel() == "velocity (m/s, log)"
     lines = {line.get_label(): line for line in position.get_lines()}
     assert {"protection level", "without faults", "runs (RMS)"} <= set(lines)
     level, free = (lines[name].get_ydata() for name in ("protection level", "without faults"))

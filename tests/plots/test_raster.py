@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from lvnav_trade.plots.browser import data_of
-from lvnav_trade.plots.figure import SHADE, Events, canvas, panel
+from lvnav_trade.plots.figure import SHADE, Events, Figure, canvas, panel
 from lvnav_trade.plots.raster import drawn, files, within_a_decade, written
 from lvnav_trade.plots.style import PALETTE
 
@@ -37,6 +40,32 @@ def test_the_colours_of_large_areas_are_left_as_they_are():
     assert often[0] == (255, 255, 255)
     assert (230, 232, 235) in often or (230, 231, 235) in often or (230, 231, 234) in often
     assert all(max(colour) - min(colour) <= 8 for colour in often)
+
+
+class Deadly(Figure):
+    """A figure that ends the process in which it arrives."""
+
+    def __reduce__(self):
+        return eval, ("__import__('os')._exit(1)",)
+
+
+def test_figures_whose_worker_dies_are_drawn_by_this_process(caplog) -> None:
+    figure, axes = panel(2.0)
+    axes.plot([0.0, 1.0], [1.0, 2.0], label="line")
+    found = files({"a": Deadly(*figure), "b": figure}, jobs=2)
+    assert list(found) == ["a.png", "b.png"]
+    assert found["a.png"] == found["b.png"] == written(figure, "png")
+    assert caplog.messages == ["a worker process died (out of memory?); the figures are drawn one by one"]
+
+
+@pytest.mark.parametrize("name", ["module://matplotlib_inline.backend_inline", "module://none.at_all", "none"])
+def test_figures_need_no_backend_that_a_notebook_names(name: str) -> None:
+    """As `!lvnav-trade ...` in a notebook runs it: the variable names a package of another installation."""
+    code = "from lvnav_trade.plots.raster import written; from lvnav_trade.plots.figure import panel\n"
+    code += "figure, axes = panel(2.0); axes.plot([0.0, 1.0], [1.0, 2.0]); print(written(figure, 'png')[1:4].decode())"
+    environment = {**os.environ, "MPLBACKEND": name}
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert (found.stdout, found.stderr) == ("PNG\n", "")
 
 
 def test_files_of_workers_are_those_of_one_process():

@@ -58,7 +58,7 @@ def test_satellites_below_the_local_horizontal_are_shown_where_they_are_tracked(
     low._read["satellites"] = good.satellites.assign(elevation_rad=good.satellites.elevation_rad - 0.3)
     axes = drawn(PLOTS["sky"](low, CASE)).axes[0]
     assert axes.get_ylim()[1] == 1.08 * 105.0
-    assert len(axes.texts) == 8 + 3 + 4  # beside the satellites elevations and azimuths
+    assert len(axes.texts) == 8 + 2 + 4  # beside the satellites elevations and azimuths
 
 
 def test_a_flight_without_an_injection_ends_with_its_last_event(good):

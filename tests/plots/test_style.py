@@ -5,8 +5,9 @@ from __future__ import annotations
 import pandas as pd
 
 from lvnav_trade.plots import PLOTS, raster, style
-from lvnav_trade.plots.figure import Events, events_of, panel
+from lvnav_trade.plots.figure import Events, events_of, panel, unit_of
 from lvnav_trade.plots.raster import drawn
+from lvnav_trade.plots.style import line_of, scale_up, share_scales
 
 CASE = "aaaaaaaaaaaa"
 
@@ -43,7 +44,7 @@ def test_a_line_ends_where_rows_pause_and_begins_again():
 
 def test_numbers_of_events_have_a_key(good):
     figure = PLOTS["trajectory"](good, CASE)
-    assert figure.key == "1 liftoff   2 stage1 cutoff   3 injection   shaded: satellite outage 1"
+    assert figure.key == "1 liftoff · 2 stage1 cutoff · 3 injection · shaded: satellite outage 1"
     names = {text.get_text() for text in drawn(figure).axes[0].texts}
     assert names == {"1", "2", "3"}
 
@@ -64,3 +65,24 @@ def test_a_fault_of_a_moment_is_a_line(good):
     found = drawn(figure).axes[0]
     assert len(found.patches) == 0
     assert [60.0, 60.0] in [list(line.get_xdata()) for line in found.get_lines()]
+
+
+def test_figures_of_a_section_share_one_scale_and_those_of_one_label_their_limits():
+    figures = []
+    for label, values in (("a (m)", [1.0, 2.0]), ("a (m)", [3.0, 4.0]), ("b (m/s)", [0.01, 9.0])):
+        figure, ax = panel(2.0)
+        ax.plot([0.0, 1.0], values)
+        ax.set(ylabel=label)
+        scale_up(ax, "y", values)
+        figures.append(figure)
+    share_scales(figures)
+    axes = [figure.panels[0] for figure in figures]
+    assert {ax.axes["yscale"] for ax in axes} == {"log"}
+    assert axes[0].axes["ylim"] == axes[1].axes["ylim"] != axes[2].axes["ylim"]
+    assert [ax.label("y") for ax in axes] == ["a (m, log)", "a (m, log)", "b (m/s, log)"]
+    assert unit_of("3D RMS (m/s; short dashes: LinCov)") == "m/s"
+
+
+def test_six_cases_differ_in_dashes_as_well_as_in_colour():
+    looks = [line_of(number) for number in range(6)]
+    assert len({str(look["ls"]) for look in looks}) == len({look["color"] for look in looks}) == 6

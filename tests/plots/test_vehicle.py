@@ -8,21 +8,16 @@ import pytest
 
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.raster import drawn, written
-from lvnav_trade.plots.vehicle import apart, interpretations, motion, movement, singular, sweep, turning, worth
-from tests.vehicle_tables import FILTERED, LESS, RAW, SIGMA, tables
+from lvnav_trade.plots.vehicle import motion, movement, singular, sweep, turning
+from tests.vehicle_tables import FILTERED, LESS, RAW, tables
 
 CASE = "aaaaaaaaaaaa"
-PAIR = [{"rate_gain": "1"}, {"rate_gain": "2"}]
 ARGUMENTS = {
     "motion": (CASE, "acceleration"),
-    "ignition": (CASE,),
     "singular": (CASE,),
     "movement": (CASE,),
     "sweep": (),
     "turning": (CASE,),
-    "worth": (),
-    "interpretations": (),
-    "apart": (PAIR,),
 }
 
 
@@ -49,40 +44,6 @@ def test_the_sweep_shows_reductions_by_their_gain():
     line = next(line for line in figure.axes[0].get_lines() if line.get_marker() != "None")
     np.testing.assert_allclose(np.asarray(line.get_xdata(), dtype=float), [1.0, 2.0])
     np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=float), 100.0 * LESS)
-
-
-def test_readings_stand_beside_what_is_stated():
-    axes = drawn(interpretations(tables())).axes[0]
-    assert [line.get_ydata()[0] for line in axes.get_lines()] == [88.0, 57.0]
-    assert axes.containers[0][0].get_height() == pytest.approx(100.0 * (1.0 - SIGMA / RAW))
-
-
-def test_cases_apart_are_drawn_in_percent_of_the_second():
-    lines = {line.get_label(): line.get_ydata() for line in drawn(apart(tables(), PAIR)).axes[0].get_lines()}
-    np.testing.assert_allclose(lines["position, 3D"], 50.0)  # half of the other case's
-    np.testing.assert_allclose(lines["attitude, 3D"], 0.0)
-
-
-def test_cases_apart_may_show_an_axis_of_a_quantity():
-    axes = drawn(apart(tables(), PAIR, {"attitude": "roll"})).axes[0]
-    lines = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
-    assert "attitude, 3D" not in lines
-    np.testing.assert_allclose(lines["attitude, roll"], 75.0)
-    np.testing.assert_allclose(lines["position, 3D"], 50.0)
-
-
-def test_what_feeds_the_controller_is_drawn_case_by_case():
-    axes = drawn(worth(tables(), [{"rate_gain": "2"}])).axes[0]
-    raw, filtered, true = (bars[0].get_height() for bars in axes.containers)
-    assert filtered == pytest.approx((1.0 - LESS) * raw)
-    assert true == pytest.approx(0.1 * raw)
-
-
-def test_what_is_written_on_the_bars_has_room_in_both_panels():
-    above = drawn(worth(tables())).axes[:2]
-    highest = max(text.get_position()[1] for axes in above for text in axes.texts)
-    assert above[0].get_ylim() == above[1].get_ylim()
-    assert above[0].get_ylim()[1] == pytest.approx(1.15 * highest)
 
 
 def test_what_is_shaded_has_a_name_in_the_legend():

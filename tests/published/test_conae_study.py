@@ -1,4 +1,4 @@
-"""A small version of every campaign of the CONAE study: eight runs of the cases that its statements rest on."""
+"""A small version of every campaign of the study of couplings: eight runs of the cases that its statements rest on."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.study import load_study
-from lvnav_trade.metrics.published import references
+from tests.scripts import publication
 
+STUDY = publication("conae")
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "conae"
 SMALL = (
     "monte_carlo={runs: 8, block: 8}",
@@ -42,8 +43,8 @@ RUNS = {
     "troposphere": ("axes.2.values=[0]",),
 }
 """What each small version leaves out."""
-OWN_KERNELS = {"imu_temperature"}
-"""No other test flies what these do, and to compile it takes most of a minute."""
+LONG = {"imu_temperature", "receiver_limits", "receiver", "delay", "pvt_sources", "hil_like"}
+"""Each takes 10 to 60 s: kernels of its own, or many cases. `make slow` flies them."""
 LOCI = {
     "delay_cost": ("axes=[{path: receiver.latency, values: [0 ms, 300 ms]}]",),
     "settings": ("axes=[{path: filter.imu.gyro_bias_walk, values: [0.0001 deg/s/sqrt(s), 0.0292 deg/s/sqrt(s)]}]",),
@@ -72,22 +73,20 @@ HOLD = {
 
 
 def test_every_campaign_of_the_folder_is_in_the_study_and_has_a_small_version() -> None:
-    study, questions = load_study(FOLDER)
+    study, questions = load_study(FOLDER, None, STUDY.figures)
     files = {path.stem for path in FOLDER.glob("*.yaml")} - {"study"}
     assert files == {one.campaign.name for one in questions} == set(RUNS) | set(LOCI)
     assert study.assumptions
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in OWN_KERNELS)) for name in RUNS]
-)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in RUNS])
 def test_what_is_published_holds_with_a_few_runs(name: str, tmp_path: Path) -> None:
     results = api.run(FOLDER / f"{name}.yaml", (*SMALL, *RUNS[name]), tmp_path, jobs=1, report=False)
     assert results.failures == []
     if not HOLD[name]:
         assert (results.tables.cases.run_count == 8).all()
         return
-    frame = references(results.tables)
+    frame = STUDY.table(results)
     asked = frame[frame.item.str.startswith(HOLD[name])]
     asked = asked[asked.ours.notna()]  # cases that the small version leaves out
     assert set(HOLD[name]) == {start for start in HOLD[name] if asked.item.str.startswith(start).any()}

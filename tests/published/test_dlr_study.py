@@ -18,11 +18,23 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.study import load_study
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.setup.prepare import prepare
-from lvnav_trade.metrics.published import references
+from tests.scripts import publication
 
+STUDY = publication("dlr")
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "dlr"
 KEPT = FOLDER.parents[1] / "reports" / "dlr" / "references.csv"
 CAMPAIGNS = sorted(path.stem for path in FOLDER.glob("*.yaml") if path.stem != "study")
+LONG = {
+    "compensation_locus",
+    "ekf_ukf",
+    "fdir",
+    "fdir_alarms",
+    "smoothed_solution",
+    "smoothing_locus",
+    "strapdown_drift",
+    "strapdown_outage",
+}
+"""Each takes 7 to 14 s: kernels of its own, or dense histories. `make slow` flies them."""
 BY_COVARIANCE = (
     "monte_carlo=null", "covariance={budget: false, adjoint: false, observability: false, nonlinearity: false}"
 )  # fmt: skip
@@ -53,21 +65,21 @@ def number(item: str) -> int:
 
 
 def test_every_statement_is_tested_with_its_bounds_or_named_as_not_set_up() -> None:
-    study, questions = load_study(FOLDER)
+    _, questions = load_study(FOLDER, None, STUDY.figures)
     assert {one.campaign.name for one in questions} == {path.stem for path in FOLDER.glob("*.yaml")} - {"study"}
     stated: dict[int, set[tuple[float | None, float | None]]] = {}
     for one in questions:
-        for statement in one.campaign.statements:
+        for statement in STUDY.of(one.campaign.name).statements:
             assert statement.id.startswith(f"dlr-{number(statement.item):02d}")
             stated.setdefault(number(statement.item), set()).add((statement.at_least, statement.at_most))
-    for one in study.elsewhere:
+    for one in STUDY.of_study.elsewhere:
         stated.setdefault(number(one.item), set()).add((one.at_least, one.at_most))
-    assert not study.not_set_up
+    assert not STUDY.of_study.not_set_up
     assert set(stated) == set(range(1, 45))
     assert {key: bounds for key, bounds in stated.items() if not bounds <= BOUNDS[key]} == {}
 
 
-@pytest.mark.parametrize("name", CAMPAIGNS)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in CAMPAIGNS])
 def test_the_first_and_the_last_case_of_a_campaign_have_a_covariance(name: str) -> None:
     every = cases(load(FOLDER / f"{name}.yaml"))
     for case in (every[0], every[-1]):
@@ -86,7 +98,7 @@ def test_the_first_and_the_last_case_of_a_campaign_have_a_covariance(name: str) 
 @pytest.mark.parametrize("name", CAMPAIGNS)
 def test_linear_covariance_gives_the_kept_figures_again(name: str, tmp_path: Path) -> None:
     """Formal and true of every statement; on another processor they are equal to rounding."""
-    found = references(api.run(FOLDER / f"{name}.yaml", BY_COVARIANCE, tmp_path, jobs=1, report=False).tables)
+    found = STUDY.table(api.run(FOLDER / f"{name}.yaml", BY_COVARIANCE, tmp_path, jobs=1, report=False))
     kept = {name: iter(rows) for name, rows in pd.read_csv(KEPT).groupby("id").true}  # of several cases in their order
     for row in found.itertuples():
         size = next(kept[row.id])
@@ -96,9 +108,8 @@ def test_linear_covariance_gives_the_kept_figures_again(name: str, tmp_path: Pat
 
 def test_the_grade_of_the_unit_decides_what_it_did(tmp_path: Path) -> None:
     """Linear covariance alone: position is that of the fixes, velocity and attitude are those of the unit."""
-    frame = references(
-        api.run(FOLDER / "imu_grades.yaml", (*BY_COVARIANCE, "keep.history=5 s"), tmp_path, jobs=1, report=False).tables
-    )
+    asked = (*BY_COVARIANCE, "keep.history=5 s")
+    frame = STUDY.table(api.run(FOLDER / "imu_grades.yaml", asked, tmp_path, jobs=1, report=False))
     found = frame.set_index(["id", "case"])
     first = {id_: rows.iloc[0] for id_, rows in frame.groupby("id")}
     assert len(found) == 14  # two starts

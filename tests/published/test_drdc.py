@@ -13,11 +13,12 @@ from lvnav_trade.campaign.reading.study import load_study
 from lvnav_trade.campaign.running.execute import run
 from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.statements import FAILS
+from lvnav_trade.metrics.verdicts import FAILS
 from lvnav_trade.report import build
 from lvnav_trade.steering import nozzle as controlled
 from lvnav_trade.store.read import load as results_of
 from tests.building import flying, hop
+from tests.scripts import publication
 from tests.world.control.launches import steady_launch
 
 EVENTS = {
@@ -41,12 +42,13 @@ def flown(name, tmp_path, *settings):
 
 
 def test_every_campaign_of_the_study_is_good_and_its_page_is_written():
-    study, parts = load_study(campaign_file("campaigns/drdc/study.yaml").parent)
+    study, parts = load_study("drdc", None, publication("drdc").figures)
     assert len(parts) == len(study.campaigns) == 6
     assert len(study.assumptions) > 5
-    assert {part.part.campaign for part in parts if not part.campaign.references} == {"guidance", "envelope"}
+    assert {part.part.campaign for part in parts if not part.campaign.references} == {"guidance", "envelope", "nozzle"}
 
 
+@pytest.mark.slow  # a campaign of half a minute
 def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_hardly(tmp_path):
     tables = flown("rates_and_accelerations", tmp_path, "monte_carlo.runs=16", "report.sections=[motion]")
     found = METRICS["motion"](tables)
@@ -55,7 +57,7 @@ def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_
     ]
     assert (roll.formal_better_percent - 88.1).abs().max() < 1.0  # table 2
     assert roll.better_percent.min() > 85.0
-    frame = METRICS["references"](tables)
+    frame = publication("drdc").table(tables)
     unknown = frame[frame["item"].str.startswith("unknown dynamics")]
     assert len(unknown) == 4
     assert unknown.in_band.all()
@@ -68,7 +70,7 @@ def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_
 
 def test_twenty_launches_say_whether_errors_are_as_the_filter_assumes(tmp_path):
     only = ("base.trajectory=trajectories/churchill_sso",
-            "axes=[{path: receiver.mask, values: [5 deg, 10 deg]}]", "statements=[]", "references=[]")  # fmt: skip
+            "axes=[{path: receiver.mask, values: [5 deg, 10 deg]}]", "references=[]")  # fmt: skip
     found = METRICS["motion"](flown("twenty_launches", tmp_path, *only))
     assert set(found.as_modelled) <= {"as modelled", "smaller"}
 
@@ -78,7 +80,7 @@ def test_launches_of_a_mission_count_as_one_case(tmp_path):
     settings = ("axes.0.values=[0, 1]", "monte_carlo.runs=8", "report.sections=[references]")
     run(load(campaign_file("campaigns/drdc/twenty_launches.yaml"), settings), tmp_path / "r", jobs=1)
     tables = results_of(tmp_path / "r")
-    frame = METRICS["references"](tables).set_index("item")
+    frame = publication("drdc").table(tables).set_index("item")
     row = frame.loc["table 2 by Monte Carlo, rate roll, boost"]
     assert row["case"] == "base; 2 levels of realisation together"
     assert row["formal"] == pytest.approx(88.1, abs=0.5)
@@ -93,12 +95,13 @@ def test_launches_of_a_mission_count_as_one_case(tmp_path):
 
 def test_all_states_are_observable_only_with_a_time_constant_of_the_position_bias(tmp_path):
     tables = flown("observability", tmp_path, "covariance.window=10 s")
-    frame = METRICS["references"](tables)
+    frame = publication("drdc").table(tables)
     ranks = frame[frame["item"].str.startswith("rank")]
     assert ranks.in_band.all()
     assert set(ranks.ours) == {24.0, 18.0}
 
 
+@pytest.mark.slow  # a campaign of half a minute
 def test_the_nozzle_moves_less_with_the_filtered_rate(tmp_path):
     launch = steady_launch(20.0, gust=3.0, moment=0.003, force=0.03)
     with (
@@ -111,7 +114,7 @@ def test_the_nozzle_moves_less_with_the_filtered_rate(tmp_path):
     whole = found[(found.burn == "flight")].set_index(["case", "axis"]).less_percent
     assert len(whole) == 6
     assert whole.min() > 0.0
-    rows = METRICS["references"](tables).set_index("item")
+    rows = publication("drdc").table(tables).set_index("item")
     assert rows.loc["jerk along z stays in its envelope (bound ours: but for a tick in a thousand)", "ours"] > 99.0
     assert "last burn, pitch" in set(rows["id"])
     assert "The vehicle under control" in build(tables.folder).read_text(encoding="utf-8")
@@ -141,5 +144,5 @@ def test_a_narrower_envelope_moves_the_nozzle_less_where_the_air_is_thin(tmp_pat
 def test_the_page_of_the_study_states_table_2_within_three_points(tmp_path):
     campaign = load(campaign_file("campaigns/drdc/rates_and_accelerations.yaml"), ["monte_carlo.runs=8"])
     run(campaign, tmp_path / "r", jobs=1)
-    frame = METRICS["references"](results_of(tmp_path / "r"))
+    frame = publication("drdc").table(results_of(tmp_path / "r"))
     assert frame[frame["item"].str.startswith("table 2")].in_band.all()

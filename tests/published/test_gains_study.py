@@ -14,8 +14,9 @@ from lvnav_trade.campaign.reading.study import load_study
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.errors.coverage import coverage
 from lvnav_trade.metrics.errors.rms import paired_levels
-from lvnav_trade.metrics.published import references
+from tests.scripts import publication
 
+STUDY = publication("gains")
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "gains"
 SMALL = (
     "monte_carlo={runs: 8, block: 8}",
@@ -69,6 +70,8 @@ HOLD = {
     "deboost": ("lost from the entry on",),
 }
 """Beginnings of the items that hold with eight runs too."""
+QUICK = ("polar", "transfer_orbit")
+"""The small versions that `make test` flies; the others take up to two minutes each."""
 CONDITIONS = (
     "low noise", "high noise", "intermittent loss", "bursts of wild samples", "latency", "recorded errors", "3-sigma",
     "times Q", "loss of 300 s before injection",
@@ -107,17 +110,17 @@ def flown(name: str, tmp_path: Path) -> api.Results:
 
 
 def test_every_campaign_of_the_folder_is_in_the_study_and_has_a_small_version() -> None:
-    study, questions = load_study(FOLDER)
+    study, questions = load_study(FOLDER, None, STUDY.figures)
     files = {path.stem for path in FOLDER.glob("*.yaml")} - {"study"}
     assert files == {one.campaign.name for one in questions} == set(FEW)
     assert study.assumptions
 
 
-@pytest.mark.parametrize("name", HOLD)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in HOLD])
 def test_what_is_stated_holds_with_a_few_runs(name: str, tmp_path: Path) -> None:
     results = flown(name, tmp_path)
     assert results.failures == []
-    frame = references(results.tables)
+    frame = STUDY.table(results)
     asked = frame[frame.item.str.startswith(HOLD[name]) & frame.ours.notna()]
     assert set(HOLD[name]) == {start for start in HOLD[name] if asked.item.str.startswith(start).any()}
     out = asked[~asked.in_band]
@@ -162,7 +165,7 @@ def test_process_noise_of_the_ensemble_makes_the_filter_honest(tmp_path: Path) -
 def test_every_cell_of_the_design_validation_has_a_verdict(tmp_path: Path) -> None:
     results = flown("design_validation", tmp_path)
     verdicts = METRICS["requirements"](results.tables)
-    assert len(verdicts) == len(references(results.tables)) == 3
+    assert len(verdicts) == len(STUDY.table(results)) == 3
     assert set(verdicts.verdict) <= {"met", "violated", "undecided"}
     matrix = load(FOLDER / "design_validation.yaml")
     reported = " ".join(label for axis in matrix.axes for label in axis.labels or axis.cards or ())
@@ -188,7 +191,7 @@ def test_the_stored_process_noise_is_what_an_ensemble_asks_for(tmp_path: Path) -
     campaign = FOLDER / "process_noise.yaml"
     stored = {case.axes["filter"]: case.scenario.filter for case in cases(load(campaign))}
     for step in (1, 100):
-        found, _ = api.estimate_q(campaign, tmp_path / "q.yaml", few, runs=16, step=float(step))
+        found = api.estimate_q(campaign, tmp_path / "q.yaml", few, runs=16, step=float(step)).noise
         kept = stored[f"ensemble with steps of {step} s"]
         # a variance of 16 runs, three axes: within 1.5 as a sigma
         assert found.card.velocity_noise == pytest.approx(kept.velocity_noise, rel=0.5)
@@ -197,9 +200,8 @@ def test_the_stored_process_noise_is_what_an_ensemble_asks_for(tmp_path: Path) -
 
 def test_the_transition_propagates_what_the_filter_models_as_the_complete_inertial_system_does(tmp_path: Path) -> None:
     """Of the study's rows: what the transition misses from an event to the next, as a part of the error itself."""
-    found, _ = api.estimate_q(FOLDER / "model_validation.yaml", tmp_path / "q.yaml", (), runs=16, step=1100.0)
-    study, _ = load_study(FOLDER)
-    stated = {one.item.split(":")[0]: one.value for one in study.elsewhere}
+    found = api.estimate_q(FOLDER / "model_validation.yaml", tmp_path / "q.yaml", (), runs=16, step=1100.0).noise
+    stated = {one.item.split(":")[0]: one.value for one in STUDY.of_study.elsewhere}
     assert set(stated) == {"attitude propagated", "velocity propagated", "position propagated"}
     for name, unit in (("attitude", "rad"), ("velocity", "m_per_s"), ("position", "m")):
         part = found.steps[f"{name}_missed_{unit}"] / found.steps[f"{name}_error_{unit}"]

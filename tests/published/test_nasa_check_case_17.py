@@ -138,6 +138,7 @@ def test_the_geodetic_columns_say_the_same_as_the_inertial_ones(refdata, flight)
     own = settings(
         refdata / FILE,
         moving_reference=MOVING,
+        greenwich=None,
         position={"frame": "geodetic", "columns": ["latitude_deg", "longitude_deg", "altitudeMsl_ft"], "unit": "deg",
                   "height_unit": "ft"},
         velocity={"frame": "ned", "columns": [f"feVelocity_ft_s_{axis}" for axis in "XYZ"], "unit": "ft/s"},

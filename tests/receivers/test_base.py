@@ -11,6 +11,7 @@ from lvnav_trade.kernels.lanes import like, view
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import (
     SINCE,
+    FilterSettings,
     ReportedCovariance,
     new_receiver,
     point_model,
@@ -32,29 +33,30 @@ def test_limits_of_residuals_grow_with_two_degrees_of_freedom_a_satellite():
 
 
 def test_sigmas_become_variances_and_what_is_left_out_limits_nothing():
-    model = receiver_filter(OWN, 1.0, 2.0, 0.1, 0.5, 0.005)
+    model = receiver_filter(OWN, 1.0, FilterSettings(2.0, 0.1, 0.5, 0.005))
     assert (model.range_floor, model.rate_floor) == (4.0, pytest.approx(0.01))
     assert (model.drive_floor, model.clock) == (0.25, pytest.approx(2.5e-5))
     assert model.gate_squared == model.range_limit == model.rate_limit == model.restart == model.coast == np.inf
-    limited = receiver_filter(
-        OWN, 1.0, 2.0, 0.1, 0.5, 0.005, gate=5.0, range_limit=100.0, rate_limit=9.0, restart_after=4, longest_coast=60.0
+    settings = FilterSettings(
+        2.0, 0.1, 0.5, 0.005, gate=5.0, range_limit=100.0, rate_limit=9.0, restart_after=4, longest_coast=60.0
     )
+    limited = receiver_filter(OWN, 1.0, settings)
     assert (limited.gate_squared, limited.range_limit, limited.rate_limit) == (25.0, 100.0, 9.0)
     assert (limited.restart, limited.coast) == (4.0, 60.0)
 
 
 def test_the_transition_integrates_acceleration_twice():
-    phi = transition(receiver_filter(OWN, 2.0, 2.0, 0.1, 0.5, 0.005))
+    phi = transition(receiver_filter(OWN, 2.0, FilterSettings(2.0, 0.1, 0.5, 0.005)))
     state = np.zeros(11)
     state[[0, 3, 6, 9, 10]] = [3.0, 5.0, 7.0, 11.0, 13.0]
     np.testing.assert_allclose((phi @ state)[[0, 3, 6, 9, 10]], [3.0, 11.0, 23.0, 37.0, 13.0])
 
 
 def test_a_slowly_fading_acceleration_is_a_random_walk_in_the_limit():
-    walk = transition(receiver_filter(OWN, 1.0, 2.0, 0.1, 0.5, 0.005))
-    fading = transition(receiver_filter(OWN, 1.0, 2.0, 0.1, 0.5, 0.005, acceleration_time=1e6))
+    walk = transition(receiver_filter(OWN, 1.0, FilterSettings(2.0, 0.1, 0.5, 0.005)))
+    fading = transition(receiver_filter(OWN, 1.0, FilterSettings(2.0, 0.1, 0.5, 0.005, acceleration_time=1e6)))
     np.testing.assert_allclose(fading, walk, rtol=0, atol=2e-6)
-    quick = transition(receiver_filter(OWN, 1.0, 2.0, 0.1, 0.5, 0.005, acceleration_time=0.5))
+    quick = transition(receiver_filter(OWN, 1.0, FilterSettings(2.0, 0.1, 0.5, 0.005, acceleration_time=0.5)))
     assert quick[0, 0] == pytest.approx(np.exp(-2.0))
     assert quick[3, 0] == pytest.approx(0.5 * (1.0 - np.exp(-2.0)))
 

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from lvnav_trade.receivers.bancroft import fix
-from lvnav_trade.receivers.base import ReportedCovariance, new_receiver, point_model, receiver_filter, switch_on
+from lvnav_trade.receivers.base import (
+    FilterSettings,
+    ReportedCovariance,
+    new_receiver,
+    point_model,
+    receiver_filter,
+    switch_on,
+)
 from lvnav_trade.receivers.cascade import (
     SOLUTION,
     design,
@@ -27,7 +34,9 @@ POINT = point_model(ReportedCovariance(), 2.0, 0.1)
 
 def model(factor=1.0, **changes):
     settings = {"range_sigma": 4.0, "rate_sigma": 0.2, "drive_sigma": 1.0, "clock_noise": 0.005}
-    return receiver_filter(ReportedCovariance(factor=factor), 1.0, start_acceleration=10.0, **(settings | changes))
+    return receiver_filter(
+        ReportedCovariance(factor=factor), 1.0, FilterSettings(start_acceleration=10.0, **(settings | changes))
+    )
 
 
 ADAPTED = {"range_sigma": 2.0, "rate_sigma": 0.1, "drive_sigma": 0.5,

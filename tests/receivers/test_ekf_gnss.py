@@ -15,6 +15,7 @@ from lvnav_trade.receivers.base import (
     NO_FIX,
     PARTIAL,
     PROPAGATED,
+    FilterSettings,
     ReportedCovariance,
     new_receiver,
     point_model,
@@ -38,13 +39,16 @@ from tests.receivers.scenes import (
 OWN = ReportedCovariance()
 POINT = point_model(OWN, 2.0, 0.1)
 # The published settings of the three variants; only the own covariance goes out, unscaled, to be compared with errors.
-FIRST = receiver_filter(OWN, 1.0, 2.0, 0.1, 0.5, 0.005, drive_gain=0.01, range_gain=1.0, rate_gain=0.01,
-                     start_acceleration=10.0)  # fmt: skip
-SECOND = receiver_filter(OWN, 1.0, 4.0, 0.2, 1.0, 0.005, start_acceleration=10.0)
+ADAPTED = {"range_gain": 1.0, "rate_gain": 0.01}
+FIRST = receiver_filter(
+    OWN, 1.0, FilterSettings(2.0, 0.1, 0.5, 0.005, drive_gain=0.01, start_acceleration=10.0, **ADAPTED)
+)
+SECOND = receiver_filter(OWN, 1.0, FilterSettings(4.0, 0.2, 1.0, 0.005, start_acceleration=10.0))
 # variances 20 times those of the first, now of the acceleration
-THIRD = receiver_filter(OWN, 1.0, 2.0, 0.1, 0.5 * 20.0**0.5, 0.005, acceleration=False, drive_gain=0.2, range_gain=1.0,
-                     rate_gain=0.01)  # fmt: skip
-MATCHED = receiver_filter(OWN, 1.0, 2.0, 0.1, 0.02, 0.005, start_acceleration=0.1)
+THIRD = receiver_filter(
+    OWN, 1.0, FilterSettings(2.0, 0.1, 0.5 * 20.0**0.5, 0.005, acceleration=False, drive_gain=0.2, **ADAPTED)
+)
+MATCHED = receiver_filter(OWN, 1.0, FilterSettings(2.0, 0.1, 0.02, 0.005, start_acceleration=0.1))
 
 
 def random_covariance(seed=1):
@@ -73,7 +77,7 @@ ORDER = np.array([6, 7, 8, 3, 4, 5, 0, 1, 2, 9, 10])  # of the paper's states am
 @pytest.mark.parametrize("acceleration", [True, False])
 @pytest.mark.parametrize("dt", [1.0, 0.1])
 def test_state_and_covariance_are_propagated_as_the_printed_matrices_say(dt, acceleration):
-    model = receiver_filter(OWN, dt, 2.0, 0.1, 0.5, 0.03, acceleration=acceleration)
+    model = receiver_filter(OWN, dt, FilterSettings(2.0, 0.1, 0.5, 0.03, acceleration=acceleration))
     rx, P = new_receiver(), random_covariance()
     if not acceleration:
         P[:3], P[:, :3] = 0.0, 0.0
@@ -91,7 +95,7 @@ def test_state_and_covariance_are_propagated_as_the_printed_matrices_say(dt, acc
 def test_an_acceleration_that_decays_is_integrated_exactly():
     """Against many short steps of a' = -a / tau."""
     tau, short = 3.0, 1e-4
-    model = receiver_filter(OWN, 1.0, 2.0, 0.1, 0.5, 0.005, acceleration_time=tau)
+    model = receiver_filter(OWN, 1.0, FilterSettings(2.0, 0.1, 0.5, 0.005, acceleration_time=tau))
     a, v, p = 1.0, 0.0, 0.0
     for _ in range(10000):
         mid = a * np.exp(-0.5 * short / tau)
@@ -174,8 +178,10 @@ def switch_on_lanes(rx, places):
     switch_on(view(rx), p[0], p[1], p[2])
 
 
-GATED = receiver_filter(OWN, 1.0, 2.0, 0.1, 0.5, 0.005, drive_gain=0.01, range_gain=1.0, rate_gain=0.01, gate=6.0,
-                     start_acceleration=10.0, range_limit=300.0, restart_after=3, longest_coast=5.0)  # fmt: skip
+LIMITS = {"gate": 6.0, "range_limit": 300.0, "restart_after": 3, "longest_coast": 5.0}
+GATED = receiver_filter(
+    OWN, 1.0, FilterSettings(2.0, 0.1, 0.5, 0.005, drive_gain=0.01, start_acceleration=10.0, **ADAPTED, **LIMITS)
+)
 
 
 def test_eight_runs_that_miss_different_satellites_are_to_the_bit_those_of_each_alone():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.receivers.hatch import divergence, gains
+from lvnav_trade.receivers.hatch import gains, smoothing_error
 
 EPOCHS, WINDOW = 400, 20
 A = 1.0 / WINDOW
@@ -48,10 +48,21 @@ def test_a_loss_and_a_slip_begin_anew_and_what_is_not_tracked_has_no_gain():
 def test_code_and_carrier_diverge_by_twice_the_rate_of_the_delay_times_the_window():
     rate = 0.02  # m an epoch
     delay = 5.0 + rate * np.arange(EPOCHS)[:, None]
-    found = divergence(gains(*always(), WINDOW), delay)
+    found = smoothing_error(gains(*always(), WINDOW), 2.0 * delay)
     # a first-order filter trails a ramp of slope r by r (1 - a) / a
     assert found[-1, 0] == pytest.approx(-2.0 * rate * (1.0 - A) / A, rel=1e-6)
     # of a mean it is half the ramp
     assert found[WINDOW - 1, 0] == pytest.approx(-2.0 * rate * (WINDOW - 1) / 2.0, rel=1e-9)
-    constant = divergence(gains(*always(), WINDOW), np.full((EPOCHS, 1), 7.0))
+    constant = smoothing_error(gains(*always(), WINDOW), np.full((EPOCHS, 1), 7.0))
     np.testing.assert_allclose(constant, 0.0, atol=1e-12)
+
+
+def test_an_unnoticed_slip_stays_in_the_smoothed_range_and_decays_with_the_window():
+    metres, first = 0.19, 100
+    slip = np.zeros((EPOCHS, 1))
+    slip[first:] = metres
+    found = smoothing_error(gains(*always(), WINDOW), -slip)[:, 0]
+    # the carrier has moved at once, the average of code minus carrier follows by a share of A an epoch
+    expected = metres * (1.0 - A) ** np.arange(1, EPOCHS - first + 1)
+    np.testing.assert_allclose(found[first:], expected, rtol=1e-12, atol=1e-15)
+    assert not found[:first].any()

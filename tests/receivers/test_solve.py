@@ -6,13 +6,20 @@ import numpy as np
 import pytest
 
 from lvnav_trade.receivers.bancroft import solution
-from lvnav_trade.receivers.base import ReportedCovariance, new_receiver, point_model, receiver_filter, switch_on
+from lvnav_trade.receivers.base import (
+    FilterSettings,
+    ReportedCovariance,
+    new_receiver,
+    point_model,
+    receiver_filter,
+    switch_on,
+)
 from lvnav_trade.receivers.ekf_gnss import solve, step
 from tests.receivers.scenes import scene, standing, true_ranges
 
 OWN = ReportedCovariance()
 POINT = point_model(OWN, 2.0, 0.1)
-FILTER = receiver_filter(OWN, 1.0, 2.0, 0.1, 0.5, 0.005)
+FILTER = receiver_filter(OWN, 1.0, FilterSettings(2.0, 0.1, 0.5, 0.005))
 
 
 @pytest.mark.parametrize("filtering", [None, FILTER])

@@ -88,7 +88,7 @@ def test_more_cases_than_are_drawn_are_counted():
     assert blocks.few(list(LABELS))[1] == [Text("2 more cases that differ here are in the tables.")]
 
 
-@pytest.mark.parametrize(("nothing", "expected"), [("", []), ("No fault.", [Text("No fault.")])])
+@pytest.mark.parametrize(("nothing", "expected"), [("", []), ("No fault.", [Text("No fault.", is_nothing=True)])])
 def test_a_metric_without_rows_is_a_text_or_nothing(tables, monkeypatch, nothing, expected):
     monkeypatch.setitem(METRICS, "outages", lambda tables: pd.DataFrame({"case": []}))
     assert blocks.of("outages", nothing)(lambda tables, frame: [Text("rows")])(tables) == expected

@@ -5,19 +5,25 @@ from __future__ import annotations
 import base64
 import hashlib
 import importlib
+import inspect
 import json
 import re
+import shutil
 from html.parser import HTMLParser
 from itertools import pairwise
+from pathlib import Path
 
 import pandas as pd
 import pytest
 
 from lvnav_trade.errors import InputError
+from lvnav_trade.metrics import CSV, METRICS
 from lvnav_trade.report import build, keep
 from lvnav_trade.report.blocks import number
-from lvnav_trade.report.build import make, markdown_page
+from lvnav_trade.report.build import html_page, make, markdown_page
 from lvnav_trade.store.read import load
+from lvnav_trade.store.schema import REPORTED
+from lvnav_trade.store.write import open_results
 from tests import synthetic
 
 
@@ -179,3 +185,57 @@ def test_what_a_campaign_says_is_escaped(tmp_path):
     campaign = synthetic.CAMPAIGN.replace("Two grades drawn", "<b>Two</b> & grades drawn")
     text = build(synthetic.results(tmp_path, n_run=0, campaign=campaign), ["summary"]).read_text(encoding="utf-8")
     assert "&lt;b&gt;Two&lt;/b&gt; &amp; grades" in text
+
+
+def test_the_report_names_cases_by_their_cards_and_tables_for_programs_by_their_labels(page):
+    tables = load(page.parent)
+    cards = {"path": "imu", "labels": ["fine", "coarse"], "values": [{"name": "Ring laser"}, {"name": "MEMS"}]}
+    tables.__dict__["campaign"] = {**tables.campaign, "axes": [cards]}
+    made = make(tables, ["summary", "requirements", "consistency"])
+    shown = html_page(made.title, made.asked, made.sections)
+    assert "Ring laser" in shown
+    assert "imu=fine" not in shown
+    of_cards = made.csv.pop("configuration.csv")  # lists cards by name
+    assert "imu=fine,IMU,Ring laser" in of_cards
+    assert "Ring laser" not in "".join(made.csv.values())
+    assert "imu=fine" in made.csv["requirements.csv"]
+
+
+def test_a_brief_report_keeps_what_a_board_looks_for(page):
+    brief = build(page.parent, brief=True).read_text(encoding="utf-8")
+    for name in ("consistency", "agreement", "reproduce"):
+        assert f'<section id="{name}"' in brief
+    for name in ("satellites", "tracking"):
+        assert f'id="{name}"' not in brief
+
+
+def test_a_campaign_whose_every_case_failed_has_a_report_that_says_why(tmp_path):
+    lost = ["imu=good: linear covariance: ValueError: not positive"]
+    written = open_results(tmp_path / "failed", "synthetic", synthetic.CAMPAIGN, {"seed": 7}, "resume")
+    written.finish({"timings_s": {}, "cases": [], "lost": lost}, None)
+    shown = build(tmp_path / "failed").read_text(encoding="utf-8")
+    assert "None could be computed" in shown
+    assert lost[0] in shown
+    for name, metric in METRICS.items():  # and no table of the report or the terminal stumbles over it
+        if len(inspect.signature(metric).parameters) == 1:
+            assert len(metric(tmp_path / "failed")) == 0, name
+
+
+def test_tables_without_rows_are_not_written_and_each_other_one_has_its_feature(page, tmp_path):
+    folder = page.parent
+    written = {file.name for file in folder.glob("*.csv")}
+    assert {"rms.csv", "requirements.csv", "references.csv", "sensitivity.csv"} <= written
+    assert not {"corridor.csv", "logic.csv", "protection.csv"} & written
+    assert all(len(pd.read_csv(folder / name)) for name in written)
+    listed = json.loads((folder / "contents.json").read_text())["tables"]
+    assert {name for name in listed if name.endswith(".csv")} == written
+    assert listed["references.csv"] == "published numbers (references)"
+    # a report of results without references and sensitivity leaves none behind
+    again = Path(shutil.copytree(folder, tmp_path / "again"))
+    tables = load(again)
+    tables.__dict__["campaign"] = {key: value for key, value in tables.campaign.items() if key != "references"}
+    assert "references.csv" not in make(tables).csv
+
+
+def test_every_csv_table_has_a_feature():
+    assert set(REPORTED) == {*CSV, "models"}

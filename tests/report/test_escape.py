@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
@@ -11,6 +12,8 @@ import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 
+from lvnav_trade.report.blocks import Section, Text
+from lvnav_trade.report.build import html_page, markdown_page
 from lvnav_trade.report.escape import (
     csv_text,
     data_json,
@@ -119,3 +122,17 @@ def test_a_frame_keeps_its_names_and_is_not_changed():
 def test_xml_holds_any_text():
     text = xml_text("a\x00\x1b[31m\ud800b\tc")
     assert ElementTree.fromstring(f"<a>{text}</a>").text == "a��[31m�b\tc"
+
+
+HIDDEN = "a\x1b[2J\u202eb\u2066c\x9b\\u202e"
+
+
+def test_hidden_characters_are_written_as_their_escape_sequences(tmp_path):
+    shown = "a\\x1b[2J\\u202eb\\u2066c\\x9b"
+    page = html_page(HIDDEN, HIDDEN, [Section("s", "s", [Text(HIDDEN)])])
+    assert page.count(shown) == 4
+    assert not re.search(
+        "[\x1b\u202e\u2066\x9b]", page + markdown_page(HIDDEN, HIDDEN, []) + csv_text(pd.DataFrame({"a": [HIDDEN]}))
+    )
+    assert "\\u202eb" in xml_text(HIDDEN)
+    assert json.loads(data_json({"a": HIDDEN}))["a"] == "a\\u001b[2J\\u202eb\\u2066c\\u009b\\u202e"

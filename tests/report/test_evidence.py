@@ -19,7 +19,7 @@ from tests import synthetic
 
 def test_every_section_stands_on_the_page(text):
     # these filters have no logic, no tests for faults and no model of the vehicle, which is not controlled, and the
-    # campaign no scenario, no numeric axis, no Allan deviation, no protection level and no exclusion
+    # campaign no scenario, no numeric axis, no Allan deviation, no protection level, no exclusion and no mark
     absent = (
         "logic",
         "integrity",
@@ -31,6 +31,9 @@ def test_every_section_stands_on_the_page(text):
         "pareto",
         "protection",
         "exclusions",
+        "assumptions",
+        "configuration",
+        "orbit",  # the flight ends on the way up
     )
     for name in SECTIONS:
         assert (f' id="{name}">' in text) == (name not in absent), name
@@ -131,7 +134,7 @@ def few(monkeypatch):
 
 @pytest.mark.usefixtures("few")
 def test_transitions_stand_beside_the_report_only_where_there_are_some(tmp_path):
-    folder = synthetic.results(tmp_path, n_run=0)
+    folder = synthetic.unsealed(synthetic.results(tmp_path, n_run=0))
     build(folder)
     assert len(pd.read_csv(folder / "transitions.csv")) == len(load(folder).transitions)
     load(folder).transitions.iloc[:0].to_parquet(folder / "transitions.parquet")
@@ -142,7 +145,7 @@ def test_transitions_stand_beside_the_report_only_where_there_are_some(tmp_path)
 
 @pytest.mark.usefixtures("few")
 def test_a_section_that_is_asked_for_by_name_says_that_it_is_empty(tmp_path):
-    folder = synthetic.results(tmp_path, n_run=0)
+    folder = synthetic.unsealed(synthetic.results(tmp_path, n_run=0))
     load(folder).satellites.assign(**NONE, latency_s=0.0).to_parquet(folder / "satellites.parquet")
     assert 'id="delays"' not in build(folder).read_text(encoding="utf-8")
     assert "Nothing to show." in build(folder, ["delays"]).read_text(encoding="utf-8")

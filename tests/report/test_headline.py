@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics.published import COLUMNS
-from lvnav_trade.metrics.statements import FAILS, HOLDS
+from lvnav_trade.metrics.verdicts import FAILS, HOLDS
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.headline import headline, those_that_fail
 

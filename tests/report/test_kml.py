@@ -109,3 +109,9 @@ def test_errors_in_other_axes_give_no_ellipses(tmp_path):
 def test_a_folder_that_is_not_there_cannot_be_written_to(tmp_path):
     with pytest.raises(InputError, match=r"a\.kml: cannot be written: No such file"):
         write_kml(tmp_path / "none" / "a.kml", "title", [flight()])
+
+
+def test_results_without_a_trajectory_are_one_line(tmp_path):
+    tables = load(synthetic.results(tmp_path, n_run=4))
+    with pytest.raises(InputError, match=r"reference\.parquet: damaged: no rows of the case"):
+        flights(tables.with_frames(reference=tables.reference[:0]), ellipses=False, every=60.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.recorded import Processed, summarised
+from lvnav_trade.campaign.recorded import Processed, failures, summarised
 from lvnav_trade.engines.recorded.alignment import Alignment
 from lvnav_trade.report.build import html_page, markdown_page
 from lvnav_trade.report.recorded import page
@@ -21,10 +21,10 @@ def processed(inside: bool = True, square: float = 1.0, heading: str | None = No
     rows = pd.DataFrame(
         {"case": "base", "length_s": 15.0, "begin_s": [20.0, 25.0], "end_s": [35.0, 40.0], "position_error_m": 2.0,
          "position_3sigma_m": 4.0, "velocity_error_m_per_s": 0.1, "velocity_3sigma_m_per_s": 0.3, "nees_ratio": square,
-         "inside": inside}
+         "inside": inside, "failed": False}
     )  # fmt: skip
     aligned = Alignment(9.0, np.eye(3), np.radians([0.1, 0.0, -0.2]), np.radians(-90.0), np.radians(0.5))
-    return Processed(card, aligned, pd.DataFrame(), rows, summarised(rows))
+    return Processed(card, aligned, pd.DataFrame(), rows, summarised(rows), ("2 of 9 solutions are left out",))
 
 
 def said(done: Processed) -> str:
@@ -46,3 +46,25 @@ def test_a_filter_that_assumes_too_little_or_too_much_is_named():
         processed(False)
     )
     assert "a mean NEES of 0.10, below 0.3: the filter assumes more error than there is" in said(processed(square=0.1))
+
+
+def test_what_is_left_out_is_on_the_page():
+    assert "2 of 9 solutions are left out." in said(processed())
+
+
+def test_outages_that_fail_are_counted_and_the_rest_is_no_verdict():
+    rows = processed().outages
+    rows.loc[1, ["failed", "inside"]] = [True, False]
+    rows.loc[1, ["nees_ratio", "position_error_m", "velocity_error_m_per_s"]] = np.nan
+    summary = summarised(rows)
+    assert summary[["outages", "failed", "inside_percent"]].to_numpy().tolist() == [[2, 1, 50.0]]
+    assert summary.position_rms_m[0] == 2.0
+    (note,) = failures(summary)
+    assert note.startswith("base, 15 s: 1 of 2 outages fail")
+    assert note.endswith("NEES, RMS and worst are of the other 1")
+    text = said(processed()._replace(outages=rows, summary=summary, notes=(note,)))
+    assert "1 of 2 outages fail" in text
+    assert "the filter assumes" not in text
+    (note,) = failures(summarised(rows.iloc[1:]))
+    assert "1 of 1 outages fail (the estimate is not finite, or beyond the case's limit)" in note
+    assert note.endswith("there is no NEES, RMS or worst")

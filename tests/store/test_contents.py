@@ -124,6 +124,12 @@ def test_a_name_that_leads_out_of_the_folder_is_refused(tmp_path, name):
     assert not (tmp_path / "a").exists()
 
 
+def test_a_name_that_no_file_can_have_is_refused_in_a_short_line(tmp_path):
+    with pytest.raises(InputError, match="is longer than 255 bytes") as refusal:
+        owned(tmp_path / "a", "report").claim("report", ["figures/" + "x" * 9_000])
+    assert len(str(refusal.value)) < 400
+
+
 def test_results_of_an_earlier_version_are_known_by_their_manifest(tmp_path):
     synthetic.results(tmp_path, n_run=8)
     (tmp_path / CONTENTS).unlink()

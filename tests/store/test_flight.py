@@ -9,11 +9,13 @@ import pytest
 
 from lvnav_trade.engines.setup.receiver.atmosphere import Delays
 from lvnav_trade.frames import earth_angle, matrices, rotation_i_n
+from lvnav_trade.metrics.mechanics import meanorbit
 from lvnav_trade.records import IDLE, LOST
-from lvnav_trade.store.flight import STEP, flight_columns
+from lvnav_trade.store.flight import STEP, flight_columns, state_columns
 from lvnav_trade.store.read import load
 from lvnav_trade.store.tables import thresholds
 from tests import synthetic
+from tests.building import ascent
 
 COV = synthetic.covariance()
 
@@ -105,6 +107,33 @@ def test_a_state_tells_how_the_reporting_axes_lie(written):
         matrices(row[[f"axes_q{k}_ratio" for k in range(4)]].to_numpy(float)), C_i_n.T, atol=1e-12
     )
     assert row.earth_angle_rad == pytest.approx(float(earth_angle(0.0, row.t_s)))
+
+
+def orbits(trajectory, rate):
+    """Return the osculating and the averaged orbit that the tables have of the injection of a shipped ascent."""
+    settings = (f"base.trajectory=trajectories/{trajectory}", f"base.imu.rate={rate}", "base.filter=filters/inertial")
+    prepared = ascent(*settings)
+    n_hist, n = prepared.t_hist.size, len(prepared.outputs)
+    nothing = np.zeros((n_hist, n))
+    cov = COV._replace(t=prepared.t_hist, mean=nothing, true_cov=np.zeros((n_hist, n, n)),
+                       formal_cov=np.zeros((n_hist, n, n)))  # fmt: skip
+    found = state_columns(prepared, cov)["states"]
+    at = found["event"].index("injection")
+    r_i, v_i = (np.array([found[f"{name}_{axis}_{unit}"][at] for axis in "xyz"])
+                for name, unit in (("position", "m"), ("velocity", "m_per_s")))  # fmt: skip
+    assert found["t_s"][at] == prepared.trajectory.events["injection"]
+    return meanorbit.osculating(r_i, v_i), meanorbit.mean(r_i, v_i)
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "height", "rates"),
+    [("two_stage_leo", 350e3, ("50 Hz", "100 Hz", "200 Hz")), ("churchill_sso", 500e3, ("50 Hz", "200 Hz"))],
+)
+def test_the_true_orbit_at_injection_is_the_target_at_any_rate_of_the_imu(trajectory, height, rates):
+    found = [orbits(trajectory, rate) for rate in rates]
+    for osculating, averaged in found:
+        assert float(osculating.perigee) == pytest.approx(height, abs=1.0)
+        assert float(averaged.semi_major_axis) == float(found[0][1].semi_major_axis)
 
 
 def test_the_joint_covariance_has_the_trace_of_the_history(written):

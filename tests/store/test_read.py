@@ -6,6 +6,7 @@ import json
 import shutil
 
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -20,7 +21,7 @@ def test_no_results_is_a_users_error(tmp_path):
 
 
 def test_a_column_that_an_earlier_version_did_not_write_is_empty(written, tmp_path):
-    folder = shutil.copytree(written, tmp_path / "older")
+    folder = synthetic.unsealed(shutil.copytree(written, tmp_path / "older"))
     rows = pq.read_table(folder / "satellites.parquet").drop_columns(["cn0_db_hz", "state"])
     pq.write_table(rows, folder / "satellites.parquet")
     found = load(folder).satellites
@@ -68,3 +69,34 @@ def test_a_torn_manifest_is_reported(tmp_path):
 def test_a_table_that_a_kept_base_does_not_have_is_reported_as_such(tmp_path):
     with pytest.raises(InputError, match=r"history.parquet: this table is missing; a kept base has none, and of other"):
         read_table(tmp_path / "history.parquet")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a: [", "a: {b", "- 1", "- [a, b, c]", "!!python/object/apply:os.system [x]", "a: b: c", "\0", "a: *x"],
+)
+def test_a_damaged_campaign_of_results_is_one_line(tmp_path, text):
+    folder = synthetic.unsealed(synthetic.results(tmp_path, n_run=8))
+    (folder / "campaign.resolved.yaml").write_text(text)
+    with pytest.raises(InputError, match=r"resolved\.yaml: damaged: [^\n]*; the same lvnav-trade run makes it again$"):
+        load(folder).campaign  # noqa: B018
+
+
+def test_texts_in_place_of_numbers_are_one_line(tmp_path):
+    folder = synthetic.unsealed(synthetic.results(tmp_path, n_run=8))
+    table = pq.read_table(folder / "runs.parquet")
+    at = table.column_names.index("run_number")
+    pq.write_table(table.set_column(at, "run_number", pa.array(["<b>x"] * len(table))), folder / "runs.parquet")
+    with pytest.raises(InputError, match="damaged: the column 'run_number' has values of type string, not int"):
+        load(folder).runs  # noqa: B018
+
+
+@pytest.mark.parametrize("name", ["runs.parquet", "campaign.resolved.yaml"])
+def test_a_sound_file_that_the_campaign_did_not_write_is_one_line(tmp_path, name):
+    """As a table of other results, or with columns of other names; its own checksums are good."""
+    folder, other = synthetic.results(tmp_path / "a", n_run=8), synthetic.results(tmp_path / "b", n_run=12)
+    content = (other / name).read_bytes()
+    (folder / name).write_bytes(content if name.endswith("parquet") else content + b"more: 1\n")
+    tables = load(folder)
+    with pytest.raises(InputError, match=rf"{name}: damaged: its content is not what the campaign wrote; the same"):
+        tables.runs if name.endswith("parquet") else tables.campaign

@@ -134,3 +134,13 @@ def test_results_go_to_a_real_server_of_s3_and_back(results, tmp_path, monkeypat
     finally:
         server.terminate()
         server.wait(30)
+
+
+def test_the_credentials_of_a_place_are_in_no_message(results, monkeypatch):
+    def fails(*_, **__):
+        raise OSError("host: user:SECRET refused; SECRET is wrong")
+
+    monkeypatch.setattr("fsspec.core.url_to_fs", fails)
+    with pytest.raises(InputError, match=r"^memory://\*\*\*@host/x: cannot be reached: ") as found:
+        remote.copy_to(results, "memory://user:SECRET@host/x")
+    assert "SECRET" not in str(found.value)

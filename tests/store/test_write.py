@@ -12,8 +12,9 @@ import pytest
 from lvnav_trade.engines.simulate.statistics import merge, summarise
 from lvnav_trade.errors import InputError
 from lvnav_trade.store import write
+from lvnav_trade.store.contents import CONTENTS
 from lvnav_trade.store.read import load
-from lvnav_trade.store.schema import TABLES
+from lvnav_trade.store.schema import FEATURES, TABLES
 from lvnav_trade.store.tables import CaseInfo
 from lvnav_trade.store.versions import RESULTS_VERSION, campaign_digest
 from lvnav_trade.store.write import open_results
@@ -28,7 +29,7 @@ def part(first: int = 0, n_run: int = 8):
 
 
 def table_bytes(folder):
-    return {name: (folder / f"{name}.parquet").read_bytes() for name in TABLES}
+    return {file.name: file.read_bytes() for file in folder.glob("*.parquet")}
 
 
 def test_a_damaged_part_is_reported_and_dropped(tmp_path, caplog):
@@ -72,14 +73,50 @@ def test_a_second_writing_gives_the_same_bytes(written):
 
 
 def test_tables_say_what_wrote_them_and_are_compressed(written):
-    for name in TABLES:
-        file = pq.ParquetFile(written / f"{name}.parquet")
+    for path in written.glob("*.parquet"):
+        file = pq.ParquetFile(path)
         metadata = file.schema_arrow.metadata
         assert metadata[b"lvnav_trade.campaign"].decode() == campaign_digest(CAMPAIGN)
         assert b"lvnav_trade.version" in metadata
-        assert file.metadata.num_row_groups == 2 or file.metadata.num_rows == 0, name
-        if file.metadata.num_row_groups:
-            assert file.metadata.row_group(0).column(0).compression == "LZ4"
+        assert file.metadata.num_row_groups == 2, path
+        assert file.metadata.row_group(0).column(0).compression == "LZ4"
+
+
+def test_a_table_without_rows_is_not_written_and_is_read_as_a_frame_without_rows(written):
+    files = {file.stem for file in written.glob("*.parquet")}
+    assert TABLES.keys() - files >= {"nozzle", "allan", "protection", "logic"}
+    tables = load(written)
+    for name in TABLES:
+        frame = getattr(tables, name)
+        assert frame.empty == (name not in files), name
+        assert ["case", *TABLES[name]] == list(frame.columns)[: len(TABLES[name]) + 1]
+        assert list(frame.dtypes.astype(str)[:1]) == list(tables.cases.dtypes.astype(str)[:1])
+
+
+def test_tables_of_runs_keep_their_columns_of_errors_without_runs(tmp_path, written):
+    alone = load(synthetic.results(tmp_path, n_run=0))
+    for name in ("runs", "spot_runs", "worst"):
+        with_rows = load(written).runs if name == "spot_runs" else getattr(load(written), name)
+        frame = getattr(alone, name)
+        assert frame.empty
+        assert not (tmp_path / f"{name}.parquet").exists()
+        assert list(frame.columns) == list(with_rows.columns)
+
+
+def test_the_contents_of_a_folder_say_which_feature_each_table_belongs_to(written):
+    listed = json.loads((written / CONTENTS).read_text())
+    assert listed["tables"].keys() == {file.stem for file in written.glob("*.parquet")}
+    assert {f"{name}.parquet" for name in listed["tables"]} < set(listed["files"]["run"])
+    assert listed["tables"]["budget"] == "error budget (covariance.budget)"
+    assert all(FEATURES[name] == feature for name, feature in listed["tables"].items())
+
+
+def test_a_table_that_becomes_empty_is_removed(tmp_path):
+    synthetic.results(tmp_path, n_run=8, size=8)
+    assert (tmp_path / "observability.parquet").exists()
+    synthetic.results(tmp_path, n_run=8, size=8, explained=False)
+    assert not (tmp_path / "observability.parquet").exists()
+    assert load(tmp_path).observability.empty
 
 
 def test_another_campaign_is_refused_and_fresh_starts_again(tmp_path):
@@ -188,3 +225,11 @@ def test_workers_may_write_the_cases_and_the_plan_gives_the_order(tmp_path):
     again = open_results(tmp_path, "x", CAMPAIGN, {})
     again.finish({"cases": ["a", "b"]})
     assert list(load(tmp_path).cases.case) == ["a", "b"]
+
+
+def test_a_manifest_that_is_a_link_to_a_device_is_refused_and_not_read(tmp_path):
+    open_results(tmp_path, "x", CAMPAIGN, {})
+    (tmp_path / "manifest.json").unlink()
+    (tmp_path / "manifest.json").symlink_to("/dev/zero")
+    with pytest.raises(InputError, match=r"manifest\.json: "):
+        open_results(tmp_path, "x", CAMPAIGN, {})

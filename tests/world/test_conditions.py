@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.engines.setup.prepare import _profiles
+from lvnav_trade.engines.setup.imu import profiles_of
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.world.conditions import Conditions, Course, SightConditions, both, inside, never
@@ -202,8 +202,8 @@ def test_a_bias_step_by_speed_is_that_of_the_same_times():
     size = ["20 deg/h", "0 deg/h", "0 deg/h"]
     by_time = GyroBiasStep(start="75 s", duration="50 s", size=size)
     by_speed = GyroBiasStep.model_validate({"speed_below": "100 m/s", "from": "1 s", "size": size})
-    steps = [_profiles(loaded().imu, [fault], STONE) for fault in (by_time, by_speed)]
+    steps = [profiles_of(loaded().imu, [fault], STONE) for fault in (by_time, by_speed)]
     np.testing.assert_allclose([p[2] for p in steps[1]], [p[2] for p in steps[0]], atol=1e-6)
     assert [p[4] for p in steps[1]] == [p[4] for p in steps[0]]
-    always = _profiles(loaded().imu, [GyroBiasStep(below="30 km", size=size)], STONE)
+    always = profiles_of(loaded().imu, [GyroBiasStep(below="30 km", size=size)], STONE)
     assert [(p[3], p[4][0] > 0.0) for p in always] == [(-10.0, True)]  # full at the first tick, and it does not end

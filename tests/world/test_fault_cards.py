@@ -19,7 +19,7 @@ def test_steps_of_a_scale_factor_have_a_sign():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"kind": "spoofing", "velocity": ["0 m/s"] * 3}, "velocity: a place that does not move away"),
+        ({"kind": "spoofing", "velocity": ["0 m/s"] * 3}, "velocity: is zero, so the false position is the true one"),
         (JAMMER | {"elevation": "30 deg"}, "elevation: without a pattern the antenna radiates alike"),
         (JAMMER | {"latitude": "100 deg"}, "less than or equal to 1.57"),
         (JAMMER | {"quality": 0.0}, "greater than 0"),

@@ -17,6 +17,7 @@ from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.campaign.syntax.tree import is_index
 from lvnav_trade.input_files import read_bytes
 from lvnav_trade.limits import DATA_BYTES
+from lvnav_trade.marks import MARKS, unmarked
 from lvnav_trade.resources import Resources
 from lvnav_trade.scenario import Scenario
 
@@ -232,7 +233,7 @@ def put(data: Any, path: Sequence[str], value: Any) -> Any:
         copy = list(data)
         copy[int(path[0])] = put(copy[int(path[0])], path[1:], value)
         return copy
-    data = data or {}  # a section that was left out
+    data = unmarked(data or {}, path)  # a section that was left out; what a card says of the old value goes with it
     return {**data, path[0]: put(data.get(path[0]), path[1:], value)}
 
 
@@ -270,7 +271,7 @@ def _canonical(model: BaseModel, known: dict[int, tuple[BaseModel, Any]] | None 
     kind, without, below = type(model), set(), {}
     for name in kind.model_fields:
         value = getattr(model, name)
-        if isinstance(value, Resources) or (name == "resources" and value is None):
+        if name in MARKS or isinstance(value, Resources) or (name == "resources" and value is None):
             without.add(name)
         elif isinstance(value, BaseModel):
             _, found = (known or {}).get(id(value), (None, None))

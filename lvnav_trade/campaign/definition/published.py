@@ -1,4 +1,4 @@
-"""What others published: numbers that ours are held against, orders of cases, statements, innovations."""
+"""Published numbers that the results are compared with."""
 
 import re
 from collections.abc import Iterator
@@ -6,23 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
-from lvnav_trade import expression
-from lvnav_trade.campaign.definition.metric_names import (
-    CONVERGENCE,
-    COUNTED,
-    COVERAGE,
-    ERROR_UNITS,
-    LIMITED,
-    NEES,
-    known_metric,
-    unit_of,
-)
+from lvnav_trade.campaign.definition.metric_names import known_metric, metric_of, unit_of
 from lvnav_trade.errors import quoted
-from lvnav_trade.layout import LEVELS, MISSION, MODE_METRICS, RATES
+from lvnav_trade.metrics import registry
 from lvnav_trade.records import MODES, REASONS
 from lvnav_trade.units import Angle, Card, Length, parse
 
-_SIGMA = re.compile(r"\d+(\.\d*)? (sigma|rms)$")  # limit of a convergence time in place of a size
+_SIGMA = re.compile(r"[0-9]+(\.[0-9]*)? (sigma|rms)$")  # limit of a convergence time in place of a size
 # Words of a phase that are no events: from lift-off on; the first and the last time of the flight
 FLIGHT, ENDS = "flight", ("start", "end")
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
@@ -74,6 +64,15 @@ def place(event: str | None, info: ValidationInfo, statement: str) -> str | None
 def _place(event: str | None, info: ValidationInfo) -> str | None:
     found = place(event, info, "a number")
     return found if found is None else _instant(found)
+
+
+def require_unit(unit: str, metric: str, which: str = "") -> None:
+    """ValueError where a unit is not one of a metric; `which` names it further."""
+    si = unit_of(metric)
+    if si not in ("%", "-"):
+        parse(f"1 {unit}", si)
+    elif unit != si:
+        raise ValueError(f"{quoted(unit)} does not fit {metric}{which}; expected {si!r}")
 
 
 class Stated(Card):
@@ -146,47 +145,35 @@ class Measured(Pooled):
         return tuple(event for event in map(event_of, instants) if event not in ENDS)
 
     def _faults(self) -> Iterator[str]:
+        metric = metric_of(self.metric)
         if self.statistic in ("worst", "least") and self.during is None:
-            yield f"statistic {self.statistic} is of a phase; give during in place of at"
-        if self.statistic == "least" and self.metric not in COUNTED:
-            yield f"statistic least is of what is counted ({', '.join(COUNTED)})"
-        signed = "_error" in self.metric and not self.metric.endswith("_3d") and self.metric not in MISSION
-        if self.statistic == "mean" and not signed:
-            yield "statistic mean is of the error of one axis, which has a sign"
-        if (self.elevation or self.altitude) and self.metric not in COUNTED[1:-2]:
-            yield f"elevation and altitude choose signals ({', '.join(COUNTED[1:-2])})"
+            yield f"statistic {self.statistic} needs a phase; give during in place of at"
+        if self.statistic == "least" and not metric.has_least:
+            counted = registry.names(lambda one: one.has_least)
+            yield f"statistic least needs a metric that is counted ({', '.join(counted)})"
+        if self.statistic == "mean" and not metric.is_signed:
+            yield "statistic mean needs a metric with a sign, such as the error of one axis"
+        if (self.elevation or self.altitude) and not metric.is_of_signals:
+            chosen = registry.names(lambda one: one.is_of_signals)
+            yield f"elevation and altitude select signals: they need a metric of signals ({', '.join(chosen)})"
         if any(pair is not None and pair[0] >= pair[1] for pair in (self.elevation, self.altitude)):
-            yield "elevation and altitude go from the smaller to the larger"
-        if self.metric in NEES and (self.during is None or self.statistic != "rms"):
-            yield f"{self.metric} is a mean over a phase; give during, and no statistic"
-        if self.metric in LIMITED and (self.during is None or self.statistic != "rms" or self.below is None):
-            yield f"{self.metric} is of a phase and a limit; give during and below, and no statistic"
-        if self.metric in LEVELS and self.statistic != "rms":
-            yield f"{self.metric} is the same in every run; give no statistic"
-        if self.metric in RATES and (self.during is None or self.statistic != "rms"):
-            yield f"{self.metric} is of a phase; give during, and no statistic"
-        if self.metric in COVERAGE and (self.at is None or self.statistic != "rms"):
-            yield f"{self.metric} is of an event; give at, and no statistic"
+            yield "elevation and altitude: give the smaller limit first"
+        yield from metric.faults(self)
         yield from self._limits()
-        yield from self._modes()
-
-    def _modes(self) -> Iterator[str]:
-        of_modes = self.metric in MODE_METRICS
-        if of_modes and (self.during is None or self.mode is None or self.statistic != "rms"):
-            yield f"{self.metric} is of a mode in a phase; give during and mode, and no statistic"
-        if not of_modes and (self.mode or self.reason or self.number > 1):
-            yield f"mode, reason and number are of what a filter's logic does ({', '.join(MODE_METRICS)})"
-        if self.metric == "mode_duration" and (self.reason or self.number > 1):
-            yield "reason and number choose changes; mode_duration is of all of the phase"
+        if not metric.is_of_modes and (self.mode or self.reason or self.number > 1):
+            logic = registry.names(lambda one: one.is_of_modes)
+            yield f"mode, reason and number need a metric of the mode logic ({', '.join(logic)})"
 
     def _limits(self) -> Iterator[str]:
-        by_sigma = self.below is not None and self.metric in CONVERGENCE and bool(_SIGMA.match(self.below))
-        if self.below is not None and self.metric not in (*LIMITED, *COVERAGE):
-            yield f"below is the limit of a metric that has one ({', '.join((*LIMITED, *COVERAGE))})"
+        metric = metric_of(self.metric)
+        by_sigma = self.below is not None and metric.limit_by_sigma and bool(_SIGMA.match(self.below))
+        if self.below is not None and not metric.limit_unit:
+            limited = registry.names(lambda one: bool(one.limit_unit))
+            yield f"below needs a metric that has a limit ({', '.join(limited)})"
         elif self.below is not None and not by_sigma:
-            parse(self.below, ERROR_UNITS[self.metric.partition("_")[0]])
+            parse(self.below, metric.limit_unit)
         if by_sigma != (self.sigma_of is not None):
-            yield "a limit in sigma or rms has the case that they are of, sigma_of, and no other limit has it"
+            yield "sigma_of names the case of a limit in sigma or rms: give both, or neither and a limit with its unit"
 
 
 class Published(Measured, Stated):
@@ -199,8 +186,8 @@ class Published(Measured, Stated):
     than: Annotated[str, AfterValidator(known_metric)] | None = Field(
         None, description="the number is by how many % the metric is smaller than this one, of the same case"
     )
-    value: float
-    unit: str
+    value: float  # published number, in `unit`
+    unit: str  # unit of `value`
     band: tuple[float, float] = Field((0.5, 2.0), description="of ours / published")
     single: bool = Field(
         False, description="of a single run: the page shows where it lies among our runs, each by itself"
@@ -213,6 +200,14 @@ class Published(Measured, Stated):
     fitted: bool = Field(
         False, description="settings were searched for by this number: a study counts it apart from those withheld"
     )
+
+    @field_validator("unit")
+    @classmethod
+    def _fits(cls, unit: str, info: ValidationInfo) -> str:
+        part = info.data.get("than") is not None or info.data.get("against") is not None
+        if "metric" in info.data and not part:
+            require_unit(unit, info.data["metric"])
+        return unit
 
     @field_validator("value")
     @classmethod
@@ -231,114 +226,6 @@ class Published(Measured, Stated):
             name = "than" if self.against is None else "against"
             yield f"{name} makes the number a part of another; its unit is %, not {self.unit!r}"
         if self.than is not None and self.against is not None:
-            yield "than is of the same case, against of another; choose one"
-        wanted = "%" if part else unit_of(self.metric)
-        if wanted not in ("%", "-"):
-            parse(f"1 {self.unit}", wanted)
-        elif self.unit != wanted:
-            yield f"unit: {quoted(self.unit)} does not fit {self.metric}; expected {wanted!r}"
+            yield "than compares within the case, against with another case; choose one"
         if self.than is not None and unit_of(self.than) != unit_of(self.metric):
             yield f"than: {self.than} is in {unit_of(self.than)}, {self.metric} in {unit_of(self.metric)}"
-
-
-class Ordering(Measured, Stated):
-    """A published order of cases by a metric, the smallest first; it holds where each is below the next."""
-
-    cases: tuple[Case, ...] = Field(min_length=2, description="level of each axis, by its label; smallest first")
-    factor: float = Field(1.0, gt=0, description="largest ratio of a case to the next")
-
-    def _faults(self) -> Iterator[str]:
-        yield from super()._faults()
-        if self.statistic == "mean":
-            yield "an order is of sizes, and a mean has a sign"
-
-
-class Innovations(Pooled, Stated):
-    """A published statement on innovations: white, or correlated, as one flight can tell."""
-
-    case: Case = Field({}, description="level of each axis, by its label")
-    channels: str = Field("", description="words that a channel's name holds: position, velocity, range, range rate")
-    white: bool = True
-    largest: float = Field(
-        0.15,
-        gt=0,
-        lt=1,
-        description="autocorrelation at lags 1 to 10 above which a channel is called correlated; of 600 white "
-        "innovations of one flight it is below 0.12 in 97 % of flights, of 300 below 0.17",
-    )
-
-
-class Term(Measured):
-    """A number of a case that an expression of a statement names."""
-
-    case: Case = Field({}, description="level of each axis, by its label; the axes left out take each level in turn")
-    minus: Case | None = Field(
-        None, description="levels of another case, whose errors are subtracted run by run and axis by axis; at an event"
-    )
-    over: str = Field("", description="axis over whose levels the median is taken; of reacquisition times all together")
-
-    def _faults(self) -> Iterator[str]:
-        yield from super()._faults()
-        if self.minus is not None and (self.at is None or self.statistic != "rms" or "_error" not in self.metric):
-            yield "minus is of an error at an event, without a statistic"
-        if self.pool and (self.over or self.minus is not None):
-            yield "pool takes the runs of all levels together, over their median and minus a difference; choose one"
-        if self.statistic == "lincov":
-            yield "statistic lincov is a column of every statement; leave it out"
-        if self.statistic == "formal" and "_error" not in self.metric:
-            yield f"statistic formal is of an error, not of {self.metric}"
-
-
-class Statement(Stated):
-    """A statement with a number: an expression of metrics of cases has bounds that it must keep.
-
-    It is evaluated with formal sigmas, with the true errors of linear covariance, and with the runs, paired.
-    """
-
-    value: str = Field(description="expression of the terms: 'a / b', 'max(a, b) / min(a, b)', '100 * (a / b - 1)'")
-    terms: dict[str, Term] = Field(min_length=1, description="by the names in the expression")
-    unit: str = Field("-", description="of the terms and of the value; -: a ratio, all terms in SI units")
-    case: Case = Field({}, description="levels of axes that hold for every term")
-    at_least: float | None = None
-    at_most: float | None = None
-    probability: float | None = Field(
-        None, gt=0.5, lt=1, description="of a NEES: it is at most its upper bound at this probability (chi-square)"
-    )
-    of_runs: float | None = Field(
-        None,
-        gt=0.5,
-        lt=1,
-        description="of a ratio of root mean squares over the runs to what is expected of them: it lies between the "
-        "bounds that so many runs at one time keep with this probability (chi-square, both sides)",
-    )
-    tested_by: tuple[Literal["formal", "true", "monte_carlo"], ...] = Field(
-        ("formal", "true", "monte_carlo"), min_length=1, description="numbers that must all keep the bounds"
-    )
-    along: str = Field("", description="axis over which the page shows the value, and where it would hold")
-
-    def case_of(self, name: str) -> Case:
-        """Return the levels that a term is of, those of the whole statement among them."""
-        return self.case | self.terms[name].case
-
-    def _faults(self) -> Iterator[str]:
-        named = expression.names(self.value)
-        if set(named) != set(self.terms):
-            odd = sorted(set(named) ^ set(self.terms))
-            yield f"value: {quoted(self.value)} and the terms do not have the same names ({', '.join(odd)})"
-        if (self.at_least, self.at_most, self.probability, self.of_runs) == (None, None, None, None):
-            yield "there is no bound; give at_least, at_most, of_runs, or the probability of a NEES"
-        if self.of_runs is not None and (self.at_least, self.at_most, self.probability) != (None, None, None):
-            yield "of_runs sets both bounds; leave out at_least, at_most and probability"
-        if self.of_runs is not None and "monte_carlo" not in self.tested_by:
-            yield "of_runs is a bound of runs; monte_carlo is not among tested_by"
-        if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
-            yield f"at_least {self.at_least:g} is above at_most {self.at_most:g}"
-        nees = [term.metric in NEES for term in self.terms.values()]
-        if self.probability is not None and (self.at_most is not None or len(nees) != 1 or not all(nees)):
-            yield "probability is the bound of a single NEES, in place of at_most"
-        for name, term in self.terms.items():
-            si = unit_of(term.metric)
-            if self.unit != "-" and si not in ("-", "%"):
-                parse(f"1 {self.unit}", si)
-            elif self.unit not in ("-", si):
-                yield f"unit: {quoted(self.unit)} does not fit {term.metric} of the term {name}; expected {si!r}"

@@ -2,41 +2,26 @@
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator
 
 from lvnav_trade import limits, units
-from lvnav_trade.campaign.definition.metric_names import unit_of
+from lvnav_trade.campaign.definition.document import Document, MarginPolicy, Window
+from lvnav_trade.campaign.definition.metric_names import metric_of, required_metrics, unit_of
 from lvnav_trade.campaign.definition.published import (
     ENDS,
     FLIGHT,
-    Innovations,
-    Ordering,
     Published,
-    Statement,
     place,
 )
 from lvnav_trade.campaign.definition.searches import Indices, Solve, Tune
 from lvnav_trade.campaign.syntax.tree import Written, hint
 from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.layout import BACKUP, LEVELS, MISSION
 from lvnav_trade.scenario import Scenario
 
-_FRAME_AXES = ("north", "east", "down", "x", "y", "z", "radial", "along", "cross")
-_AXES = {
-    f"{prefix}{quantity}": axes
-    for prefix in ("", BACKUP)
-    for quantity, axes in (("position", _FRAME_AXES), ("velocity", _FRAME_AXES), ("attitude", ("roll", "pitch", "yaw")))
-}
-# What a requirement can name
-METRICS = (
-    *(f"{quantity}_error_3d" for quantity in _AXES),
-    *(f"{quantity}_error_{axis}" for quantity, axes in _AXES.items() for axis in axes),
-    *MISSION,
-    *LEVELS,
-)
+_OTHER_RUNS = 40  # of a case that is not selected
 
 
 class MonteCarlo(units.Card):
@@ -49,17 +34,37 @@ class MonteCarlo(units.Card):
     block: int = Field(
         40, ge=8, le=limits.RUNS, multiple_of=8, description="runs per block of work: part of the results' identity"
     )
+    selected: dict[str, str] = Field(
+        {},
+        description="level of some axes: only these cases have all runs; the others have `other_runs`, and their "
+        "verdicts are linear covariance's where that many runs do not decide",
+    )
+    other_runs: int | None = Field(
+        None, ge=0, description="runs of each case that `selected` leaves out; 40 if absent, 0: linear covariance alone"
+    )
+
+    def runs_of(self, levels: Mapping[str, str]) -> int:
+        """Return the runs of the case with these levels, by name of the axis."""
+        if all(levels.get(axis) == level for axis, level in self.selected.items()):
+            return self.runs
+        return min(self.runs, _OTHER_RUNS if self.other_runs is None else self.other_runs)
 
     @field_validator("runs")
     @classmethod
     def _some(cls, runs: int) -> int:
         if runs > limits.RUNS:
-            raise ValueError(f"{quoted(runs)} runs; at most {limits.RUNS} are flown")
+            raise ValueError(f"{quoted(runs)} runs; give {limits.RUNS} at most")
         if runs < 1:
             raise ValueError(f"{runs} runs; give at least 1, or leave monte_carlo out for linear covariance alone")
         return runs
 
     def _faults(self) -> Iterator[str]:
+        if self.stop and self.selected:
+            yield "stop and selected both say which cases have fewer runs, choose one"
+        if self.other_runs is not None and not self.selected:
+            yield "other_runs has no effect: no cases are selected"
+        if (self.other_runs or 0) > self.runs:
+            yield f"other_runs: {self.other_runs} are more than the {self.runs} of the selected cases"
         if self.stop and self.runs % self.block:
             more = self.runs + self.block - self.runs % self.block
             yield f"stop looks after every block of {self.block} runs; {more} runs are whole blocks"
@@ -104,7 +109,14 @@ class Axis(units.Card):
 class Requirement(units.Card):
     """A bound that a stated fraction of flights must keep, and the confidence at which the runs must show it."""
 
-    name: str
+    name: str  # of the requirement, unique in the campaign
+    id: str | None = Field(None, description="identifier in the project's specification, such as GNC-NAV-012")
+    parent: str | None = Field(None, description="identifier of the requirement that it is derived from")
+    source: str | None = Field(None, description="document and paragraph that state it")
+    rationale: str | None = Field(None, description="why the bound has this value, and how it is interpreted")
+    verification: Literal["test", "analysis", "review of design", "inspection"] | None = Field(
+        None, description="verification method after ECSS-E-ST-10-02; a campaign is an analysis"
+    )
     metric: str = Field(description="such as velocity_error_3d, attitude_error_roll, perigee_error, impact_error")
     during: str | None = Field(
         None,
@@ -113,22 +125,27 @@ class Requirement(units.Card):
     at: str | None = Field(
         None, validate_default=True, description="event of the trajectory; injection if no phase is given"
     )
-    probability: float = Field(gt=0, lt=1, description="fraction of flights that must keep the bound")
+    probability: units.Share = Field(gt=0, lt=1, description="fraction of flights that must keep the bound")
     below: float = Field(json_schema_extra={"type": "string"}, description="bound with its unit, such as 0.3 m/s")
-    confidence: float = Field(0.9, gt=0, lt=1)
+    confidence: units.Share = Field(0.9, gt=0, lt=1)  # at which the runs must show it
+    window: Window | None = Field(
+        None,
+        description="time around the event in which the error is evaluated too; 5 s before to 20 s after if absent",
+    )
 
     @field_validator("metric")
     @classmethod
     def _known(cls, name: str) -> str:
-        if name not in METRICS:
-            raise ValueError(f"{quoted(name)} is not a metric{hint(name, METRICS)}")
+        if name not in required_metrics():
+            raise ValueError(f"{quoted(name)} is not a metric{hint(name, required_metrics())}")
         return name
 
     @field_validator("during")
     @classmethod
     def _phase(cls, phase: str | None, info: ValidationInfo) -> str | None:
-        if phase is not None and info.data.get("metric") in MISSION:
-            raise ValueError(f"{info.data['metric']} is a number of the orbit at an event; give at in place of during")
+        metric = metric_of(info.data["metric"]) if "metric" in info.data else None
+        if phase is not None and metric is not None and metric.at_events_only:
+            raise ValueError(f"{metric.name} is {metric.at_events_only} at an event; give at in place of during")
         if phase is not None and phase != FLIGHT and len(phase.split(" to ")) != 2:
             raise ValueError(f"{quoted(phase)} is no phase; write 'EVENT to EVENT' or {FLIGHT}")
         return phase
@@ -158,6 +175,15 @@ class Requirement(units.Card):
             raise ValueError(f"{quoted(value)} is no bound; it should be above zero")
         return bound
 
+    @field_validator("window")
+    @classmethod
+    def _of_event(cls, window: Window | None, info: ValidationInfo) -> Window | None:
+        if window is not None and info.data.get("during") is not None:
+            raise ValueError("a window needs an event: give at in place of during")
+        if window is not None and "metric" in info.data and not metric_of(info.data["metric"]).has_history:
+            raise ValueError(f"no effect: {info.data['metric']} is known at events only; leave the window out")
+        return window
+
     @field_serializer("below", when_used="json")
     def _with_unit(self, value: float) -> str:
         return f"{value!r} {unit_of(self.metric)}"
@@ -166,11 +192,19 @@ class Requirement(units.Card):
 class ProtectionCard(units.Card):
     """Protection levels by solution separation, at any one time of the flight."""
 
-    integrity_risk: float = Field(
-        1e-7, gt=0.0, lt=0.5, description="probability of an error beyond the level without an alarm"
+    integrity_risk: units.Share = Field(
+        1e-7,
+        gt=0.0,
+        lt=0.5,
+        description="probability of an error beyond its level without an alarm, on any axis of position or velocity",
     )
-    false_alarm: float = Field(1e-5, gt=0.0, lt=0.5, description="probability of an alarm without a fault")
-    satellite_fault: float = Field(
+    false_alarm: units.Share = Field(
+        1e-5,
+        gt=0.0,
+        lt=0.5,
+        description="probability of an alarm without a fault, by any satellite on any axis of position or velocity",
+    )
+    satellite_fault: units.Share = Field(
         1e-4,
         ge=0.0,
         le=1.0,
@@ -221,16 +255,25 @@ class Covariance(units.Card):
 class Keep(units.Card):
     """What is stored of a flight."""
 
-    history: units.Duration = Field(1.0, gt=0, description="step of the stored histories; events are always kept")
+    history: Annotated[units.Duration, Field(gt=0.0, le=limits.STREAM)] = Field(
+        1.0, description="step of the stored histories, 1 ms or more; events are always kept"
+    )
     allan: Annotated[units.Duration, Field(ge=100.0, le=limits.STREAM)] | None = Field(
         None, description="length of a stream of each case's inertial units, whose Allan deviation is stored"
     )
+
+    @field_validator("history")
+    @classmethod
+    def _not_too_fine(cls, step: float) -> float:
+        if step < limits.FINEST_HISTORY:
+            raise ValueError(f"{step:g} s is too fine; give {1e3 * limits.FINEST_HISTORY:g} ms or more")
+        return step
 
 
 class Compare(units.Card):
     """How a candidate is held against these results."""
 
-    confidence: float = Field(0.95, ge=0.5, lt=1)
+    confidence: units.Share = Field(0.95, ge=0.5, lt=1)
     effects: dict[str, str] = Field(
         {},
         description="smallest change of interest by METRIC, METRIC@EVENT, METRIC@EVENT:q95 or a requirement's name: "
@@ -262,8 +305,8 @@ class Corridor(units.Card):
     polygon: tuple[tuple[units.Angle, units.Angle], ...] = Field(
         description="corners in order, each [latitude, longitude] with units; edges are straight in both angles"
     )
-    probability: float = Field(0.999, gt=0, lt=1, description="fraction of flights that must stay inside")
-    confidence: float = Field(0.9, gt=0, lt=1, description="at which the runs must show it")
+    probability: units.Share = Field(0.999, gt=0, lt=1, description="fraction of flights that must stay inside")
+    confidence: units.Share = Field(0.9, gt=0, lt=1, description="at which the runs must show it")
 
     @field_validator("polygon")
     @classmethod
@@ -279,11 +322,12 @@ class Corridor(units.Card):
 class Campaign(units.Card):
     """A trade-off question. Once loaded, cards are expanded and every default is filled in."""
 
-    name: str
-    description: str = ""
-    seed: int = Field(ge=0, lt=2**63)
-    base: Scenario
-    axes: tuple[Axis, ...] = Field((), max_length=limits.AXES)
+    name: str  # also of the folder of results
+    description: str = ""  # question that it answers, for the report
+    seed: int = Field(ge=0, lt=2**63)  # of all random draws
+    base: Scenario  # the scenario that the axes vary
+    axes: tuple[Axis, ...] = Field((), max_length=limits.AXES)  # fields that are varied
+    # choice of the cases among all combinations of levels
     design: Literal["grid", "zip", "one_at_a_time", "latin_hypercube", "sobol", "box_behnken"] = "grid"
     samples: int | None = Field(None, description="points of a Latin hypercube, or of Sobol's sequence (a power of 2)")
     exclude: tuple[dict[str, str | tuple[str, ...]], ...] = Field(
@@ -292,29 +336,22 @@ class Campaign(units.Card):
     constraints: tuple[str, ...] = Field(
         (), description="what numeric axes must keep, in SI: 'update_rate <= covariance_rate'"
     )
-    monte_carlo: MonteCarlo | None = None
-    covariance: Covariance = Covariance()
-    keep: Keep = Keep()
-    requirements: tuple[Requirement, ...] = Field((), max_length=limits.STATEMENTS)
+    monte_carlo: MonteCarlo | None = None  # number of runs and rule for stopping; none: linear covariance alone
+    covariance: Covariance = Covariance()  # results of linear covariance
+    keep: Keep = Keep()  # data that are stored
+    requirements: tuple[Requirement, ...] = Field((), max_length=limits.STATEMENTS)  # bounds that verdicts are given on
     references: tuple[Published, ...] = Field(
         (), max_length=limits.STATEMENTS, description="published numbers that ours are held against"
     )
-    orderings: tuple[Ordering, ...] = Field(
-        (), max_length=limits.STATEMENTS, description="published orders of cases that must hold"
-    )
-    innovations: tuple[Innovations, ...] = Field(
-        (), max_length=limits.STATEMENTS, description="published statements on the innovations"
-    )
-    statements: tuple[Statement, ...] = Field(
-        (), max_length=limits.STATEMENTS, description="published statements, each a bound on an expression of metrics"
-    )
     corridor: Corridor | None = Field(None, description="where the point of impact must stay")
-    report: Report = Report()
-    compare: Compare = Compare()
+    margin_policy: MarginPolicy | None = Field(None, description="margins that verdicts are compared with")
+    document: Document = Document()  # title block of the document
+    report: Report = Report()  # sections of the report
+    compare: Compare = Compare()  # settings of the comparison of a candidate with these results
     solve: Solve | None = Field(None, description="an inverse question, which lvnav-trade solve answers")
     indices: Indices | None = Field(None, description="global sensitivity, which lvnav-trade indices computes")
     tune: Tune | None = Field(None, description="a filter's tuning, which lvnav-trade tune finds")
-    _written: Written = PrivateAttr(default_factory=Written)
+    _written: Written = PrivateAttr(default_factory=Written)  # place where each value is written
 
     @property
     def written(self) -> Written:

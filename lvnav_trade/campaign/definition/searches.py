@@ -1,4 +1,4 @@
-"""What a campaign may ask to be searched: an inverse question (solve), sensitivity indices, a filter's tuning."""
+"""Searches that a campaign may request: inverse question (solve), sensitivity indices, filter tuning."""
 
 from collections.abc import Iterator
 from typing import Any, Literal
@@ -21,7 +21,7 @@ class Vary(units.Card):
         if (self.between is None) == (self.values is None):
             yield "vary has either between or values"
         if self.values is not None and (self.log or len(self.values) < 2):
-            yield "values are two or more, and have no log"
+            yield "give two values or more, and no log"
 
 
 Total = Literal["cost", "mass", "power", "volume"]
@@ -35,13 +35,13 @@ class Solve(units.Card):
     vary: tuple[Vary, ...] = Field((), max_length=2)
     least: Total | None = Field(None, description="or: which case meets the requirements with the least of this total")
     meet: tuple[str, ...] = Field((), description="names of the requirements; all if absent")
-    margin: float = Field(0.1, gt=0, lt=1, description="how far beside the answer runs are flown")
+    margin: units.Share = Field(0.1, gt=0, lt=1, description="how far beside the answer runs are flown")
 
     def _faults(self) -> Iterator[str]:
         if bool(self.vary) == (self.least is not None):
             yield "solve has either vary or least"
         if self.least is not None and "margin" in self.model_fields_set:
-            yield "margin: runs are flown of the case itself where the least of a total is asked"
+            yield "margin has no effect: with least, runs simulate the case itself; leave it out"
 
 
 class Indices(units.Card):

@@ -1,4 +1,4 @@
-"""What must fit together before anything is flown: rates, noise, the reporting frame, names of cases, axes, levels."""
+"""Cross-checks of a campaign: rates, noise, reporting frame, case names, axes, levels."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -12,14 +12,14 @@ from lvnav_trade.campaign.definition.axes import (
     chosen_levels,
     get,
 )
-from lvnav_trade.campaign.definition.published import Pooled
+from lvnav_trade.campaign.definition.metric_names import metric_of
+from lvnav_trade.campaign.definition.published import Pooled, Published
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
 from lvnav_trade.errors import Mistake, quoted
-from lvnav_trade.expression import readings
 from lvnav_trade.layout import AXES as FRAME_AXES
-from lvnav_trade.layout import BACKUP, LEVELS, MISSION, split_metric
 from lvnav_trade.limits import AXES, CASES
+from lvnav_trade.metrics.families.errors import NORM, StateError
 from lvnav_trade.scenario import Scenario, filter_models, solves
 
 _RATES = {
@@ -72,18 +72,12 @@ def measurements(scenario: Scenario, base: Node) -> Iterator[Mistake]:
 
 def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield the requirements that name an axis which the reporting frame does not have, or share a name."""
-    known = FRAME_AXES[campaign.base.frame]
     names = [requirement.name for requirement in campaign.requirements]
     for index, (name, requirement) in enumerate(zip(names, campaign.requirements, strict=True)):
-        quantity, axis = split_metric(requirement.metric.removeprefix(BACKUP))
-        if requirement.metric not in MISSION and quantity != "attitude" and axis not in (*known, "3d"):
-            message = f"{requirement.metric!r}: frame {campaign.base.frame} has the axes {', '.join(known)}"
-            yield mistake_at(root, f"requirements.{index}.metric", message)
-        if requirement.metric in LEVELS and campaign.covariance.protection is None:
-            message = f"{requirement.metric!r}: the campaign asks for no protection levels (covariance.protection)"
-            yield mistake_at(root, f"requirements.{index}.metric", message)
+        if message := metric_of(requirement.metric).missing_in(campaign):
+            yield mistake_at(root, f"requirements.{index}.metric", f"{requirement.metric!r}: {message}")
         if name in names[:index]:
-            yield mistake_at(root, f"requirements.{index}.name", f"{name!r} stands twice")
+            yield mistake_at(root, f"requirements.{index}.name", f"{name!r} is used twice; give another name")
 
 
 _WITHOUT: tuple[tuple[str, Callable[[Campaign], bool], str], ...] = (
@@ -116,126 +110,68 @@ def without_effect(campaign: Campaign, root: Node) -> Iterator[Mistake]:
             yield mistake_at(root, path, message)
 
 
-def statements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield what references, orderings and other statements name and the campaign does not have."""
-    cases = named_cases(campaign)
-    yield from _expressions(campaign, cases, root)
-    for key in ("references", "orderings", "innovations"):
-        for index, one in enumerate(getattr(campaign, key)):
-            named = getattr(one, "cases", None) or (one.case,)
-            levels = {axis: level for case in named for axis, level in case.items()}
-            yield from _pool(one, f"{key}.{index}", levels, cases, root)
-    for path, wanted, single in _cases_wanted(campaign, cases):
-        if message := unknown_case(wanted, cases, single):
-            yield mistake_at(root, path, message)
-    axes = _axes_of_errors(campaign)
-    named = [(f"{key}.{k}", one) for key in ("references", "orderings") for k, one in enumerate(getattr(campaign, key))]
-    named += [
-        (f"statements.{k}.terms.{name}", term)
-        for k, one in enumerate(campaign.statements)
-        for name, term in one.terms.items()
-    ]
-    for path, one in named:
-        quantity, axis = split_metric(one.metric)
-        if quantity in axes and axis not in (*axes[quantity], "3d") and not one.metric.endswith(("_nees", "_coverage")):
-            message = f"{quoted(one.metric)}: no such axis; {quantity} has {', '.join(axes[quantity])}"
-            yield mistake_at(root, f"{path}.metric", message)
+def references(campaign: Campaign, root: Node) -> Iterator[Mistake]:
+    """Yield what published numbers name and the campaign does not have."""
+    for path, message in reference_faults(campaign, campaign.references):
+        yield mistake_at(root, f"references.{path}", message)
 
 
-def _axes_of_errors(campaign: Campaign) -> dict[str, list[str]]:
+def reference_faults(campaign: Campaign, published: Sequence[Published]) -> Iterator[tuple[str, str]]:
+    """Yield path within a list of published numbers, and message, for what they name and the campaign does not have."""
+    cases, axes = named_cases(campaign), axes_of_errors(campaign)
+    for index, one in enumerate(published):
+        yield from ((f"{index}.{path}", message) for path, message in pool_faults(one, one.case, cases))
+        if message := unknown_case(one.case, cases):
+            yield f"{index}.case", message
+        if one.against is not None and (message := unknown_case(one.against | pooled_levels(one, cases), cases, True)):
+            yield f"{index}.against", message
+        if message := unknown_axis(one.metric, axes):
+            yield f"{index}.metric", message
+
+
+def unknown_axis(name: str, axes: Mapping[str, Sequence[str]]) -> str:
+    """Say that a metric is of an axis that no frame of a campaign has (`axes_of_errors`); empty where one has."""
+    metric = metric_of(name)
+    if not isinstance(metric, StateError) or metric.quantity not in axes:
+        return ""
+    known = axes[metric.quantity]
+    if metric.axis in (*known, NORM):
+        return ""
+    return f"{quoted(name)}: no such axis; {metric.quantity} has {', '.join(known)}"
+
+
+def axes_of_errors(campaign: Campaign) -> dict[str, list[str]]:
     """Return the axes of attitude, velocity and position in any frame of a campaign."""
     frames = {str(v) for axis in campaign.axes if axis.path == "frame" for v in axis.values or ()}
     known = list(dict.fromkeys(name for frame in sorted({campaign.base.frame, *frames}) for name in FRAME_AXES[frame]))
     return {"attitude": ["roll", "pitch", "yaw"], "velocity": known, "position": known}
 
 
-def _expressions(campaign: Campaign, cases: Sequence[Mapping[str, str]], root: Node) -> Iterator[Mistake]:
-    """Yield what is wrong with the cases of statements: each term has exactly one, for some choice of the axes left."""
-    ids = [one.id for one in campaign.statements]
-    for index, one in enumerate(campaign.statements):
-        path = f"statements.{index}"
-        if one.along and (not cases or one.along not in cases[0]):
-            known = list(cases[0]) if cases else []
-            yield mistake_at(root, f"{path}.along", f"no axis {quoted(one.along)}{meant(one.along, known)}")
-        if one.id and one.id in ids[:index]:
-            yield mistake_at(root, f"{path}.id", f"{quoted(one.id)} stands twice")
-        wanted = {name: one.case_of(name) for name in one.terms}
-        for name, term in one.terms.items():
-            if term.over and cases and term.over not in cases[0]:
-                message = f"no axis {quoted(term.over)}{meant(term.over, cases[0])}"
-                yield mistake_at(root, f"{path}.terms.{name}.over", message)
-            elif term.over and cases:
-                wanted[name] |= {term.over: cases[0][term.over]}
-            yield from _pool(term, f"{path}.terms.{name}", one.case_of(name), cases, root)
-            wanted[name] |= _pooled(term, cases)
-            for key, other in (("minus", term.minus), ("sigma_of", term.sigma_of)):
-                if other is not None and (message := unknown_case(wanted[name] | other, cases)):
-                    yield mistake_at(root, f"{path}.terms.{name}.{key}", message)
-        unknown = {name: message for name, levels in wanted.items() if (message := unknown_case(levels, cases))}
-        if not unknown and not readings(cases, wanted):
-            unknown = {name: unknown_case(levels, cases, True) for name, levels in wanted.items()}
-            unknown = {name: text for name, text in unknown.items() if text} or {
-                next(iter(one.terms)): "the terms have no case in common for any choice of the axes left out"
-            }
-        for name, message in unknown.items():
-            yield mistake_at(root, f"{path}.terms.{name}.case", message)
-
-
-def _pool(
-    one: Pooled, path: str, wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], root: Node
-) -> Iterator[Mistake]:
-    """Yield what is wrong with the axes whose levels a number takes together."""
+def pool_faults(
+    one: Pooled, wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]]
+) -> Iterator[tuple[str, str]]:
+    """Yield path and message for what is wrong with the axes whose levels a number takes together."""
     for axis in one.pool:
         if cases and axis not in cases[0]:
-            yield mistake_at(root, f"{path}.pool", f"no axis {quoted(axis)}{meant(axis, cases[0])}")
+            yield "pool", f"no axis {quoted(axis)}{meant(axis, cases[0])}"
         elif axis in wanted:
-            yield mistake_at(
-                root, f"{path}.pool", f"{axis} is taken together and has one level in the case; choose one"
-            )
+            yield "pool", f"{axis} is pooled, and the case names one of its levels; choose one"
 
 
-def _pooled(one: Pooled, cases: Sequence[Mapping[str, str]]) -> dict[str, str]:
+def pooled_levels(one: Pooled, cases: Sequence[Mapping[str, str]]) -> dict[str, str]:
     """Return a level of each axis that is taken together, which stands for all of them."""
     return {axis: cases[0][axis] for axis in one.pool if cases and axis in cases[0]}
 
 
-def _cases_wanted(
-    campaign: Campaign, cases: Sequence[Mapping[str, str]]
-) -> Iterator[tuple[str, Mapping[str, str], bool]]:
-    """Yield path, levels by axis, and whether exactly one case is meant."""
-    for index, one in enumerate(campaign.references):
-        yield f"references.{index}.case", one.case, False
-        if one.against is not None:
-            yield f"references.{index}.against", one.against | _pooled(one, cases), True
-    for index, order in enumerate(campaign.orderings):
-        together = _pooled(order, cases)
-        yield from (
-            (f"orderings.{index}.cases.{place}", case | together, True) for place, case in enumerate(order.cases)
-        )
-    for index, statement in enumerate(campaign.innovations):
-        yield f"innovations.{index}.case", statement.case, False
-
-
 def narrowed(campaign: Campaign) -> Campaign:
-    """Return a campaign whose axes an assignment has changed, without the statements on levels that are gone."""
+    """Return a campaign whose axes an assignment has changed, without the published numbers of levels that are gone."""
     cases = named_cases(campaign)
-
-    def stands(*wanted: Mapping[str, str]) -> bool:
-        return not any(unknown_case(one, cases) for one in wanted)
-
-    return campaign.model_copy(
-        update={
-            "references": tuple(r for r in campaign.references if stands(r.case, r.against or {})),
-            "orderings": tuple(order for order in campaign.orderings if stands(*order.cases)),
-            "innovations": tuple(one for one in campaign.innovations if stands(one.case)),
-            "statements": tuple(
-                one
-                for one in campaign.statements
-                if readings(cases, {name: one.case_of(name) | _pooled(one.terms[name], cases) for name in one.terms})
-                and (not one.along or one.along in cases[0])
-            ),
-        }
+    kept = (
+        one
+        for one in campaign.references
+        if not any(unknown_case(wanted, cases) for wanted in (one.case, one.against or {}))
     )
+    return campaign.model_copy(update={"references": tuple(kept)})
 
 
 def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
@@ -246,23 +182,11 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
     wanted = [(f"figures.{i}.case", figure.case) for i, figure in enumerate(part.figures)]
     wanted += [(f"figures.{i}.cases.{k}", one) for i, figure in enumerate(part.figures)
                for k, one in enumerate(figure.cases)]  # fmt: skip
-    wanted += [(f"flown.{i}.case", one.case) for i, one in enumerate(part.flown)]
     wanted.append(("kml", part.kml or {}))
     for path, one in wanted:
         if message := unknown_case(one, cases):
             yield path, message
-    known = _axes_of_errors(campaign)
     for i, figure in enumerate(part.figures):
-        for quantity, axis in figure.axes.items():
-            if axis not in (*known[quantity], "3d"):
-                yield f"figures.{i}.axes.{quantity}", f"no axis {quoted(axis)}{meant(axis, known[quantity])}"
-        along = {one.id: one.along for one in campaign.statements}
-        if figure.plot == "bound" and not along.get(figure.statement):
-            yield f"figures.{i}.statement", f"no statement {quoted(figure.statement)} that is along an axis"
-        if figure.plot == "single" and len(figure.cases) != 2:
-            yield f"figures.{i}", "single has two cases, the aided and the unaided one"
-        if figure.plot == "clocks" and not figure.cases:
-            yield f"figures.{i}", "clocks has at least one of cases"
         if figure.flown and (message := unknown_case({figure.axis: figure.flown}, cases)):
             yield f"figures.{i}.flown", message
     if part.paired and part.paired not in cases[0]:

@@ -1,10 +1,10 @@
-"""What leaves combinations of levels out (when, exclude, constraints) must name what is there and leave some out."""
+"""Checks of the selections among cases: when, exclude, constraints, selected runs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
 from lvnav_trade.campaign.definition.axes import BASE_LABEL, axis_names, combinations, level_label
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.checks import meant
+from lvnav_trade.campaign.reading.checks import meant, named_cases, unknown_case
 from lvnav_trade.campaign.syntax.tree import Node, mistake_at
 from lvnav_trade.errors import Mistake, quoted
 
@@ -55,3 +55,15 @@ def _unknown_levels(wanted: Mapping[str, str | Sequence[str]], known: Mapping[st
         for level in [stated] if isinstance(stated, str) else stated:
             if level not in (*known[name], BASE_LABEL):
                 yield f"no level {quoted(level)} of the axis {name}{meant(level, known[name])}"
+
+
+def selection(campaign: Campaign, root: Node) -> Iterator[Mistake]:
+    """Yield why the cases that a campaign selects for all runs are none, or all."""
+    chosen = campaign.monte_carlo.selected if campaign.monte_carlo is not None else {}
+    if not chosen:
+        return
+    cases = named_cases(campaign)
+    if message := unknown_case(chosen, cases):
+        yield mistake_at(root, "monte_carlo.selected", message)
+    elif all(case[axis] == level for case in cases for axis, level in chosen.items()):
+        yield mistake_at(root, "monte_carlo.selected", "no effect: every case has these levels")

@@ -1,4 +1,4 @@
-"""Settings without effect: what a campaign states, and no case reads."""
+"""Settings without effect: stated in a campaign, read by no case."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -11,9 +11,10 @@ from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.tree import HERE, Node, Place, is_index, join
 from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import Mistake, quoted
+from lvnav_trade.marks import MARKS
 from lvnav_trade.scenario import Scenario
 
-_DESCRIPTIONS = ("kind", "name", "source", "resources")
+_DESCRIPTIONS = ("kind", "name", "source", "resources", *MARKS)
 # States that no measurement touches are refused in a card too: whoever names the filter wants to estimate them.
 _OF_FILTERS = re.compile(r"filter\.(extra_states|consider|as_noise)\.\d+")
 # Every case has one of these, so that a whole one has an effect wherever it stands.
@@ -40,11 +41,17 @@ _HINTS = (
 
 
 class Stated(NamedTuple):
-    """Something that is stated: path below the scenario, place, and what is stated within.
+    """A setting that the user has stated, and the settings within it.
 
-    counts: the path whose reading counts for it; is_whole: reading anything within does; is_card: what is within are
-    fields of a card; must_act: it must have an effect; is_override: it stands beside the card that it changes; is_own:
-    it stands in no card.
+    path : Path below the scenario, dotted.
+    place : File, line and column.
+    within : Settings within it.
+    counts : Path whose reading counts as a reading of this setting.
+    is_whole : Whether reading anything within counts as well.
+    is_card : Whether the settings within are fields of a card.
+    must_act : Whether it must have an effect.
+    is_override : Whether it is stated next to the card that it changes.
+    is_own : Whether it is stated in the campaign itself, not in a card.
     """
 
     path: str
@@ -282,7 +289,9 @@ def _acts(one: Stated, used: Used) -> bool:
         return False
     if any(_is_at_or_below(one.path, whole.split(".")) for whole in used.whole):
         return True
-    return any(path.startswith(f"{one.path}.") for path in used.read) if one.is_whole else one.counts in used.read
+    if not one.is_whole and one.counts in used.read:
+        return True
+    return (one.is_whole or one.is_card) and any(path.startswith(f"{one.path}.") for path in used.read)
 
 
 def _idle(one: Stated, used: Used) -> str:

@@ -9,6 +9,7 @@ from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf
 from lvnav_trade.campaign.syntax.fields import Kind
+from lvnav_trade.campaign.syntax.marked import with_marks_of
 from lvnav_trade.campaign.syntax.tree import Node, join, mistake
 from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.limits import MESSAGES
@@ -151,7 +152,7 @@ def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:
         below = fields.child(kind, key, base)
         found = child if old is None or below is None else _overridden(old, child, written.value[key], below)
         result = tree.with_child(result, key, found, over.keys[key])
-    return Node(result.value, base.place, result.keys)
+    return with_marks_of(base, Node(result.value, base.place, result.keys), over)
 
 
 def expand(node: Node, kind: Kind, shelf: Shelf, path: str = "") -> tuple[Node, list[Mistake]]:
@@ -165,6 +166,9 @@ def expanded(node: Node, kind: Kind, shelf: Shelf, path: str) -> Node:
     whole, mistakes = expand(node, kind, shelf, path)
     refuse_all(mistakes)
     return whole
+
+
+_OF_ONE = ("name", "id")  # fields that two requirements cannot have in common
 
 
 class RequirementSet(Card):
@@ -206,8 +210,8 @@ def _members(item: Node, path: str, shelf: Shelf) -> list[Node]:
     card = shelf.read(reference, path)
     over = tree.without(item, "card") if item.is_map else Node({}, item.place)
     for key in over.value:
-        if key == "name" or key not in Requirement.model_fields:
-            known = [name for name in Requirement.model_fields if name != "name"]
+        if key in _OF_ONE or key not in Requirement.model_fields:
+            known = [name for name in Requirement.model_fields if name not in _OF_ONE]
             message = f"cannot be changed for a whole set{tree.hint(key, known)}"
             raise tree.refuse(over.keys[key], f"{path}.{key}", message)
     if "requirements" not in card.value:
@@ -217,7 +221,13 @@ def _members(item: Node, path: str, shelf: Shelf) -> list[Node]:
     except ValidationError as error:
         raise InputError(records=explain(error, card, RequirementSet, path)) from None
     members: list[Node] = tree.find(card, ["requirements"]).value  # type: ignore[union-attr]
-    return [_changed(member, over) for member in members]
+    source = card.value["source"]
+    return [_changed(_with_source(member, source), over) for member in members]
+
+
+def _with_source(member: Node, source: Node) -> Node:
+    """Return a requirement of a set, with the source of the set where it states none."""
+    return member if "source" in member.value else tree.with_child(member, "source", source, source.place)
 
 
 def _changed(member: Node, over: Node) -> Node:

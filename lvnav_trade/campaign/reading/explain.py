@@ -11,7 +11,7 @@ from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.limits import MESSAGES
 
-# What datasheets use, for "did you mean"; any spelling that pint knows is read.
+# Units that datasheets use most, for "did you mean".
 _UNITS = (
     *("m", "km", "cm", "mm", "s", "ms", "us", "min", "h", "deg", "rad", "mrad", "arcsec", "deg/h", "deg/s", "rad/s"),
     *("m/s", "km/s", "cm/s", "mm/s", "m/s^2", "g", "mg", "ug", "Hz", "kHz", "kg", "t", "N", "kN", "ppm", "percent"),
@@ -25,7 +25,7 @@ _MESSAGES = {
     "list_type": "should be a list",
 }
 _INSIDE = re.compile(r"([a-z][a-z_0-9.]*): (.*)")
-_SPELLED = re.compile(r"has no unit that is known \('(.*?)'\)")
+_SPELLED = re.compile(r"(\S+)' has no unit that is known")
 
 
 def explain(error: ValidationError, node: tree.Node, kind: fields.Kind, path: str = "") -> list[Mistake]:

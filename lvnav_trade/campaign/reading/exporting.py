@@ -1,4 +1,4 @@
-"""A flight of a card or of a case, written as a file of the user's own with the card that names it."""
+"""Export of a trajectory to a file of the user's format, with the card that names the file."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What shows once flights are known: events, faults, phases, sensors; the flight of a card alone."""
+"""Checks that need the simulated trajectory: events, faults, phases, sensors."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
@@ -24,7 +24,7 @@ from lvnav_trade.world.fault_cards import AnyFault, DeadAxis, Jamming
 from lvnav_trade.world.faults import missing_antenna, missing_axis, missing_satellite
 from lvnav_trade.world.flight.trajectory import TrajectoryCard, build, identity, motion
 from lvnav_trade.world.sensors.units import axis_counts
-from lvnav_trade.world.sky.satellites import satellites
+from lvnav_trade.world.sky.satellites import left_out, satellites
 from lvnav_trade.world.truth import BEYOND, NOTE, WARNING, Remark
 
 _NOT_RECEIVED = "is received at no time of the flight while the fault holds"
@@ -34,8 +34,8 @@ KINDS = {"beyond_limits": BEYOND, "warnings": WARNING, "notes": NOTE}
 
 
 def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
-    """Return what does not fit the flights of the cases: statements on events that they do not have, phases without
-    length, faults and sensors outside them, and measurements that no sensor gives.
+    """Return what does not fit the flights of the cases: requirements and published numbers at events that they do not
+    have, phases without length, faults and sensors outside them, and measurements that no sensor gives.
 
     `events` holds for each case digest the times (s) of its trajectory's events in time order.
     """
@@ -48,18 +48,12 @@ def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Map
 
 
 def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterator[Mistake]:
-    """Yield the statements and faults of a case that do not fit its events."""
+    """Yield the requirements, published numbers and faults of a case that do not fit its events."""
     wanted = [
         (f"{key}.{index}.{'during' if one.during else 'at'}", event)
-        for key in ("requirements", "references", "orderings")
+        for key in ("requirements", "references")
         for index, one in enumerate(getattr(campaign, key))
         for event in one.events
-    ]
-    wanted += [
-        (f"statements.{index}.terms.{name}.{'during' if term.during else 'at'}", event)
-        for index, one in enumerate(campaign.statements)
-        for name, term in one.terms.items()
-        for event in term.events
     ]
     if campaign.covariance.at is not None:
         wanted.append(("covariance.at", campaign.covariance.at))
@@ -148,7 +142,13 @@ def remarks(cases: Sequence[Case], of_flights: Sequence[Remark]) -> dict[str, li
     """Return what is to be said of a campaign that can be flown: lines by kind, as the manifest and JSON name them."""
     said = {kind: list(dict.fromkeys(one.text for one in of_flights if one.kind == kind)) for kind in KINDS.values()}
     found = {name: said[kind] for name, kind in KINDS.items()}
-    return found | {"warnings": found["warnings"] + warnings(cases)}
+    return found | {"warnings": found["warnings"] + warnings(cases), "notes": found["notes"] + _broken_records(cases)}
+
+
+def _broken_records(cases: Sequence[Case]) -> list[str]:
+    """Return a line for each navigation file with broken records of satellites that a case takes."""
+    constellations = {case.scenario.constellation.model_dump_json(): case.scenario.constellation for case in cases}
+    return list(dict.fromkeys(chain.from_iterable(map(left_out, constellations.values()))))
 
 
 def remark_lines(found: Mapping[str, Sequence[str]]) -> list[str]:
@@ -169,7 +169,8 @@ def warnings(cases: Sequence[Case]) -> list[str]:
         if affected and idle:
             labels = "; ".join(case.label for case in idle)
             found.append(f"faults.{index}.satellites: {name} {_NOT_RECEIVED} in {labels}")
-    return found + [f"{case.label}: {line}" for case in cases if (line := _other_flight(case.scenario))]
+    found += [f"{case.label}: {line}" for case in cases if (line := _other_flight(case.scenario))]
+    return found + [f"{case.label}: {line}" for case in cases if (line := switched.unprotected(case.scenario))]
 
 
 def _without_effect(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:

@@ -10,11 +10,11 @@ from lvnav_trade.campaign.definition import axes as design
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.reading import checks
 from lvnav_trade.campaign.reading.checks import Varied
-from lvnav_trade.campaign.reading.combining import narrowing
+from lvnav_trade.campaign.reading.combining import narrowing, selection
 from lvnav_trade.campaign.reading.expand import expand, expanded, splice
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.reading.spaced import spaced
-from lvnav_trade.campaign.syntax import fields, tree
+from lvnav_trade.campaign.syntax import fields, marked, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, campaign_file, nowhere
 from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.scenario import Scenario
@@ -26,8 +26,8 @@ def load(file: str | Path, sets: Sequence[str] = ()) -> Campaign:
     Parameters
     ----------
     file : path, or the name of a campaign that comes with the tool
-    sets : assignments such as ``monte_carlo.runs=500`` laid on top; where one changes an axis, statements on levels
-        that are gone are left out
+    sets : assignments such as ``monte_carlo.runs=500`` laid on top; where one changes an axis, published
+        numbers of levels that are gone are left out
 
     Raises
     ------
@@ -56,10 +56,11 @@ class _Loader:
     def __init__(self, root: tree.Node, shelf: Shelf) -> None:
         self.root, self.shelf = root, shelf
         self.mistakes: list[Mistake] = []
+        self.broken: list[str] = []  # paths at which expansion found a mistake
         self.design = "grid"
 
     def campaign(self, is_narrowed: bool) -> Campaign:
-        """Return the campaign or raise all mistakes; `is_narrowed`: without statements on levels that are gone."""
+        """Return the campaign or raise all mistakes; `is_narrowed`: without numbers of levels that are gone."""
         self.root, self.mistakes = spaced(self.root)
         self._raise()
         kind = tree.find(self.root, ["design"])
@@ -94,7 +95,7 @@ class _Loader:
         self.mistakes += checks.equal_cases(whole, self.root)
         if is_narrowed:
             whole = checks.narrowed(whole)
-        self.mistakes += checks.statements(whole, root)
+        self.mistakes += [*checks.references(whole, root), *selection(whole, root)]
         self._raise()
         whole._written = self._written(root, axes, levels)
         return whole
@@ -116,18 +117,22 @@ class _Loader:
         """Return the tree with cards in place; its mistakes are noted."""
         whole, mistakes = expand(node, kind, self.shelf, path)
         self.mistakes += mistakes
+        self.broken += [record.path for record in mistakes]
         return whole
 
     def _validate(
         self, node: tree.Node, model: type[Model], path: str, make: Callable[[Any], Model] | None = None
     ) -> Model | None:
-        """Return the model of an expanded tree; its mistakes are noted, save where expansion already found one."""
+        """Return the model of an expanded tree; its mistakes are noted, save where expansion already found one, and one
+        for each place: the same field of another card is another place.
+        """
         try:
             return (make or model.model_validate)(tree.plain(node))
         except ValidationError as error:
-            known = [record.path for record in self.mistakes]
+            known = {(*record[1:],) for record in self.mistakes}
             for record in explain(error, node, model, path):
-                if not any(record.path == above or record.path.startswith(f"{above}.") for above in known):
+                is_broken = any(record.path == above or record.path.startswith(f"{above}.") for above in self.broken)
+                if not is_broken and (*record[1:],) not in known:
                     self.mistakes.append(record)
             return None
 
@@ -174,7 +179,7 @@ class _Loader:
             n_before = len(self.mistakes)
             found.append(self._expand(level, kind, ".".join(("base", *path))))
             if len(self.mistakes) == n_before:
-                self._validate(tree.put(base, path, found[-1]), Scenario, "base")
+                self._validate(marked.put(base, path, found[-1]), Scenario, "base")
         return found
 
     def _whole(self, campaign: Campaign, varied: Varied, values: list[tree.Node], index: int) -> Axis:
@@ -203,7 +208,7 @@ class _Loader:
             try:
                 for (axis, _), values, index in zip(axes, levels, chosen, strict=True):
                     if index is not None:
-                        node = tree.put(node, axis.steps, values[index])
+                        node = marked.put(node, axis.steps, values[index])
             except InputError as error:  # a level of another axis has no such item
                 self.mistakes += error.records
                 continue
@@ -304,4 +309,5 @@ def _set(node: tree.Node, path: list[str], value: tree.Node, kind: fields.Kind, 
     start = node if node.is_map else tree.Node({}, value.place)
     old = start.value.get(key, tree.Node(None, value.place))
     below = fields.child(kind, key, start)
-    return tree.with_child(start, key, _set(old, rest, value, below, shelf, tree.join(at, key)), start.keys.get(key))
+    found = _set(old, rest, value, below, shelf, tree.join(at, key))
+    return tree.with_child(marked.unmarked_at(start, path), key, found, start.keys.get(key))

@@ -1,4 +1,4 @@
-"""What a campaign can say: the fields at a path for people, the JSON Schema for editors."""
+"""Reference of the settings: fields at a path in words, JSON Schema for editors."""
 
 from typing import Annotated, Any, NamedTuple, cast, get_args, get_origin
 

@@ -9,13 +9,14 @@ import numpy as np
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
+from lvnav_trade.decimals import DECIMAL
 from lvnav_trade.errors import InputError, Mistake, quoted
 from lvnav_trade.limits import CASES
 from lvnav_trade.records import Floats
+from lvnav_trade.units import with_ascii_minus
 
 SAMPLED = ("latin_hypercube", "sobol", "box_behnken")
-_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
-_QUANTITY = re.compile(rf"({_NUMBER})(?: (\S+))?")
+_QUANTITY = re.compile(rf"({DECIMAL})(?: (\S+))?")
 _DIGITS = 10
 _LEVELS = ("cards", "values")
 
@@ -92,7 +93,7 @@ def _with_values(axis: Node, key: str, values: Sequence[Any]) -> Node:
 
 def ends_of(parts: Sequence[Any]) -> Ends:
     """Return both ends; ValueError where they are no two numbers, or quantities in one unit."""
-    found = [_QUANTITY.fullmatch(str(one)) if not isinstance(one, bool) else None for one in parts]
+    found = [_QUANTITY.fullmatch(with_ascii_minus(str(one))) if not isinstance(one, bool) else None for one in parts]
     first, last = found[0], found[1]
     if first is None or last is None:
         raise ValueError("should begin and end with numbers, or quantities such as '0.1 deg'")
@@ -100,6 +101,8 @@ def ends_of(parts: Sequence[Any]) -> Ends:
         raise ValueError("begins and ends in different units; write both in one")
     whole = all(isinstance(one, int) for one in parts)
     ends = Ends(float(first[1]), float(last[1]), first[2] or "", whole)
+    if not all(map(math.isfinite, ends[:2])):
+        raise ValueError("should begin and end with numbers that are not beyond all bounds")
     if ends.first == ends.last:
         raise ValueError("begins where it ends")
     return ends
@@ -120,15 +123,16 @@ def _logspace(parts: Sequence[Any], ends: Ends) -> Floats:
 
 
 def _range(parts: Sequence[Any], ends: Ends) -> Floats:
-    read = _QUANTITY.fullmatch(str(parts[2])) if not isinstance(parts[2], bool) else None
+    read = _QUANTITY.fullmatch(with_ascii_minus(str(parts[2]))) if not isinstance(parts[2], bool) else None
     if read is None or (read[2] or "") != ends.unit:
         raise ValueError(f"needs a step in the unit of its ends{f' ({ends.unit})' if ends.unit else ''}")
     step = float(read[1])
-    if step == 0.0 or (ends.last - ends.first) / step < 0.0:
+    if not math.isfinite(step) or step == 0.0 or (ends.last - ends.first) / step < 0.0:
         raise ValueError("a step that leads away from its last value")
-    count = math.floor((ends.last - ends.first) / step * (1.0 + 1e-12)) + 1
-    if not 2 <= count <= CASES:
-        raise ValueError(f"{count} values; from 2 to {CASES} are possible")
+    steps = (ends.last - ends.first) / step * (1.0 + 1e-12)
+    if not 1.0 <= steps < CASES:
+        raise ValueError(f"{math.floor(min(steps, 1e9)) + 1} values; from 2 to {CASES} are possible")
+    count = math.floor(steps) + 1
     return np.asarray(ends.first + step * np.arange(count))
 
 

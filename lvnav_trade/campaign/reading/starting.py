@@ -1,4 +1,4 @@
-"""A first campaign around a file of the user's own: a card of its columns, each guess a comment, and a question."""
+"""A first campaign for a user's file: a card of its columns, with each guess as a comment, and a requirement."""
 
 import json
 import math
@@ -10,10 +10,14 @@ from typing import Any, NamedTuple
 from lvnav_trade.campaign.reading.exporting import refuse_existing, write_new
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.world.user_file import guesses, table
+from lvnav_trade.world.user_file.attitude_readings import readings
 from lvnav_trade.world.user_file.columns import TableTrajectory
+from lvnav_trade.world.user_file.first_rows import axes_remark, rest_end
+from lvnav_trade.world.user_file.rows import pairs, read_rows, si
 
 EPOCH = "2027-01-01T12:00:00Z"
 _INJECTION = "injection"
+_SAME = 1.0  # s from zero within which lift-off needs no mention
 _CAMPAIGN = """\
 # A first campaign: change what does not fit; `lvnav-trade fields base` lists everything.
 name: {name}
@@ -28,6 +32,7 @@ base:
   initial: {{tilt: 0.1 deg, heading: 0.05 deg, position: 1 m, velocity: 0.01 m/s}}   # what alignment leaves, assumed
 axes:
   - {{path: imu, cards: [imu/tactical_mems, imu/tactical_fog, imu/navigation]}}
+  - {{path: filter, cards: [filters/tight, filters/tight_extended]}}   # extended: scale factors are states
 monte_carlo: {{runs: 100}}
 requirements:                               # limits are placeholders: put yours
   - {{name: velocity, metric: velocity_error_3d, at: {event}, probability: 0.95, below: 0.3 m/s, confidence: 0.9}}
@@ -44,10 +49,11 @@ class Started(NamedTuple):
     events: dict[str, str]
 
 
-def start(folder: Path, file: Path, epoch: str | None = None) -> Started:
+def start(folder: Path, file: Path, epoch: str | None = None, time: str | None = None) -> Started:
     """Write ``NAME.yaml`` and ``configs/trajectories/NAME.yaml`` into a folder, NAME after the file of the rows.
 
-    epoch: of lift-off, UTC; without one it is assumed. InputError where one of the two exists, or the file does not
+    epoch: of lift-off, UTC; without one it is assumed. time: title of the column of time; without one it is guessed.
+    InputError where one of the two exists, or the file does not
     hold time and position.
     """
     name = "".join(letter if letter.isalnum() else "_" for letter in file.stem).lower()
@@ -55,19 +61,59 @@ def start(folder: Path, file: Path, epoch: str | None = None) -> Started:
     refuse_existing(campaign, card)
     if not file.is_file():
         raise InputError(f"{file}: no such file")
-    found = guesses.guess(str(file))
+    found = guesses.guess(str(file), time)
     stated = {"name": name, "source": "-", "epoch": epoch or EPOCH, "file": os.fspath(file.resolve())}
     stated |= {one.part: one.content for one in found if one.part != "attitude"}
-    known = TableTrajectory.model_validate(stated)
+    known = _with_pairs(stated)
+    found = _with_liftoff(found, known)
+    clock = None if epoch else guesses.epoch_of(str(file), found, EPOCH)
+    if clock is not None:
+        stated["epoch"] = clock[0]
+        known = _with_pairs(stated)
+    found = [_with_axes(one, known) for one in found]
+    stated |= {one.part: one.content for one in found if one.part != "attitude"}
+    known = _with_pairs(stated)
     events = _ending(table.suggested(known))
     found = [one for guess in found for one in _that_fits(guess, stated | {"events": events})]
     hold = "60 s" if table.at_rest(known) else "0 s"
     with writing(folder, "the campaign cannot be written there"):
         card.parent.mkdir(parents=True, exist_ok=True)
         place = Path(os.path.relpath(file.resolve(), card.parent.resolve())).as_posix()
-        write_new(card, _card(name, place, epoch, found, events, hold))
+        dated = (epoch, "") if epoch else clock or (EPOCH, "assumed")
+        left = guesses.left_out(str(file), found)
+        write_new(card, _card(name, place, dated, found, left, events, hold))
         write_new(campaign, _CAMPAIGN.format(name=name, event=_INJECTION if _INJECTION in events else "end"))
     return Started(campaign, card, tuple(found), events)
+
+
+def _with_pairs(stated: dict[str, Any]) -> TableTrajectory:
+    """Return the card of what is stated, an event at each time at which the file has two rows."""
+    times = pairs(TableTrajectory.model_validate(stated))
+    events = {f"pair_{number}": f"{time!r} s" for number, time in enumerate(times)}
+    return TableTrajectory.model_validate(stated | {"events": events})
+
+
+def _with_liftoff(found: list[guesses.Guess], card: TableTrajectory) -> list[guesses.Guess]:
+    """Return the guesses, that of time with what the column shows at lift-off where that is not zero."""
+    rows = read_rows(card)
+    left = rest_end(rows)
+    shown = float(rows.t[0]) if left is None else left
+    time = next(one for one in found if one.part == "time")
+    if abs(shown) <= _SAME or (left is None and not guesses.is_clock(time.content["column"])):
+        return found
+    liftoff = {"liftoff": float(f"{shown / si(card.time.unit, 's'):.12g}")}
+    why = "the first row, assumed" if left is None else "the vehicle rests until then"
+    changed = time._replace(content=time.content | liftoff, why=f"{time.why}; lift-off: {why}")
+    return [changed if one is time else one for one in found]
+
+
+def _with_axes(guess: guesses.Guess, card: TableTrajectory) -> guesses.Guess:
+    """Return a guess of inertial axes with those in which the first row rests, of date or of J2000."""
+    if guess.part not in ("position", "velocity") or guess.content["frame"] != "eci":
+        return guess
+    if not axes_remark(card, read_rows(card)):
+        return guess
+    return guess._replace(content=guess.content | {"frame": "j2000"}, why=f"{guess.why}; the first row rests in J2000")
 
 
 def _that_fits(guess: guesses.Guess, stated: dict[str, Any]) -> list[guesses.Guess]:
@@ -75,7 +121,7 @@ def _that_fits(guess: guesses.Guess, stated: dict[str, Any]) -> list[guesses.Gue
     if guess.part != "attitude":
         return [guess]
     fitting: list[tuple[float, dict[str, Any]]] = []
-    for content in guesses.readings(guess.content):
+    for content in readings(guess.content):
         with suppress(InputError):
             flight = table.from_table(TableTrajectory.model_validate(stated | {"attitude": content}))
             fitting.append((float(flight.facts["force_off_roll_axis_median_rad"]), content))
@@ -95,20 +141,30 @@ def _ending(events: dict[str, str]) -> dict[str, str]:
 
 
 def _card(
-    name: str, place: str, epoch: str | None, found: list[guesses.Guess], events: dict[str, str], hold: str
+    name: str,
+    place: str,
+    dated: tuple[str, str],
+    found: list[guesses.Guess],
+    left: list[str],
+    events: dict[str, str],
+    hold: str,
 ) -> str:
-    """Return the card as text: a line a part, why it was guessed behind it."""
+    """Return the card as text: a line a part, why it was guessed behind it.
+
+    dated: epoch and why, empty where it was given; left: columns that no part takes.
+    """
     lines = [
         "# Guessed from the columns of the file: confirm every line, then delete its comment.",
         "kind: table",
         f"name: {name}",
         f"source: {json.dumps('the rows of ' + Path(place).name)}",
-        f"epoch: {json.dumps(epoch or EPOCH)}" + "   # of lift-off: assumed" * (epoch is None),
+        f"epoch: {json.dumps(dated[0])}" + f"   # of lift-off: {dated[1]}" * bool(dated[1]),
         f"file: {json.dumps(place)}",
         *(f"{one.part}: {json.dumps(one.content, ensure_ascii=False)}   # {one.why}" for one in found),
         *["# attitude: along the specific force, as no columns of the file fit that"]
         * all(one.part != "attitude" for one in found),
-        "events:" + "   # where the specific force jumps, named by what it does" if events else "events: {}",
+        *[f"# left out: {json.dumps(left, ensure_ascii=False)}"] * bool(left),
+        "events:" + "   # where the specific force jumps, or two rows have one time" if events else "events: {}",
         *(f"  {event}: {time}" for event, time in events.items()),
         f"pad_hold: {hold}   # the first row {'rests' if hold != '0 s' else 'moves'}",
     ]

@@ -1,4 +1,4 @@
-"""Conditions of faults, sensors and a filter's tuning beside the flights of their cases: what holds at no time."""
+"""Check of conditions (faults, sensors, filter tuning) against the trajectories: conditions that are never met."""
 
 from collections.abc import Iterator, Mapping
 
@@ -10,9 +10,12 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.conditions import BOUNDS, Conditions, Course, inside, never
-from lvnav_trade.world.fault_cards import AnyFault, Jump
+from lvnav_trade.world.fault_cards import AnyFault, Jump, UnitFault
 from lvnav_trade.world.faults import periods
+from lvnav_trade.world.sensors.units import excludes_units
 
+_BRIEF = 5.0
+"""Time (s) that a fault of an IMU lasts at most for `filter.integrity` to correct it as a brief failure."""
 Found = Iterator[tuple[str, str]]
 """Field and message of each mistake."""
 
@@ -41,6 +44,29 @@ def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -
     yield from conditions
     if fault.start is not None and not conditions:
         yield from _timed(fault, fault.start, course)
+
+
+def unprotected(scenario: Scenario) -> str:
+    """Say that tests of innovations meet a persistent fault of an IMU that nothing excludes; empty if they do not."""
+    if scenario.filter.integrity is None or excludes_units(scenario.imu):
+        return ""
+    course = trajectory_of(scenario).course
+    lasting = [
+        f"faults.{number} ({fault.kind})"
+        for number, fault in enumerate(scenario.faults)
+        if isinstance(fault, UnitFault)
+        and any(
+            min(end, course.instants["end"]) - course.begin(start) > _BRIEF
+            for start, end in periods(number, fault, course)
+        )
+    ]
+    if not lasting:
+        return ""
+    return (
+        f"filter.integrity: {', '.join(lasting)} persists and nothing excludes the IMU; tests of innovations keep "
+        "position and velocity with the receiver, but attitude drifts: give three IMUs with imu.parity, or "
+        "imu.selection: mid_value"
+    )
 
 
 def unreceived(scenario: Scenario) -> Iterator[tuple[int, str, bool]]:

@@ -1,4 +1,4 @@
-"""Requirements that the runs of a campaign cannot show to be met, however good they are."""
+"""Requirements that the number of runs is too small to demonstrate."""
 
 from collections.abc import Iterator
 

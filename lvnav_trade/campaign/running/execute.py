@@ -27,6 +27,7 @@ from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.campaign.running.whole import whole
 from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import InputError, refuse_all, system_message
+from lvnav_trade.interrupts import raise_if_interrupted
 from lvnav_trade.store import scratch
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.write import open_results
@@ -71,12 +72,13 @@ def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine,
         distinct.setdefault(_flight_of(case), case)
     results = each(jobs, work.flown, [(engine, case) for case in distinct.values()], ordered=True)
     flown = dict(zip(distinct, results, strict=True))
-    refuse_all([
+    found_wrong = [
         record
         for key, case in distinct.items()
         if isinstance(flown[key], InputError)
         for record in flights.located(campaign, case, flown[key].records)
-    ])  # fmt: skip
+    ]
+    refuse_all(list(dict.fromkeys(found_wrong)))  # cases that differ in their IMU share what is wrong with the flight
     times = {case.id: flown[_flight_of(case)].events for case in found}
     refuse_all([*flights.mistakes(campaign, found, times), *Effects(campaign, found).mistakes({})])
     return Checked(times, flights.remarks(found, [one for flight in flown.values() for one in flight.remarks]))
@@ -116,7 +118,7 @@ def run(
     shard: Shard | None = None,
     shards: Sequence[Path] = (),
 ) -> Outcome:
-    """Carry out a campaign in `folder` and return what it left.
+    """Run a campaign in `folder` and return its outcome.
 
     Parameters
     ----------
@@ -145,7 +147,8 @@ def run(
     except KeyboardInterrupt:
         end_workers(jobs)
         raise
-    except TerminatedWorkerError:
+    except TerminatedWorkerError as error:
+        raise_if_interrupted(error)  # the workers of a process group end with it
         fewer = max(1, jobs // 2)
         raise Halted(f"a worker process died (out of memory?); the same command resumes, try --jobs {fewer}") from None
     except OSError as error:
@@ -258,7 +261,8 @@ class _Run:
                     for number, one in found:
                         work_list.close(number)
                         yield one
-            except TerminatedWorkerError:
+            except TerminatedWorkerError as error:
+                raise_if_interrupted(error)
                 self.deaths += 1
                 if self.fail_fast or self.deaths == _DEATHS:
                     raise
@@ -302,7 +306,7 @@ class _Run:
         return [found[case.id] for case in self.cases]
 
     def _per_case(self, name: str, function: Any, units: Sequence[Any], what: str) -> set[str]:
-        """Do one unit of work for each case; return the digests of the cases where it was lost, as a line on `what`."""
+        """Do one work item for each case; return the digests of the cases where it was lost, as a line on `what`."""
         if not units:
             return set()
         self.watch.stage(name, len(units))
@@ -352,7 +356,7 @@ class _Run:
                 self.watch.advance(unit.n_run)
 
     def _fail(self, line: str, lost: bool = False) -> None:
-        """Note a failed run, or a unit of work that was lost: that leaves no row in the tables."""
+        """Note a failed run, or a work item that was lost: that leaves no row in the tables."""
         if lost:
             self.lost.append(line)
         self.failures.append(line)

@@ -1,8 +1,10 @@
 """One process at a time works on a folder of results."""
 
+import errno
 import os
 import platform
 import re
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -11,10 +13,14 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from lvnav_trade.errors import InputError, writing
+from lvnav_trade.input_files import refuse_irregular
+from lvnav_trade.store.files import replace_file
 
 _NAME, _HOLDER = ".lock", ".lock-holder"
 _LONGEST = 300
 _CONTENT = re.compile(rb"(\d+ on [^\n]*)?")  # earlier versions wrote the holder into the lock itself
+# A link is not followed, and a pipe that nobody writes to is not waited for
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 _GLANCE_S = 0.1  # longer than `holder` looks
 
 
@@ -27,11 +33,11 @@ def locked(folder: Path) -> Iterator[None]:
     """
     with writing(folder, "cannot be written", resumes=True):
         folder.mkdir(parents=True, exist_ok=True)
+        refuse_irregular(folder)
+        for name in (_NAME, _HOLDER):
+            if not _is_own(folder / name):
+                raise InputError(f"{folder / name}: is no lock of lvnav-trade; move it, or give another folder")
         (folder / _NAME).touch()
-        with (folder / _NAME).open("rb") as file:
-            is_own = bool(_CONTENT.fullmatch(file.read(_LONGEST + 1)))
-    if not is_own:
-        raise InputError(f"{folder / _NAME}: is no lock of lvnav-trade; move it, or give another folder")
     lock = FileLock(folder / _NAME)
     with writing(folder, "cannot be locked"):
         if not _taken(lock):
@@ -39,12 +45,29 @@ def locked(folder: Path) -> Iterator[None]:
             if not _taken(lock):
                 raise InputError(f"{folder}: {_who(folder)} is working on these results; wait, or give another folder")
     try:
-        (folder / _HOLDER).write_text(f"{os.getpid()} on {platform.node()}")
+        replace_file(folder / _HOLDER, f"{os.getpid()} on {platform.node()}")
         yield
     finally:
         with suppress(OSError):
             (folder / _HOLDER).unlink(missing_ok=True)  # the name of the machine stays no longer than the lock
         lock.release()
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a file is missing, or was written here: neither a link nor a file of the user's own."""
+    try:
+        handle = os.open(path, os.O_RDONLY | _NO_LINK)
+    except FileNotFoundError:
+        return True
+    except OSError as error:
+        if error.errno in (errno.ELOOP, errno.EMLINK, errno.ENXIO):  # a link; a socket
+            return False
+        raise
+    try:
+        is_file = stat.S_ISREG(os.fstat(handle).st_mode)
+        return is_file and bool(_CONTENT.fullmatch(os.read(handle, _LONGEST + 1)))
+    finally:
+        os.close(handle)
 
 
 def holder(folder: Path) -> str:
@@ -72,7 +95,7 @@ def _taken(lock: FileLock) -> bool:
 
 def _who(folder: Path) -> str:
     try:
-        text = (folder / _HOLDER).read_text(errors="replace")[:200]
+        text = (folder / _HOLDER).read_text(errors="replace")[:200] if _is_own(folder / _HOLDER) else ""
     except OSError:
         text = ""
     return f"process {text}" if text else "another process"

@@ -1,15 +1,18 @@
 """Worker processes: work items are given to them one by one, results are taken as they come."""
 
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
-from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky import process_executor, reusable_executor
+from joblib.externals.loky.backend.utils import kill_process_tree
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from lvnav_trade.campaign.running import work
+from lvnav_trade.interrupts import raise_if_interrupted
 
 
 class WorkList:
@@ -43,10 +46,11 @@ class WorkList:
 
 
 def numbered(function: Callable[..., Any], number: int, unit: tuple[Any, ...]) -> tuple[int, Any]:
-    """Return the number of a unit of work, and its result."""
+    """Return the number of a work item, and its result."""
     return number, function(*unit)
 
 
+_LONGEST_END = 20.0  # s for workers to end
 _UNORDERED = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
 _on_cluster: list[type[Exception]] = []  # while a cluster does the work: what it raises where its workers die
 
@@ -69,12 +73,20 @@ def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...
     finish; in this process for one job, unless a cluster does the work.
     """
     if jobs == 1 and not _on_cluster:
-        return (function(*unit) for unit in units)
-    how = {} if _on_cluster else {"initializer": work.begin_worker}
+        return _one_by_one(function, units)
+    # Arrays are sent as they are: of the files that joblib makes of large ones, some outlive a worker that is killed
+    how: dict[str, Any] = {} if _on_cluster else {"initializer": work.begin_worker, "max_nbytes": None}
     found = Parallel(n_jobs=jobs, **how, **({} if ordered else _UNORDERED))(
         delayed(_worked)(function, *unit) for unit in units
     )
     return _watched(found) if _on_cluster and not ordered else found
+
+
+def _one_by_one(function: Callable[..., Any], units: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+    for unit in units:
+        found = function(*unit)
+        raise_if_interrupted()
+        yield found
 
 
 def _watched(found: Any) -> Iterator[Any]:
@@ -92,5 +104,30 @@ def _worked(function: Callable[..., Any], *unit: Any) -> Any:
 
 def end_workers(jobs: int) -> None:
     """End the worker processes of this machine at once; what they have stored is whole."""
-    if jobs > 1 and not _on_cluster:
-        get_reusable_executor().shutdown(wait=True, kill_workers=True)
+    if jobs > 1 and not _on_cluster and (executor := reusable_executor._executor) is not None:
+        reusable_executor._executor = None  # the next pool waits for nothing of this one
+        _end(executor)
+
+
+def _end(executor: Any) -> None:
+    """End an executor within twice `_LONGEST_END`.
+
+    The thread that manages its workers waits for ever where one of them died with the lock that they share. The workers
+    are then killed here, and the lock is given back: nobody is left who could.
+    """
+    manager, workers = executor._executor_manager_thread, list((executor._processes or {}).values())
+    ending = threading.Thread(target=executor.shutdown, kwargs={"wait": False, "kill_workers": True}, daemon=True)
+    ending.start()
+    until = time.monotonic() + _LONGEST_END
+    ending.join(_LONGEST_END)
+    if manager is None:
+        return
+    manager.join(max(0.0, until - time.monotonic()))
+    if manager.is_alive():
+        for worker in workers:
+            with suppress(OSError):  # gone already
+                kill_process_tree(worker)
+        with suppress(ValueError):  # nobody has it
+            manager.processes_management_lock.release()
+        manager.join(_LONGEST_END)
+    process_executor._threads_wakeups.pop(manager, None)  # what would wait for it when this process ends

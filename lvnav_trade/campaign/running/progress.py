@@ -8,15 +8,17 @@ from contextlib import contextmanager
 
 from rich import console, progress
 
+from lvnav_trade.errors import visible
+
 
 class Progress:
     """What execution reports to whoever watches; this one says nothing."""
 
     def stage(self, name: str, total: int, alike: bool = True) -> None:
-        """Begin a stage of `total` units of work; alike: all take as long, but for the first, which may compile."""
+        """Begin a stage of `total` work items; alike: all take as long, but for the first, which may compile."""
 
     def advance(self, count: int) -> None:
-        """Count units of work as done."""
+        """Count work items as done."""
 
     def note(self, line: str) -> None:
         """Say one line at once, such as a run that failed."""
@@ -49,7 +51,7 @@ class Plain(Progress):
 
     def note(self, line: str) -> None:
         """Say a line."""
-        sys.stderr.write(f"{line}\n")
+        sys.stderr.write(f"{visible(line)}\n")
         sys.stderr.flush()
 
 
@@ -80,7 +82,7 @@ class Bar(Progress):
 
     def note(self, line: str) -> None:
         """Say a line above the bar."""
-        self.bar.console.print(line, highlight=False, markup=False)
+        self.bar.console.print(visible(line), highlight=False, markup=False)
 
     def close(self) -> None:
         """Take the bar away."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,6 +14,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running.work import WHY, Done, Job, message_of, navigation, prepared_of
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError, writing
+from lvnav_trade.store.files import replacing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +39,7 @@ def find(found: Sequence[Case], wanted: str) -> Case:
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
-        raise InputError(f"{wanted!r} is the beginning of several cases: {', '.join(case.id for case in fitting)}")
+        raise InputError(f"{wanted!r} fits several cases, give more of one: {', '.join(case.id for case in fitting)}")
     known = [name for case in found for name in (case.id, case.label)]
     raise InputError(f"no case {wanted!r}{hint(wanted, known)}; the cases are {', '.join(case.id for case in found)}")
 
@@ -71,9 +73,25 @@ def write_trace(found: Replay, folder: Path, case: Case, run: int) -> Path:
     place = folder / "traces"
     path = place / f"{case.id}-{run}.parquet"
     with writing(path, "cannot be written", resumes=True):
+        if place.is_symlink() or (os.path.lexists(path) and not _is_trace(path)):
+            raise InputError(f"{path}: was not written by lvnav-trade; move it, or give another folder")
         place.mkdir(parents=True, exist_ok=True)
-        found.trace.to_parquet(path, compression="zstd", index=False)
+        with replacing(path) as temporary:
+            found.trace.to_parquet(temporary, compression="zstd", index=False)
     return path
+
+
+def _is_trace(path: Path) -> bool:
+    """Whether a regular file is a trace of a run."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if path.is_symlink() or not path.is_file():
+        return False
+    try:
+        return {"t_s", "nees_ratio"} <= set(pq.read_schema(path).names)
+    except (OSError, pa.ArrowException):
+        return False
 
 
 def _trace(block: Any, outputs: Sequence[Any]) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""A campaign in shards: each does some of the blocks in a folder of its own, and merged they are the whole campaign."""
+"""Campaigns in shards: each computes some of the blocks in its own folder; merged they are the whole campaign."""
 
 import json
 import re
@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from lvnav_trade.errors import InputError
+from lvnav_trade.input_files import refuse_irregular
 from lvnav_trade.store.contents import MANIFEST, refuse_foreign
 from lvnav_trade.store.versions import environment
 from lvnav_trade.store.write import difference
 
-_ASKED = re.compile(r"(\d+)/(\d+)")
-_FOLDER = re.compile(r"shard-(\d+)-of-(\d+)")
+_ASKED = re.compile(r"([0-9]+)/([0-9]+)")
+_FOLDER = re.compile(r"shard-([0-9]+)-of-([0-9]+)")
 _SAME = ("asked_runs", "asked_block", "seed")  # beside the digest, which does not hold the number of runs
 _Unit = TypeVar("_Unit")
 
@@ -29,7 +30,7 @@ class Shard(NamedTuple):
         return f"shard-{self.number}-of-{self.total}"
 
     def of(self, units: Sequence[_Unit]) -> Sequence[_Unit]:
-        """Return its share of units of work: adjacent ones, for those of one case share what is computed of it."""
+        """Return its share of work items: adjacent ones, for those of one case share what is computed of it."""
         first, last = ((self.number - less) * len(units) // self.total for less in (1, 0))
         return units[first:last]
 
@@ -67,6 +68,7 @@ def complete(place: Path) -> list[Path]:
 
 def _manifest(shard: Shard, folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
+    refuse_irregular(folder)
     try:
         content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

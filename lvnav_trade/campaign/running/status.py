@@ -1,6 +1,5 @@
-"""Where a campaign stands, read from its folder alone: nothing is run, changed or taken away."""
+"""Progress of a campaign, read from its folder alone; nothing is run or changed."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -8,9 +7,11 @@ from typing import Any, NamedTuple
 from lvnav_trade.campaign.running.lock import holder
 from lvnav_trade.campaign.text import table
 from lvnav_trade.errors import InputError
+from lvnav_trade.input_files import refuse_irregular
 from lvnav_trade.store import parts as part_files
-from lvnav_trade.store.contents import MANIFEST, refuse_foreign
-from lvnav_trade.store.read import read_table
+from lvnav_trade.store.contents import MANIFEST
+from lvnav_trade.store.manifest import read_manifest
+from lvnav_trade.store.read import read_table, stored_table
 from lvnav_trade.store.schema import TABLES
 from lvnav_trade.store.versions import environment
 from lvnav_trade.store.write import difference, identity_of
@@ -27,11 +28,19 @@ class CaseStatus(NamedTuple):
 
 
 class Status(NamedTuple):
-    """Where a campaign stands.
+    """Progress of a campaign.
 
-    state: running, unfinished, damaged (a file of it is; the same command mends it) or finished; holder: who works on
-    it; asked, stored, failed: runs of all cases; damaged: a line per file; lost: a line per unit of work that an error
-    lost; workers_died: how often; resumable: empty, or why this version of the tool does not go on with it.
+    folder : Folder of its results.
+    state : running, unfinished, damaged (the same command repairs it) or finished.
+    holder : Process that works on it, if any.
+    asked : Number of runs required, all cases.
+    stored : Number of runs stored, all cases.
+    failed : Number of stored runs that failed.
+    cases : Progress of each case.
+    damaged : One line per damaged file.
+    lost : One line per work item that an error ended.
+    workers_died : Number of workers that died.
+    resumable : Empty, or why this version of the tool cannot resume it.
     """
 
     folder: str
@@ -69,25 +78,22 @@ def status(folder: Path) -> Status:
     Every block is read and its checksum held against its content; so is every table of a finished campaign.
     """
     path = folder / MANIFEST
-    try:
-        manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{folder}: no results here (no {MANIFEST})") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from None
-    refuse_foreign(path, manifest)
+    refuse_irregular(folder)
+    if not path.exists():
+        raise InputError(f"{folder}: no results here (no {MANIFEST})")
+    manifest = read_manifest(path)
     if "created" not in manifest:
-        raise InputError(f"{folder}: a kept base: it has no blocks of which anything could be missing")
+        raise InputError(f"{folder}: is a kept base, which has no blocks; give a folder of results")
     who, damaged = holder(folder), list[str]()
     is_finished = "finished" in manifest and not who
-    flown = _flown(folder) if is_finished else {}
+    flown = manifest.get("asked_runs_of", {}) | (_flown(folder) if is_finished else {})
     cases = tuple(
         _case(folder, manifest, case, label, flown.get(case, manifest.get("asked_runs", 0)), damaged)
         for case, label in manifest.get("asked_cases", {}).items()
     )
     for name in TABLES if is_finished else ():
         try:
-            read_table(folder / f"{name}.parquet")
+            stored_table(folder, name)
         except InputError as error:
             damaged.append(str(error))
     sums = (sum(case.asked for case in cases), sum(case.stored for case in cases), sum(case.failed for case in cases))

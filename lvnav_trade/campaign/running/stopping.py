@@ -1,10 +1,14 @@
-"""When a case has flown enough: once every requirement is decided, by its runs in order and by nothing else."""
+"""Sequential stopping of a case: once every requirement is decided, by its runs in order and nothing else."""
 
 import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.definition.schema import Campaign, Requirement
+from lvnav_trade.campaign.running.case_arrays import CaseArrays
+from lvnav_trade.metrics.basics.case import number_in
+from lvnav_trade.metrics.registry import metric_of
 
 # Runs of a block beyond each requirement's bound; None where the case does not hold its metric
 Counts = tuple[int | None, ...]
@@ -24,6 +28,8 @@ class Stopping:
         self.requirements = campaign.requirements
         self._counts: dict[str, dict[int, Counts]] = {}
         self._runs: dict[str, int] = {}
+        if card is not None and card.selected:
+            self._runs = {case.id: card.runs_of(case.axes) for case in cases(campaign)}
 
     def note(self, case: str, first_run: int, n_run: int, counts: Counts) -> None:
         """Take in the runs of a block beyond each bound; a block that is not whole is not looked at."""
@@ -65,9 +71,10 @@ def beyond(
     requirements: Sequence[Mapping[str, Any]], case: str, prepared: Any, covariance: Any, summary: Any
 ) -> Counts:
     """Return how many runs of a block are beyond each requirement's bound, as the verdicts will count them."""
-    from lvnav_trade.metrics.requirements import requirements as verdicts
-    from lvnav_trade.store.read import Tables
-    from lvnav_trade.store.tables import requirement_tables
+    results = CaseArrays(prepared, covariance, summary)
+    return tuple(_beyond(results, requirement) for requirement in requirements)
 
-    tables = Tables.of(requirement_tables(case, prepared, covariance, summary))
-    return tuple(verdicts.beyond(tables, case, requirement) for requirement in requirements)
+
+def _beyond(results: CaseArrays, requirement: Mapping[str, Any]) -> int | None:
+    found = metric_of(str(requirement["metric"])).errors(results, requirement)
+    return None if found is None else int((found.size >= number_in(requirement["below"], found.unit)).sum())

@@ -1,4 +1,4 @@
-"""A case without runs, done whole as one unit of work: nothing of it but what a resumed campaign reads goes to disk."""
+"""A case without runs, computed as one work item; only what a resumed campaign reads is written to disk."""
 
 from typing import NamedTuple
 

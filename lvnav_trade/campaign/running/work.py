@@ -1,4 +1,4 @@
-"""The units of work, each done whole by one worker: linear covariance of a case, a block of runs, a case's tables."""
+"""Work items, each done by one worker: linear covariance of a case, a block of runs, a case's tables."""
 
 import gc
 import hashlib
@@ -11,7 +11,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,6 +32,7 @@ from lvnav_trade.engines.setup.receiver.recorded import table_of
 from lvnav_trade.engines.setup.shared import trajectory_of
 from lvnav_trade.engines.simulate import montecarlo, statistics
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.interrupts import raise_if_interrupted
 from lvnav_trade.reads import recorded
 from lvnav_trade.records import Asked, CovHistory, Output, Protecting
 from lvnav_trade.scenario import Scenario
@@ -46,30 +47,20 @@ WHY = {1: "is not finite", 2: "diverged"}
 
 
 class Engine(NamedTuple):
-    """The functions that compute; another set takes their place in tests.
+    """Functions that compute; tests replace them."""
 
-    events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
-    covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared, asked) the backward pass
-    and what flies runs, before either is wanted;
-    explain(scenario, prepared, covariance, asked) what is behind the covariance;
-    beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement;
-    starts(prepared, seed, n) what the first n runs draw once; control(scenario, seed, n) the missions of n runs of a
-    vehicle under control, None without one; used(prepared, paths that were read while it was prepared) what has an
-    effect on it, None where that is not known; remarks(scenario) on its flight.
-    """
-
-    events: Callable[[Scenario], dict[str, float]]
-    prepare: Callable[[Scenario, float], Any]
-    run_block: Callable[[Any, int, int, int], Any]
-    covariance: Callable[[Any], CovHistory]
-    summarise: Callable[..., Any]
-    compile_kernels: Callable[[Any, Asked], None]
-    explain: Callable[..., Any]
-    beyond: Callable[..., stopping.Counts]
-    starts: Callable[[Any, int, int], Any]
-    control: Callable[[Scenario, int, int], Any]
-    used: Callable[[Any, Collection[str]], effect.Used | None]
-    remarks: Callable[[Scenario], tuple[Remark, ...]] = lambda scenario: ()
+    events: Callable[[Scenario], dict[str, float]]  # (scenario): event names and times (s)
+    prepare: Callable[[Scenario, float], Any]  # (scenario, history step)
+    run_block: Callable[[Any, int, int, int], Any]  # (prepared, seed, first run, number of runs): RunBlock
+    covariance: Callable[[Any], CovHistory]  # (prepared)
+    summarise: Callable[..., Any]  # (block, events, scale, outputs): BlockSummary
+    compile_kernels: Callable[[Any, Asked], None]  # (prepared, asked): of the backward pass and the runs, in advance
+    explain: Callable[..., Any]  # (scenario, prepared, covariance, asked): diagnostics
+    beyond: Callable[..., stopping.Counts]  # (requirements, case, prepared, covariance, summary): violating runs
+    starts: Callable[[Any, int, int], Any]  # (prepared, seed, n): initial draws of the first n runs
+    control: Callable[[Scenario, int, int], Any]  # (scenario, seed, n): missions under control, or None
+    used: Callable[[Any, Collection[str]], effect.Used | None]  # (prepared, paths read): effective settings, or None
+    remarks: Callable[[Scenario], tuple[Remark, ...]] = lambda scenario: ()  # on the flight
 
 
 class Flown(NamedTuple):
@@ -122,7 +113,7 @@ ENGINE = Engine(
 
 
 class Job(NamedTuple):
-    """What all units of work of a campaign share. asked: what linear covariance leaves of each case; requirements: the
+    """What all work items of a campaign share. asked: what linear covariance leaves of each case; requirements: the
     requirements that decide when it stops.
     """
 
@@ -166,7 +157,7 @@ class Answer(NamedTuple):
 
 
 class Done(NamedTuple):
-    """A unit of work that is done: failed runs as (run, why), or the error that lost the whole unit; the runs beyond
+    """A work item that is done: failed runs as (run, why), or the error that lost the whole item; the runs beyond
     each requirement where they decide when a case stops.
     """
 
@@ -204,8 +195,10 @@ def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | No
     """Answer a case, or do `ahead` of its stage, which reports a failure, and return None: workers compile together."""
     if ahead is None:
         return answer(job, case)
-    with suppress(Exception):
+    try:
         ahead(job, case)
+    except Exception as error:
+        raise_if_interrupted(error)
     return None
 
 
@@ -220,7 +213,7 @@ def compile_sums(_job: Job, _case: Case) -> None:
 
 
 def explain(job: Job, case: Case, leave: Leave = scratch.leave) -> Done:
-    """Leave what is behind a case's linear covariance, as `answer` does."""
+    """Compute and store the diagnostics of a case's linear covariance, as `answer` does."""
     try:
         file, identity = explained_file(job, case)
         if not scratch.is_sound(file, explained.Explanation, identity):
@@ -355,9 +348,8 @@ def _failures(runs: Any, first_run: int) -> Iterator[tuple[int, str]]:
 
 
 def message_of(error: Exception) -> str:
-    """Return the error of a unit of work in one line; a user's mistake stops the campaign instead, and so does what the
-    operating system refuses: no other unit would fare better on a full disk or a folder that went away.
-    """
+    """Return the error of a work item in one line; raise an input error, an interrupt, a full disk."""
+    raise_if_interrupted(error)
     if isinstance(error, InputError | OSError):
         raise error
     if os.environ.get("LVNAV_TRADE_DEBUG"):
@@ -365,7 +357,7 @@ def message_of(error: Exception) -> str:
     return f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else 'no message'}"
 
 
-_begun = itertools.count()  # units of work that this process has begun
+_begun = itertools.count()  # work items that this process has begun
 
 
 def begin_worker() -> None:

@@ -13,12 +13,13 @@ from lvnav_trade.campaign.definition.schema import Campaign, Requirement
 from lvnav_trade.campaign.definition.searches import Indices
 from lvnav_trade.campaign.reading.spaced import points
 from lvnav_trade.campaign.running.pool import each
-from lvnav_trade.campaign.search.point import HISTORY
+from lvnav_trade.campaign.search.point import HISTORY, look, not_described
 from lvnav_trade.engines.analysis.explain import flown_events, scaled
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.layout import split_metric
+from lvnav_trade.metrics.families.errors import NORM, StateError
+from lvnav_trade.metrics.registry import metric_of
 from lvnav_trade.records import CovHistory, Floats
 from lvnav_trade.scenario import Scenario
 
@@ -33,7 +34,8 @@ POINTS, NODES = 512, 6  # of quadrature for the indices of a fit
 
 class Indexed(NamedTuple):
     """Indices of the largest sources (`COLUMNS`), the case and error that they are of, the part of the mean square
-    that these sources make, how well the fit predicts left-out designs (1: exactly), designs, and seconds.
+    that these sources make, how well the fit predicts left-out designs (1: exactly), designs, seconds, and a remark
+    where linear covariance does not describe the case.
     """
 
     indices: pd.DataFrame
@@ -43,6 +45,7 @@ class Indexed(NamedTuple):
     predicted: float
     samples: int
     seconds: float
+    remark: str = ""
 
 
 def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
@@ -80,12 +83,13 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
     return Indexed(
         pd.DataFrame(list(rows), columns=COLUMNS), case.label, f"{requirement.metric} at {requirement.at}",
         float(s.sum() / total), predicted(u, value), asked.samples, time.monotonic() - begun,
+        not_described(one.outside for one in look(campaign, case.scenario, [requirement.name]).values()),
     )  # fmt: skip
 
 
 def _requirement(campaign: Campaign, name: str) -> Requirement:
     found = [one for one in campaign.requirements if not name or one.name == name]
-    if not found or found[0].during is not None or "_error_" not in found[0].metric:
+    if not found or found[0].during is not None or not isinstance(metric_of(found[0].metric), StateError):
         raise InputError(
             f"indices.requirement: no requirement {quoted(name)} on an error of the navigation at an event"
         )
@@ -94,9 +98,12 @@ def _requirement(campaign: Campaign, name: str) -> Requirement:
 
 def _place(prepared: Prepared, history: CovHistory, asked: Requirement, case: Case) -> tuple[int, list[int]]:
     """Return the history time and the columns of a requirement's error."""
-    quantity, axis = split_metric(asked.metric)
-    events = flown_events(prepared)
-    columns = [k for k, one in enumerate(prepared.outputs) if one.quantity == quantity and axis in ("3d", one.axis)]
+    metric, events = metric_of(asked.metric), flown_events(prepared)
+    columns = [
+        k
+        for k, one in enumerate(prepared.outputs)
+        if isinstance(metric, StateError) and one.quantity == metric.quantity and metric.axis in (NORM, one.axis)
+    ]
     if asked.at not in events or not columns:
         raise InputError(f"{case.label}: linear covariance does not hold {asked.metric} at {asked.at}")
     return int(np.argmin(np.abs(history.t - events[str(asked.at)]))), columns

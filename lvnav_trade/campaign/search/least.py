@@ -1,4 +1,4 @@
-"""The discrete question: which case of a campaign meets the requirements with the least of a total."""
+"""Discrete search: the case of a campaign that meets the requirements with the smallest total, such as mass."""
 
 import time
 from typing import Any, NamedTuple
@@ -10,7 +10,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Solve
 from lvnav_trade.campaign.running.pool import each
-from lvnav_trade.campaign.search.point import check_names, confirm, look
+from lvnav_trade.campaign.search.point import check_names, confirm, look, not_described
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.resources import PREFERRED, TOTALLED, total_of
 
@@ -58,13 +58,13 @@ def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> Chosen:
 
 
 def _ratio(campaign: Campaign, case: Case, asked: Solve) -> tuple[float, str, str]:
-    """Return the largest error over its limit, the requirement that has it, and why a requirement has none."""
+    """Return the largest error over its limit, the requirement that has it, and a remark."""
     found = look(campaign, case.scenario, asked.meet)
     why = "; ".join(f"{name}: {one.why}" for name, one in found.items() if one.why)
     if why:
         return float("nan"), "", why
     name = max(found, key=lambda one: found[one].ratio)
-    return found[name].ratio, name, ""
+    return found[name].ratio, name, not_described(one.outside for one in found.values())
 
 
 def _confirm(campaign: Campaign, case: Case, asked: Solve, runs: int) -> list[tuple[Any, ...]]:

@@ -1,6 +1,6 @@
-"""One design looked at by linear covariance: its requirements' errors over their limits, and the same by runs."""
+"""One design evaluated by linear covariance: errors of its requirements over their limits; the same by runs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
 from typing import Any, NamedTuple
 
@@ -11,22 +11,21 @@ from scipy import stats
 from lvnav_trade.campaign.definition.axes import get, put
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import stopping, work
+from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.engines.analysis.explain import flown_events
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.setup.prepare import prepare
+from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.filters.base import FilterCard, ReceiverModel
 from lvnav_trade.metrics.basics.probability import success_verdict
-from lvnav_trade.metrics.requirements.improvements import asked
+from lvnav_trade.metrics.errors.covariances import NOT_APPLICABLE, why_outside
+from lvnav_trade.metrics.requirements.improvements import asked_of
 from lvnav_trade.records import CovHistory
 from lvnav_trade.scenario import Scenario, filter_models, sensor_model, sensors_used, solves
-from lvnav_trade.store.read import Tables
-from lvnav_trade.store.tables import CaseInfo, covariance_tables
 from lvnav_trade.units import parse
 
-_NAME = CaseInfo("0" * 12, "searched", {})
 HISTORY = 60.0  # s between history times, beside events, where nothing between events is asked
 RETUNED, FROZEN = "re-tuned", "frozen"
 ALPHA = 0.01  # runs disagree with linear covariance where so many beyond the limit are less likely
@@ -35,6 +34,7 @@ ALPHA = 0.01  # runs disagree with linear covariance where so many beyond the li
 class Looked(NamedTuple):
     """What linear covariance says of a requirement: the error that the asked fraction of flights stays below and its
     limit (in `unit`), the probability that the limit is kept. why: why it says nothing; the numbers are NaN then.
+    outside: why it does not describe the case at every epoch; empty where it does.
     """
 
     estimate: float
@@ -42,6 +42,7 @@ class Looked(NamedTuple):
     probability: float
     unit: str
     why: str = ""
+    outside: str = ""
 
     @property
     def ratio(self) -> float:
@@ -61,16 +62,30 @@ def looked(
     wanted = [one for one in campaign.requirements if not names or one.name in names]
     prepared = prepare(scenario, campaign.keep.history if any(one.during for one in wanted) else HISTORY)
     history = covariance(prepared)
-    tables = Tables.of(covariance_tables(_NAME, prepared, history), {"covariance": {}})
-    found = {}
+    results = CaseArrays(prepared, history)
+    found, outside = {}, _outside(prepared, results)
     for one in wanted:
-        law = asked(tables, one.model_dump(mode="json"), _NAME.id)
+        law = asked_of(results, one.model_dump(mode="json"))
         if isinstance(law, str):
             found[one.name] = Looked(np.nan, np.nan, np.nan, "", law)
         else:
             sizes = (law.quantile(law.probability) * law.factor, law.bound * law.factor)
-            found[one.name] = Looked(*sizes, law.kept(), law.unit)
-    return found, history, int(tables.consistency.nees_dof_count.iloc[0])
+            found[one.name] = Looked(*sizes, law.kept(), law.unit, outside=outside)
+    return found, history, int(prepared.layout.n_estimated)
+
+
+def _outside(prepared: Prepared, results: CaseArrays) -> str:
+    """Say why linear covariance does not describe a scenario at every epoch; empty where it does."""
+    history = results.covariance
+    return why_outside(
+        prepared.options.rules is not None, results.largest_tilt(), history.t_epoch, history.false_rejection
+    )
+
+
+def not_described(reasons: Iterable[str]) -> str:
+    """Return the remark on results that linear covariance does not describe, each reason once; empty without any."""
+    found = "; ".join(dict.fromkeys(one for one in reasons if one))
+    return f"{NOT_APPLICABLE}, confirm by runs: {found}" if found else ""
 
 
 def changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
@@ -98,7 +113,7 @@ def number_at(scenario: Scenario, path: str, unit: str) -> float:
         return float("nan")
     number, _, si = str(value).partition(" ")
     try:
-        return float(number) / (parse(f"1 {unit}", si) if si and unit else 1.0)
+        return float(number) / (parse(f"1 {unit}", si or "dimensionless") if unit else 1.0)
     except ValueError:
         return float("nan")
 
@@ -139,7 +154,7 @@ def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, Flown]:
     for first in range(0, runs, size):
         block = work.ENGINE.run_block(prepared, campaign.seed, first, min(size, runs - first))
         summary = summarise(block, events, history.true_sigma, prepared.outputs)
-        counts += [one or 0 for one in stopping.beyond(stated, _NAME.id, prepared, history, summary)]
+        counts += [one or 0 for one in stopping.beyond(stated, "", prepared, history, summary)]
     expected = look(campaign, scenario)
     return {
         one.name: Flown(

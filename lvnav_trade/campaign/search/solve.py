@@ -23,6 +23,7 @@ from lvnav_trade.campaign.search.point import (
     confirm,
     frozen,
     look,
+    not_described,
     number_at,
     with_filter,
 )
@@ -235,9 +236,11 @@ def _one(
         remark = "met by no value; " + remark
     elif found.intervals and not found.binding:
         remark = "met up to the largest value; " + remark
+    outside = not_described(one.outside for looked in seen.values() for one in looked.values())
+    remark = "; ".join(part for part in (remark.removesuffix("; "), outside) if part)
     base = number_at(case.scenario, asked.vary[0].path, ends.unit)
     row = (
-        *place, found.answer, ends.unit, found.binding, found.monotone, base, len(seen), remark.removesuffix("; "),
+        *place, found.answer, ends.unit, found.binding, found.monotone, base, len(seen), remark,
     )  # fmt: skip
     return row, [(*place, *ends_at, ends.unit) for ends_at in found.intervals], rows
 

@@ -1,4 +1,4 @@
-"""A filter's numbers chosen by linear covariance over several cases at once, and looked at in cases left out."""
+"""Filter tuning by linear covariance over several cases at once, evaluated in cases that were withheld."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Tune
 from lvnav_trade.campaign.reading.spaced import Ends, ends_of
 from lvnav_trade.campaign.running.pool import each
-from lvnav_trade.campaign.search.point import changed, fly, looked, number_at
+from lvnav_trade.campaign.search.point import changed, fly, looked, not_described, number_at
 from lvnav_trade.engines.setup.shared import trajectory_of
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.filters.base import FilterCard
@@ -21,16 +21,19 @@ from lvnav_trade.records import Floats
 
 VALUES = ["path", "before", "after", "unit", "least", "largest"]
 CASES = [
-    "case", "role", "ratio_before", "ratio_after", "nees_before", "nees_after", "runs", "beyond", "verdict",
+    "case", "role", "ratio_before", "ratio_after", "nees_before", "nees_after", "runs", "beyond", "verdict", "remark",
 ]  # fmt: skip
 _OUTSIDE = 10.0  # weight of a NEES beyond its bounds, in the logarithm
 
 
 class Point(NamedTuple):
-    """A case with a filter: error over its limit, and the expected normalised error squared per state at the event."""
+    """A case with a filter: error over its limit, and the expected normalised error squared per state at the event,
+    and why linear covariance does not describe the case.
+    """
 
     ratio: float
     nees: float
+    outside: str = ""
 
 
 class Tuned(NamedTuple):
@@ -105,7 +108,7 @@ def _before_and_after(
     return [
         (
             case.label, "held out" if case.label in asked.hold_out else "tuned", before.ratio, after.ratio,
-            before.nees, after.nees, *flight,
+            before.nees, after.nees, *flight, not_described([before.outside, after.outside]),
         )
         for case, before, after, flight in zip(every, looks[::2], looks[1::2], flights, strict=True)
     ]  # fmt: skip
@@ -149,7 +152,7 @@ def point(campaign: Campaign, case: Case, name: str, values: Mapping[str, Any]) 
     (asked,) = (one for one in campaign.requirements if one.name == name)
     t = trajectory_of(scenario).events.get(asked.at or "", history.t[-1])
     at = int(np.argmin(np.abs(history.t - t)))
-    return Point(found[name].ratio, float(history.expected_nees[at]) / freedom)
+    return Point(found[name].ratio, float(history.expected_nees[at]) / freedom, found[name].outside)
 
 
 def score(found: Sequence[Point], asked: Tune) -> float:

@@ -1,4 +1,4 @@
-"""Words that people use for what is named otherwise here, for suggestions."""
+"""Common names of settings that have another name here, for suggestions."""
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType

@@ -17,7 +17,8 @@ from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
 from lvnav_trade.campaign.syntax.meaning import MEANINGS, meant
-from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
+from lvnav_trade.decimals import is_plain
+from lvnav_trade.errors import HIDDEN, InputError, Mistake, quoted, refuse_all
 from lvnav_trade.input_files import read_bytes
 from lvnav_trade.limits import LIST_LENGTH, QUOTED_LENGTH, WORD_LENGTH, YAML_ALIASES, YAML_BYTES, YAML_DEPTH, YAML_NODES
 
@@ -88,9 +89,11 @@ class Written:
 
 
 def nearest(node: Node, steps: Iterable[str | int]) -> Place:
-    """Return the place of the node at a path, or of the nearest one above that is there."""
-    for step in steps:
-        below = find(node, [step])
+    """Return the place of the node at a path, or of the nearest one above that is there; a key may have dots."""
+    rest = [str(step) for step in steps]
+    while rest:
+        whole = find(node, [".".join(rest)])
+        below, rest = (whole, []) if whole is not None else (find(node, rest[:1]), rest[1:])
         if below is None:
             break
         node = below
@@ -189,7 +192,7 @@ def _syntax(error: MarkedYAMLError, text: str, line: int) -> str:
 
 
 class _RefusedError(MarkedYAMLError):
-    """What is YAML and not read: an anchor that stands twice, or a file beyond a limit."""
+    """What is YAML and not read: an anchor that is defined twice, or a file beyond a limit."""
 
 
 class _BoundedComposer(Composer):
@@ -212,7 +215,7 @@ class _BoundedComposer(Composer):
             if size > most:
                 raise _RefusedError(problem=f"more than {most} {what}", problem_mark=event.start_mark)
         if not is_alias and event.anchor in self.anchors:
-            raise _RefusedError(problem="an anchor of this name stands before", problem_mark=event.start_mark)
+            raise _RefusedError(problem="an anchor of this name is defined above", problem_mark=event.start_mark)
         node = super().compose_node(parent, index)
         self.deep -= 1
         return node
@@ -249,6 +252,9 @@ class _Conversion:
             return Node(items, place)
         if str(raw.tag).rpartition(":")[2] not in _TAGS:
             self.mistakes.append(mistake(place, path, f"the tag {quoted(str(raw.tag))} has no meaning here"))
+        if found := HIDDEN.search(_text(raw)):  # it would change what a terminal or a report shows
+            hidden = f"{quoted(_text(raw))} has the hidden character U+{ord(found[0]):04X}; remove it"
+            self.mistakes.append(mistake(place, path, hidden))
         return Node(_scalar(raw), place)
 
     def _mapping(self, raw: MappingNode, place: Place, path: str, above: tuple[int, ...]) -> Node:
@@ -261,7 +267,7 @@ class _Conversion:
                 continue
             key = str(key_node.value)
             if key in values:
-                message = f"the key {quoted(key)} stands twice (first on line {keys[key].line})"
+                message = f"the key {quoted(key)} is given twice (first on line {keys[key].line})"
                 self.mistakes.append(mistake(here, join(path, key), message))
                 continue
             keys[key] = here
@@ -271,10 +277,16 @@ class _Conversion:
         return Node(values, place, keys)
 
 
+def _text(raw: ScalarNode) -> str:
+    return str(raw.value.replace("\a", "") if raw.style == ">" else raw.value)  # the parser's marks of where it folded
+
+
 def _scalar(raw: ScalarNode) -> Any:
     """Return the value of a plain word by YAML 1.2: dates, ``no`` and ``12:30`` stay text."""
     kind = str(raw.tag).rpartition(":")[2]
-    text = raw.value.replace("\a", "") if raw.style == ">" else raw.value  # the parser's marks of where it folded
+    text = _text(raw)
+    if kind in ("int", "float") and not is_plain(text):  # 1_000: a number of YAML 1.1
+        return text
     try:
         if kind == "int":
             return int(text, 0) if text.lstrip("+-")[:2].lower() in ("0x", "0o") else int(text)

@@ -1,4 +1,4 @@
-"""Which settings of a case have an effect on it: what was read of its cards, less what is read and has none."""
+"""Settings with an effect on a case: those read of its cards, less those that are read without effect."""
 
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.setup.shared import seen_in
 from lvnav_trade.layout import PARAMETERS, ExtraBlock
 from lvnav_trade.noise import idle_tables
 from lvnav_trade.observables.partials import DIFFERENCES, PHASES
@@ -19,7 +20,9 @@ from lvnav_trade.world.fault_cards import (
     CycleSlip,
     DegradedNoise,
     Jamming,
+    Jump,
     RangeBias,
+    SatelliteOutage,
     Spoofing,
     WildSamples,
 )
@@ -57,8 +60,8 @@ def used(prepared: Prepared, read: Collection[str]) -> Used:
     exact = dict(_exact(prepared))
     idle = dict([
         *_untouched(prepared), *_late(prepared), *_of_ranges(scenario), *_of_noise(scenario), *_of_phases(prepared),
-        *_of_clock(scenario),
-        *_of_tests(scenario),
+        *_of_clock(scenario), *_of_faults(scenario),
+        *_of_outages(prepared), *_of_tests(scenario),
     ])  # fmt: skip
     return Used(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
 
@@ -162,6 +165,36 @@ def _of_clock(scenario: Scenario) -> Iterator[tuple[str, str]]:
                 yield f"filter.region_noise.{number}.{field}", "no effect: differences forget the clock at every epoch"
 
 
+def _of_faults(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield faults that last no time; as a level of an axis such a duration is the case without the fault."""
+    for number, fault in enumerate(scenario.faults):
+        if not isinstance(fault, Jump) and fault.duration == 0.0:
+            yield f"faults.{number}", "no effect: it lasts no time"
+
+
+def _of_outages(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield outages without which the receiver would track the same satellites: they keep all that there are, affect
+    elevations at which there is none, or lie within another outage.
+    """
+    scenario, start = prepared.scenario, float(prepared.reference.t[0])
+    for number, fault in enumerate(scenario.faults):
+        if isinstance(fault, SatelliteOutage) and fault.duration != 0.0:
+            others = (*scenario.faults[:number], *scenario.faults[number + 1 :])
+            sound = scenario.model_copy(update={"faults": others})
+            sky = seen_in(sound, prepared.trajectory, prepared.t_epoch, start)
+            if np.array_equal(sky.tracked, prepared.sky.tracked):
+                yield f"faults.{number}", _no_loss(fault, len(sky.names), int(sky.tracked.sum(axis=1).max(initial=0)))
+
+
+def _no_loss(fault: SatelliteOutage, n_sat: int, most: int) -> str:
+    """Say why an outage takes no satellite away; most: how many the receiver tracks at most."""
+    if fault.keep >= n_sat:
+        return f"no effect: it keeps {fault.keep} satellites, and the constellation has {n_sat}"
+    if fault.keep >= most:
+        return f"no effect: it keeps {fault.keep} satellites, and the receiver tracks {most} at most"
+    return "no effect: the receiver tracks the same satellites without it"
+
+
 def _of_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield tests for faults of what is not measured, and of ranges where a solution is."""
     if not (scenario.filter.tight or scenario.filter.loose):
@@ -172,12 +205,13 @@ def _of_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _of_phases(prepared: Prepared) -> Iterator[tuple[str, str]]:
-    """Yield what belongs to carrier phases, where none is measured."""
-    if any(name in PHASES for name in prepared.channels.further):
+    """Yield settings of carrier phases in a case without any: none is measured, and none smooths the pseudoranges."""
+    scenario = prepared.scenario
+    if smoothing_of(scenario) is not None or any(name in PHASES for name in prepared.channels.further):
         return
-    reason = "no effect: no carrier phase is measured (carrier_phase, tdcp)"
+    reason = "no effect: no carrier phase is measured (carrier_phase, tdcp), and none smooths pseudoranges (smoothing)"
     for field in ("carrier_phase_sigma", "cycle_slips"):
         yield f"receiver.{field}", reason
-    for number, fault in enumerate(prepared.scenario.faults):
+    for number, fault in enumerate(scenario.faults):
         if isinstance(fault, CycleSlip):
             yield f"faults.{number}", reason

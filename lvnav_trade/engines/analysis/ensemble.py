@@ -1,4 +1,4 @@
-"""Process noise from an ensemble: what the filter's transition misses of perturbed inertial systems, step by step."""
+"""Process noise from an ensemble: the error of the filter's transition for perturbed inertial systems."""
 
 import math
 from typing import NamedTuple

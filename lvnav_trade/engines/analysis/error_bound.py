@@ -1,4 +1,4 @@
-"""Whether the noise that a filter assumes is bounded away from nothing: what an exponential error bound asks for."""
+"""Lower bounds on the modelled noise, which an exponential bound on the estimation error requires."""
 
 from typing import NamedTuple
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from lvnav_trade.engines.analysis.observability import initial_spread
 from lvnav_trade.engines.lincov.components import components
-from lvnav_trade.engines.lincov.workspace import Tape
+from lvnav_trade.engines.lincov.workspace import UpdateTape
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.ekf import inject
 from lvnav_trade.filters.rows import CARRIER_PHASE, DELTA_PSEUDORANGE, POSITION, PSEUDORANGE, TDCP, TYPES
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.covariance import predict
+from lvnav_trade.kernels.covariance import add_turned, predict
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.observables.sensors import SENSORS
 from lvnav_trade.records import Floats
@@ -59,10 +59,12 @@ def _gather(noise, P, D, tape, schedule, true, model):
             length, at = schedule.length[w], tape.position[w]
             seconds = model.seconds[length]
             transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
+            add_turned(P, model.uneven, tape.sums[w], seconds)
             predict(
                 P, D, true.nav_rows, true.nav_columns, model.decay[length], model.noise[length], model.clock,
                 seconds,
             )  # fmt: skip
+            add_turned(P, model.uneven, tape.sums[w], seconds)
             inject(P, model, schedule.injection[w])
         if tape.first[w + 1] > tape.first[w]:
             for i in range(n):
@@ -73,7 +75,7 @@ def _gather(noise, P, D, tape, schedule, true, model):
     return count
 
 
-def error_bound(prepared: Prepared, tape: Tape) -> ErrorBound:
+def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
     """Return the bounds of the noise that the filter assumes, on its nominal flight.
 
     Sufficient conditions of an error that stays bounded in mean square (Reif, Guenther, Yaz and Unbehauen, IEEE Trans.
@@ -107,7 +109,7 @@ def error_bound(prepared: Prepared, tape: Tape) -> ErrorBound:
     )  # fmt: skip
 
 
-def _rows(prepared: Prepared, tape: Tape) -> tuple[tuple[str, float, float], ...]:
+def _rows(prepared: Prepared, tape: UpdateTape) -> tuple[tuple[str, float, float], ...]:
     """Return unit, lowest and highest one-sigma of the noise of the rows that were used, by unit."""
     used = int(tape.used[0])
     epoch, channel = tape.epoch[:used], tape.channel[:used]

@@ -3,6 +3,8 @@
 The error is truth minus estimate, states in storage order, frame i.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from lvnav_trade.engines.lincov.workspace import Nominal, new_nominal_earlier
@@ -11,7 +13,7 @@ from lvnav_trade.filters.delayed import Earlier, store_estimate
 from lvnav_trade.filters.ekf import place_antenna
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply
-from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
+from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
 from lvnav_trade.records import Floats
 
 _driver = getattr(transition.driver, "py_func", transition.driver)  # the formula itself, for arrays of ticks
@@ -29,17 +31,45 @@ def navigation_at(prepared: Prepared, tick: int, d: Floats) -> Floats:
     return navigation(reference.q_b_i[tick], reference.v_i[tick], reference.r_i[tick], d)
 
 
-def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
+class Inputs(NamedTuple):
+    """True increments of some ticks, and what error parameters multiply there.
+
+    true : (n_tick, 6)
+    sensors : of gyro and accelerometer: columns of the increments; states (n, 3) of its parameters by kind and axis;
+        what each multiplies (n, n_tick, 3)
+    dt : seconds of a tick
+    """
+
+    true: Floats
+    sensors: tuple[tuple[slice, Any, Floats], ...]
+    dt: float
+
+
+def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
+    """Return the inputs of ticks, which are the same for every error."""
+    ticks, dt = slice(first, first + n_tick), prepared.unit.dt
+    true, sensors = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]]), []
+    for sensor, own, other in ((GYRO, slice(0, 3), slice(3, 6)), (ACCEL, slice(3, 6), slice(0, 3))):
+        blocks = [block for block in prepared.layout.parameters if block.sensor == sensor]
+        if blocks:
+            driven = [_driver(block.driver, *(true[:, own] / dt).T, *(true[:, other] / dt).T) for block in blocks]
+            states = np.array([block.offset for block in blocks])[:, None] + np.arange(3)
+            sensors.append((own, states, np.stack([np.stack(one, axis=1) for one in driven])))
+    return Inputs(true, tuple(sensors), dt)
+
+
+def compensated(given: Inputs, d: Floats) -> Floats:
     """Return increments (n_tick, 6) compensated with parameters in error by d: what is left of them is added."""
-    ticks = slice(first, first + n_tick)
-    true = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]])
-    found = true.copy()
-    dt = prepared.unit.dt
-    for block in prepared.layout.parameters:
-        own, other = (slice(0, 3), slice(3, 6)) if block.sensor == GYRO else (slice(3, 6), slice(0, 3))
-        inputs = _driver(block.driver, *(true[:, own] / dt).T, *(true[:, other] / dt).T)
-        found[:, own] += np.stack(inputs, axis=1) * d[block.offset : block.offset + 3] * dt
+    found = given.true.copy()
+    for own, states, driven in given.sensors:
+        terms = driven * d[states][:, None] * given.dt
+        found[:, own] = np.add.reduce(np.concatenate([given.true[None, :, own], terms]))  # one after the other
     return found
+
+
+def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
+    """Return `compensated` increments (n_tick, 6) of ticks."""
+    return compensated(inputs(prepared, first, n_tick), d)
 
 
 def tick_at(prepared: Prepared, time: float) -> int:
@@ -70,5 +100,5 @@ def place_earlier(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> E
     own = np.zeros_like(d)
     own[delayed.cloned] = d[delayed.clone + np.arange(delayed.cloned.size)]
     place(prepared, work, max(0, epoch - 1), own)
-    store_estimate(work, earlier, work.past, None, delayed, model, epoch)
+    store_estimate(work, earlier, None, None, delayed, model, epoch)
     return earlier

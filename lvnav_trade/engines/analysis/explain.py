@@ -1,4 +1,4 @@
-"""Behind a case's linear covariance: which source, when, what a better one is worth, what the rows can tell."""
+"""Diagnostics of a covariance analysis: error budget, adjoint sensitivity, requirement margins, observability."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.analysis.error_bound import ErrorBound, error_bound
-from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity, nonlinearity
+from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity, nonlinearity, open_loop_nonlinearity
 from lvnav_trade.engines.analysis.observability import TOLERANCE, in_words, observability
 from lvnav_trade.engines.analysis.protection import Protection, protection
 from lvnav_trade.engines.analysis.spot_check import gaps, spot_check
@@ -20,7 +20,7 @@ from lvnav_trade.engines.lincov.history import (
     turns,
 )
 from lvnav_trade.engines.lincov.sources import source_labels
-from lvnav_trade.engines.lincov.workspace import Tape
+from lvnav_trade.engines.lincov.workspace import UpdateTape
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.simulate.statistics import BlockSummary
 from lvnav_trade.records import AdjointBudget, Asked, CovHistory, Floats
@@ -42,8 +42,17 @@ class SourceCovariance(NamedTuple):
 
 
 class PhaseView(NamedTuple):
-    """What the rows of a phase of flight tell: name, start, end s, rank, tolerance, singular (n_state,) values, rows,
-    the weakest direction in words, and those of all singular values.
+    """Observability of the filter's states over a phase of flight.
+
+    name : Name of the phase, or of the window.
+    start : s since lift-off.
+    end : s since lift-off.
+    rank : Number of singular values above the tolerance.
+    tolerance : Smallest singular value that counts.
+    singular : (n_singular,). Singular values, falling.
+    rows : Number of scalar measurements.
+    weakest : Direction of the smallest singular value in words.
+    directions : Directions of all singular values in words.
     """
 
     name: str
@@ -74,9 +83,19 @@ class Sensitivity(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """All that was asked of a case; empty where not asked. nonlinear: nonlinearity at every event and over every gap,
-    with its name; bound of the assumed noise, and unbounded, its weakest direction in words; spot: runs that check
-    linear covariance; allan: of the inertial units; protected: by protection levels.
+    """Diagnostics of a case; a diagnostic that is not requested is empty.
+
+    event : Event of the diagnostics.
+    adjoint : Contributions of each source to the errors at the event, by time.
+    by_source : Covariance by source at the events.
+    sensitivity : Effect of each source's sigma on the errors at the event.
+    phases : Observability by phase.
+    nonlinear : Nonlinearity at every event and over every gap, with its name.
+    bound : Bound on the error by the modelled noise.
+    unbounded : Weakest direction of this bound in words.
+    spot : Simulation runs that check linear covariance.
+    allan : Allan deviation of the IMUs.
+    protected : Protection levels.
     """
 
     event: str = ""
@@ -118,6 +137,10 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
 def _nonlinearities(
     prepared: Prepared, history: CovHistory, events: Mapping[str, float]
 ) -> tuple[tuple[str, Nonlinearity], ...]:
+    if prepared.scenario.filter.feedback == "open" and prepared.model.aided:
+        times = dict.fromkeys(events.values())
+        found = {t: open_loop_nonlinearity(prepared, history, t) for t in times}
+        return tuple((name, found[t]) for name, t in events.items())
     return (
         *((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
         *((gap.name, nonlinearity(prepared, history, gap.begin, end=gap.end)) for gap in gaps(history)),
@@ -126,7 +149,7 @@ def _nonlinearities(
 
 def flown_events(prepared: Prepared) -> dict[str, float]:
     """Return the events within the flight: those that the history holds."""
-    first, last = prepared.reference.t[0], prepared.reference.t[-1]
+    first, last = prepared.t_hist[0], prepared.t_hist[-1]
     return {name: t for name, t in prepared.trajectory.events.items() if first <= t <= last}
 
 
@@ -137,7 +160,7 @@ def _event(events: dict[str, float], wanted: str) -> str:
 
 
 def _by_source(
-    prepared: Prepared, events: dict[str, float], wanted: tuple[str, ...], tape: Tape | None
+    prepared: Prepared, events: dict[str, float], wanted: tuple[str, ...], tape: UpdateTape | None
 ) -> tuple[SourceCovariance, ...]:
     sources = source_labels(prepared)
     return tuple(
@@ -156,7 +179,9 @@ def _sensitivities(scenario: Scenario, prepared: Prepared, history: CovHistory, 
     )
 
 
-def _phases(prepared: Prepared, events: dict[str, float], tape: Tape | None, window: float) -> tuple[PhaseView, ...]:
+def _phases(
+    prepared: Prepared, events: dict[str, float], tape: UpdateTape | None, window: float
+) -> tuple[PhaseView, ...]:
     """Return the observability of the stretches between events, or of windows of that many seconds (0: none)."""
     marks = _windows(prepared, window) if window > 0.0 else _marks(prepared, events)
     edges = np.array([t for _, t in marks])

@@ -1,13 +1,22 @@
-"""How far from linear the navigation is at the errors that linear covariance predicts."""
+"""Nonlinearity of the navigation at the errors that linear covariance predicts."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.analysis.estimate import increments, navigation_at, place, place_earlier, tick_at
+from lvnav_trade.engines.analysis.estimate import (
+    compensated,
+    increments,
+    inputs,
+    navigation_at,
+    place,
+    place_earlier,
+    tick_at,
+)
 from lvnav_trade.engines.lincov.history import turns
 from lvnav_trade.engines.lincov.workspace import Nominal, new_nominal
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.filters.delayed import is_present
 from lvnav_trade.filters.ekf import channel_of, fill_receiver
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import small_rotation
@@ -15,17 +24,19 @@ from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, full_rate, mechanise
 from lvnav_trade.records import CovHistory, Floats
 
+Windows = list[tuple[int, int, Floats]]
 _PIECES = 60
 """Of a gap: biases of the estimate stand still within each."""
 
 
 class Nonlinearity(NamedTuple):
-    """How far from linear one update interval, or a gap, is at one-sigma true errors; 0 where all is linear.
+    """How far from linear one update interval, a gap, or an open loop is at one-sigma true errors; 0 where all is
+    linear.
 
     time s, of a gap its end; motion: largest second-order part of the propagated error, in the filter's own sigma of
     that state; state: its index; transition: largest difference of the first-order part to the filter's transition, in
-    the same unit; rows: largest second-order part of a predicted measurement, in the sigma of its innovation (NaN
-    without rows).
+    the same unit; rows: largest second-order part of a predicted measurement, in the sigma of its innovation, in an
+    open loop in that of its prediction (NaN without rows).
     """
 
     time: float
@@ -57,8 +68,8 @@ def nonlinearity(
     directions = scale * _factor(true)
     start = _start_tick(prepared, time)
     windows = _windows(prepared, start) if end is None else _pieces(prepared, time, end)
-    linear = np.array([_linear(prepared, start, d, windows) for d in directions])
-    plus, minus = (np.array([_flown(prepared, start, sign * d, windows) for d in directions]) for sign in (1.0, -1.0))
+    linear = _linear(prepared, start, directions, windows)
+    plus, minus = (_flown(prepared, start, sign * directions, windows) for sign in (1.0, -1.0))
     if end is not None:  # the measurement meets the errors that have grown in the meantime
         formal, true = _covariances(prepared, history, max(hist, int(np.searchsorted(prepared.t_hist, end - 1e-9)) - 1))
         directions, time = scale * _factor(true), end
@@ -69,6 +80,37 @@ def nonlinearity(
     worst = int(np.argmax(second)) % second.shape[1]
     rows = _rows(prepared, time, directions, formal)
     return Nonlinearity(time, float(second.max()) / scale, worst, float(first.max()) / scale, rows / scale)
+
+
+def open_loop_nonlinearity(prepared: Prepared, history: CovHistory, time: float) -> Nonlinearity:
+    """Return the nonlinearity of an open loop at the history time nearest to `time` (s), accumulated since the start.
+
+    The filter is linearised at the INS, which is never corrected: its distance from the truth grows. The directions are
+    those of the start; second order is what the INS has more than the filter's transition. It is not corrected
+    here, so `motion` is an upper bound. The curvature of a measurement is the same from epoch to epoch and does
+    not average out: `rows` is in the sigma of the prediction, without the noise.
+    """
+    hist = int(np.argmin(np.abs(prepared.t_hist - time)))
+    time = float(prepared.t_hist[hist])
+    steps, pieces = _steps(prepared, time), _pieces(prepared, float(prepared.t_hist[0]), time)
+    directions = _factor(_covariances(prepared, history, 0)[1])
+    distance = _linear(prepared, 0, directions, steps)
+    plus, minus = (_flown(prepared, 0, sign * directions, pieces) for sign in (1.0, -1.0))
+    formal, _ = _covariances(prepared, history, hist)
+    sigma = np.sqrt(np.diag(formal))[:9]
+    sound = np.where(sigma > 0.0, sigma, np.inf)
+    second = np.abs(plus + minus) / 2.0 / sound
+    first = np.abs((plus - minus) / 2.0 - distance[:, :9]) / sound
+    worst = int(np.argmax(second)) % second.shape[1]
+    rows = _rows(prepared, time, distance, formal, noise=0.0)
+    return Nonlinearity(time, float(second.max()), worst, float(first.max()), rows)
+
+
+def _steps(prepared: Prepared, end: float) -> Windows:
+    """Return the covariance steps from the start of the flight to a time (s)."""
+    step = _ticks(prepared)[1]
+    decay = prepared.model.decay[int(np.argmin(np.abs(prepared.lengths - step * prepared.unit.dt)))]
+    return [(first, step, decay) for first in range(0, tick_at(prepared, end) - step + 1, step)]
 
 
 def _covariances(prepared: Prepared, history: CovHistory, hist: int) -> tuple[Floats, Floats]:
@@ -106,7 +148,7 @@ def _start_tick(prepared: Prepared, time: float) -> int:
     return max(0, min(tick_at(prepared, time), prepared.reference.t.size - 1 - _ticks(prepared)[0]))
 
 
-def _windows(prepared: Prepared, start: int) -> list[tuple[int, int, Floats]]:
+def _windows(prepared: Prepared, start: int) -> Windows:
     """Return (first tick, ticks, decay of every state) of the covariance steps of one update interval."""
     interval, step = _ticks(prepared)
     length = int(np.argmin(np.abs(prepared.lengths - step * prepared.unit.dt)))
@@ -114,7 +156,7 @@ def _windows(prepared: Prepared, start: int) -> list[tuple[int, int, Floats]]:
     return [(first, step, decay) for first in range(start, start + interval - step + 1, step)]
 
 
-def _pieces(prepared: Prepared, begin: float, end: float) -> list[tuple[int, int, Floats]]:
+def _pieces(prepared: Prepared, begin: float, end: float) -> Windows:
     """Return the same of a gap, in at most `_PIECES` pieces of whole covariance steps."""
     step, t = _ticks(prepared)[1], prepared.reference.t
     first, last = (int(np.argmin(np.abs(t - time))) for time in (begin, end))
@@ -126,53 +168,63 @@ def _pieces(prepared: Prepared, begin: float, end: float) -> list[tuple[int, int
     ]
 
 
-Windows = list[tuple[int, int, Floats]]
+def _flown(prepared: Prepared, start: int, errors: Floats, windows: Windows) -> Floats:
+    """Return the navigation errors (n, 9) at the end of the windows after errors (n, n_state), by the strapdown itself.
 
-
-def _flown(prepared: Prepared, start: int, d: Floats, windows: Windows | None = None) -> Floats:
-    """Return the navigation error (9,) at the end of the windows (none: one update interval) after an error d, by the
-    strapdown itself.
+    The flight without an error, and what parameters multiply, are found once.
     """
-    nav, exact = navigation_at(prepared, start, d), navigation_at(prepared, start, np.zeros_like(d))
-    left = d.copy()
-    sums, none = np.zeros(N_SUM), np.zeros_like(d)
-    before = increments(prepared, max(0, start - 1), 1, none)[0]
-    previous, previous_exact = before.copy(), before.copy()
+    none, sums = np.zeros(errors.shape[1]), np.zeros(N_SUM)
     how, dt = full_rate(prepared.model.strapdown.gravity), prepared.unit.dt
-    for first, n_tick, decay in windows or _windows(prepared, start):
-        mechanise(nav, sums, previous, increments(prepared, first, n_tick, left), n_tick, dt, how, 0.0)
-        mechanise(exact, sums, previous_exact, increments(prepared, first, n_tick, none), n_tick, dt, how, 0.0)
-        left = decay * left
-    turned = small_rotation(*exact[Q : Q + 4], *nav[Q : Q + 4])
-    return np.concatenate([turned, exact[V : V + 3] - nav[V : V + 3], exact[R : R + 3] - nav[R : R + 3]])
+    legs = [(inputs(prepared, first, n_tick), n_tick, decay) for first, n_tick, decay in windows]
+    before = inputs(prepared, max(0, start - 1), 1).true[0]
+
+    def fly(d: Floats) -> Floats:
+        nav, previous, left = navigation_at(prepared, start, d), before.copy(), d
+        for given, n_tick, decay in legs:
+            mechanise(nav, sums, previous, compensated(given, left), n_tick, dt, how, 0.0)
+            left = decay * left
+        return nav
+
+    exact, found = fly(none), []
+    for d in errors:
+        nav = fly(d)
+        turned = small_rotation(*exact[Q : Q + 4], *nav[Q : Q + 4])
+        found.append(np.concatenate([turned, exact[V : V + 3] - nav[V : V + 3], exact[R : R + 3] - nav[R : R + 3]]))
+    return np.array(found)
 
 
-def _linear(prepared: Prepared, start: int, d: Floats, windows: Windows | None = None) -> Floats:
-    """Return the same (n_state,) by the filter's own transition."""
+def _linear(prepared: Prepared, start: int, directions: Floats, windows: Windows) -> Floats:
+    """Return the errors (n, n_state) at the end of the windows after errors (n, n_state), by the filter's own
+    transition.
+    """
     model, dt = prepared.model, prepared.unit.dt
-    nav, sums, none = navigation_at(prepared, start, np.zeros_like(d)), np.zeros(N_SUM), np.zeros_like(d)
-    previous, error = np.zeros(6), d.copy()
+    none = np.zeros(directions.shape[1])
+    nav, sums = navigation_at(prepared, start, none), np.zeros(N_SUM)
+    previous, errors = np.zeros(6), directions.copy()
     blocks, how = np.zeros((model.block_rows.size, 9)), full_rate(model.strapdown.gravity)
-    for first, n_tick, decay in windows or _windows(prepared, start):
+    for first, n_tick, decay in windows:
         mechanise(nav, sums, previous, increments(prepared, first, n_tick, none), n_tick, dt, how, 0.0)
         seconds = n_tick * dt
         transition.fill(blocks, model.block_kinds, model.block_drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)
-        apply_phi(error, blocks, model.block_rows, model.block_columns, decay, model.clock, seconds)
-    return error
+        for error in errors:
+            apply_phi(error, blocks, model.block_rows, model.block_columns, decay, model.clock, seconds)
+    return errors
 
 
-def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats) -> float:
-    """Return the largest second-order part of a row of the nearest epoch, in sigmas of its innovation."""
+def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats, noise: float = 1.0) -> float:
+    """Return the largest second-order part of a row of the nearest epoch, in sigmas of its innovation; with a noise of
+    0, of its prediction.
+    """
     model = prepared.model
     if not model.n_receiver or not prepared.t_epoch.size:
         return float("nan")
     epoch = int(np.argmin(np.abs(prepared.t_epoch - time)))
     used = int(prepared.signals.n_used[epoch])
-    if used == 0 or (not model.tight and used < 4):
+    if used == 0 or (not model.tight and used < 4) or not _present(prepared, epoch):
         return float("nan")
     work = new_nominal(prepared)
     expected = _predicted(prepared, work, epoch, np.zeros(directions.shape[1]))
-    sigma = _innovation_sigma(prepared, work, epoch, formal)
+    sigma = _innovation_sigma(prepared, work, epoch, formal, noise)
     bent = [
         _predicted(prepared, work, epoch, d) + _predicted(prepared, work, epoch, -d) - 2.0 * expected
         for d in directions
@@ -190,20 +242,19 @@ def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floa
 
 
 def _present(prepared: Prepared, epoch: int) -> list[int]:
-    """Return the rows that the receiver has at an epoch."""
+    """Return the rows of the receiver that the filter takes at an epoch."""
     model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
     n_row = model.n_kind * signals.n_used[epoch] if model.tight else 6
-    return [row for row in range(n_row)
-            if delayed is None or delayed.present[epoch, channel_of(model, signals, epoch, row)]]  # fmt: skip
+    return [row for row in range(n_row) if is_present(delayed, model, epoch, channel_of(model, signals, epoch, row))]
 
 
-def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, formal: Floats) -> Floats:
-    """Return the filter's sigma of the innovations of the rows that `work` holds."""
+def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, formal: Floats, noise: float) -> Floats:
+    """Return the filter's sigma of the innovations of the rows that `work` holds, with so much of the noise."""
     model, signals, sigma = prepared.model, prepared.signals, []
     for row in _present(prepared, epoch):
         channel = channel_of(model, signals, epoch, row)
         n = model.n_entry[channel]
         h = np.zeros(prepared.layout.n_state)
         h[model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
-        sigma.append(np.sqrt(h @ formal @ h + signals.variance[epoch, channel]))
+        sigma.append(np.sqrt(h @ formal @ h + noise * signals.variance[epoch, channel]))
     return np.array(sigma)

@@ -1,14 +1,14 @@
-"""What the filter's rows can tell of its states over a stretch of the nominal flight."""
+"""Observability of the filter's states over a part of the nominal flight."""
 
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from lvnav_trade.engines.epoch.joint_ticks import nominal_tick
 from lvnav_trade.engines.lincov.components import Components, components
 from lvnav_trade.engines.lincov.history import forward_tape
-from lvnav_trade.engines.lincov.samples import nominal_tick
-from lvnav_trade.engines.lincov.workspace import Tape
+from lvnav_trade.engines.lincov.workspace import UpdateTape
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.rows import NOISE_STATES
 from lvnav_trade.kernels import transition
@@ -79,8 +79,27 @@ def _fold_samples(triangle, phi, row_of, sums, h, dt, vehicle, reference, first,
 
 
 class _Rows(NamedTuple):
-    """What a stretch needs of schedule, tape and model: arrays of the same names, and weight (n_update,), one over the
-    sigma of each row's noise. The records as a whole would take ten times as long to compile.
+    """Arrays of schedule, tape and model from which observability is computed.
+
+    They keep the names that they have there. The records as a whole would take ten times as long to compile.
+
+    first_tick : (n_window,). First tick of each window.
+    n_tick : (n_window,). Number of ticks of each window.
+    length : (n_window,). Index of the window's length in `seconds`.
+    epoch : (n_window,). Epoch at the end of the window, -1 none.
+    first : (n_window + 1,). Number of updates before those at the end of each window.
+    channel : (n_update,). Channel of each update.
+    sums : (n_window, 18). Strapdown integrals over each window.
+    position : (n_window, 3) m. Position in frame i at which the gravity gradient is evaluated.
+    h : (n_update, n_entry). Jacobian row of each update.
+    weight : (n_update,). One over the standard deviation of its noise.
+    n_entry : (n_channel,). Number of Jacobian entries that are not zero.
+    entry : (n_channel, n_entry). Places of these entries in the Jacobian row.
+    column : (n_channel, n_entry). States that these entries belong to.
+    seconds : (n_length,) s. Window lengths.
+    decay : (n_length, n_state). Decay factor of each state over a window.
+    blocks : Rows, columns, kinds and drivers (n_block,) of the blocks of the true transition.
+    clock : State of the clock bias, -1 none.
     """
 
     first_tick: Ints
@@ -139,7 +158,7 @@ def _gather(
     return count
 
 
-def _rows(prepared: Prepared, true: Components, tape: Tape) -> _Rows:
+def _rows(prepared: Prepared, true: Components, tape: UpdateTape) -> _Rows:
     schedule, model, signals = prepared.schedule, prepared.model, prepared.signals
     used = slice(0, int(tape.used[0]))
     whitened = model.has_covariance & (tape.channel[used] < signals.n_receiver)
@@ -222,7 +241,7 @@ def decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
     return singular, directions / np.take_along_axis(directions, np.argmax(np.abs(directions), axis=1)[:, None], 1)
 
 
-def observability(prepared: Prepared, edges: Floats, tape: Tape | None = None) -> list[Stretch]:
+def observability(prepared: Prepared, edges: Floats, tape: UpdateTape | None = None) -> list[Stretch]:
     """Return the observability of the filter's states over the stretches between edges (s since lift-off).
 
     Evaluated on the nominal flight with the filter's measurements there; edges outside it are moved to its ends.

@@ -19,11 +19,18 @@ _HALVINGS = 60
 
 
 class Protection(NamedTuple):
-    """Levels over a flight, SI, reporting axes: t (n_hist,) s; sigma, fault_free, level (n_hist, n_quantity, 3) of the
-    filter, without faults, and with those of a satellite; worst (n_hist, n_quantity) number of the satellite whose
-    hypothesis asks for most, of `satellites` (-1: none). Of each sub-filter limits and apart, (n_satellite, n_hist,
-    n_quantity, 3): beyond which its separation is an alarm, and the mean of its separation; alarms: whether they are
-    looked for in every run.
+    """Protection levels over a flight, by axis of position and velocity, SI, reporting axes.
+
+    t : (n_hist,) s since lift-off. History times.
+    sigma : (n_hist, n_quantity, 3). Standard deviation in the filter's own covariance.
+    fault_free : (n_hist, n_quantity, 3). Protection level if no satellite fails.
+    level : (n_hist, n_quantity, 3). Protection level with satellite failures.
+    worst : (n_hist, n_quantity). Number in `satellites` of the failure with the largest level, -1 none.
+    satellites : (n_satellite,). Names of the satellites in use, each with a sub-filter without it.
+    limits : (n_satellite, n_hist, n_quantity, 3). Alarm limit on the separation of the sub-filter.
+    apart : (n_satellite, n_hist, n_quantity, 3). Mean separation: mean error of the filter minus that of the sub-
+        filter.
+    alarms : Whether every run tests for alarms.
     """
 
     t: Floats
@@ -50,7 +57,7 @@ def quantile(probability: float) -> float:
 
 def thresholds(sigma: Floats, without: Floats, false_alarm: float) -> Floats:
     """Return the limits (n_satellite, ...) of the separation of a filter (sigma) and its sub-filters (without), for an
-    alarm of any of them with a probability. Var(x_0 - x_k) = Var(x_k) - Var(x_0) of optimal filters.
+    alarm of any satellite, of one axis, with a probability. Var(x_0 - x_k) = Var(x_k) - Var(x_0) of optimal filters.
     """
     apart = np.sqrt(np.maximum(0.0, without**2 - sigma**2))
     return np.asarray(apart * quantile(false_alarm / max(1, len(without))))
@@ -95,23 +102,26 @@ def columns_of(prepared: Prepared) -> list[list[int]]:
 def protection(prepared: Prepared, history: CovHistory, asked: Protecting) -> Protection:
     """Return the protection levels of a case: one further linear covariance for every satellite that its filter uses.
 
-    Each of three axes has a third of the risk and of the false alarms, so the three together hold with what is stated.
+    The risk and the false alarms are shared out evenly over the three axes of position and the three of velocity, so
+    both probabilities are of any of the six (union bound).
     """
     columns, used = columns_of(prepared), np.unique(prepared.signals.used[prepared.signals.used >= 0]).tolist()
+    n_axis = sum(len(axes) for axes in columns)
+    risk, false_alarm = asked.integrity_risk / n_axis, asked.false_alarm / n_axis
     sigma, mean = history.formal[:, columns], history.mean[:, columns]
     found = [covariance(without_satellite(prepared, satellite)) for satellite in used]
     shape = (len(used), *sigma.shape)
     without = np.maximum(np.array([one.formal[:, columns] for one in found]).reshape(shape), sigma)
     apart = mean - np.array([one.mean[:, columns] for one in found]).reshape(shape)
-    limits = thresholds(sigma, without, asked.false_alarm / 3.0)
-    level = protection_level(sigma, without, limits, asked.integrity_risk / 3.0, asked.satellite_fault)
-    asking = limits + quantile(asked.integrity_risk / 3.0) * without
+    limits = thresholds(sigma, without, false_alarm)
+    level = protection_level(sigma, without, limits, risk, asked.satellite_fault)
+    asking = limits + quantile(risk) * without
     worst = np.argmax(np.linalg.norm(asking, axis=-1), axis=0) if used else np.full(sigma.shape[:2], -1)
     alike = np.all(without <= sigma * (1.0 + 1e-9), axis=(0, -1)) if used else True
     return Protection(
         history.t,
         sigma,
-        quantile(asked.integrity_risk / 3.0) * sigma,
+        quantile(risk) * sigma,
         level,
         np.where(alike, -1, worst),
         tuple(prepared.sky.names[satellite] for satellite in used),

@@ -1,4 +1,4 @@
-"""Allan deviation of a case's inertial units: a simulated stream of a unit at rest, beside the curve of its card."""
+"""Allan deviation of a case's IMUs: a simulated stream at rest, compared with the curve of the card."""
 
 import math
 from collections import namedtuple
@@ -43,10 +43,10 @@ class Curve(NamedTuple):
 
 
 @jit
-def _collect(out: Any, work: Any, unit: Any, count: Any, k0: Any, k1: Any) -> None:
+def _collect(out: Any, work: Any, unit: Any, count: Any, key: Any) -> None:
     """Fill out (n, 6) with what a unit puts out over `count` ticks each, as means over them."""
     for k in range(out.shape[0]):
-        sense(work, None, unit, None, k * count, count, k0, k1)
+        sense(work, None, unit, None, k * count, count, key)
         for i in range(6):
             total = 0.0
             for tick in range(count):
@@ -77,7 +77,7 @@ def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, s
     )  # fmt: skip
     words = seed_words(seed)
     processes.start(work.true_par, unit.sigma, unit.sources, *words, work.run[0])
-    _collect(out, work, unit, unit.process_ticks, *words)
+    _collect(out, work, unit, unit.process_ticks, words)
     return out
 
 
@@ -88,10 +88,9 @@ def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Fl
     """
     white = allan.together(allan.white(rms(card.random_walk), tau), 0.5 * card.quantisation / tau)
     instability = np.zeros_like(tau)
-    flicker = rms(card.bias_instability)
-    if flicker > 0.0 and card.instability_fit is not None:
-        instability = np.full_like(tau, flicker * allan.FLOOR)
-    elif flicker > 0.0:
+    if card.flicker > 0.0 and card.instability_fit is not None:
+        instability = np.full_like(tau, card.flicker * allan.FLOOR)
+    elif card.flicker > 0.0:
         instability = allan.gauss_markov(card.instability, tau)
     return white, instability, allan.random_walk(rms(card.rate_random_walk), tau)
 

@@ -7,11 +7,12 @@ its time; the sum over times is the forward budget, the sum over sources tells w
 
 from typing import NamedTuple
 
+from lvnav_trade.engines.epoch.imu_errors import fill_partials
+from lvnav_trade.engines.epoch.joint import component_partial, measured_channel, n_entering
+from lvnav_trade.engines.epoch.joint_ticks import nominal_tick
 from lvnav_trade.engines.lincov.propagate import fill_inputs
 from lvnav_trade.engines.lincov.receiver_error import clone_back, solution_back
-from lvnav_trade.engines.lincov.samples import fill_partials, nominal_tick
 from lvnav_trade.engines.lincov.successive import joint_back, renew_back
-from lvnav_trade.engines.lincov.update import component_partial, measured_channel, n_entering
 from lvnav_trade.filters.late import place_of_channel
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import apply_phi_transposed
@@ -41,8 +42,13 @@ def _dot(a, b):
 
 
 @jit
-def _update_back(back, gain, h, epoch, channel, time_bin, whitened, place, signals, true):
-    """Go back through one update: what its noise put in, and the multipliers before it."""
+def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
+    """Go back through one update: what its noise put in, and the multipliers before it.
+
+    row_of : row of the tape; whitened : whether it is of a decorrelated solution; place : of the state that it was
+    compared with
+    """
+    gain, h, epoch, channel = tape.gain[row_of], tape.h[row_of], tape.epoch[row_of], tape.channel[row_of]
     source = true.noise_source[channel]
     # what is in a decorrelated solution went in with the solution's own error
     is_in_states = whitened or source < 0
@@ -64,10 +70,14 @@ def _update_back(back, gain, h, epoch, channel, time_bin, whitened, place, signa
 
 
 @jit
-def _components_back(back, scratch, sums, true, units, model, length, first, n_tick, time_bin):
-    """Go back through a window for the components: their driving noise, their decay, and what they put into states."""
+def _components_back(back, scratch, sums, true, units, seconds, window, time_bin):
+    """Go back through a window for the components: their driving noise, their decay, and what they put into states.
+
+    window : index of its length, first tick, number of ticks
+    """
+    length, first, n_tick = window
     decay = true.decay[length]
-    fill_inputs(scratch, true, units, sums, model.seconds[length], first, n_tick)
+    fill_inputs(scratch, true, units, sums, seconds, first, n_tick)
     for c in range(true.source.shape[0]):
         source, k, states = true.source[c], true.slot[c], (true.state_from[c], true.state_from[c + 1])
         g, lane = true.group[source], true.lane[source]
@@ -116,16 +126,13 @@ def _start_back(back, true):
 
 
 @jit
-def _samples_back(back, scratch, tape, true, unit, units, vehicle, reference, tick, time_bin):
-    """Go back through the propagation and the update of a tick whose samples are measurements."""
-    nominal_tick(scratch.sums, reference, tick, unit.dt)
+def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_bin):
+    """Go back through the update of a tick whose samples are measurements."""
     fill_samples(scratch.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
-    fill_partials(scratch.a, true, units, vehicle, tick, unit.dt)
     for m in range(back.e.shape[0]):
         y = back.e[m]
-        advance_vector_transposed(y, scratch.sums, unit.dt, vehicle.motion)
         for r in range(N_SAMPLE):
-            scratch.y[r] = _dot(tape.sample_gain[tick, r], y)
+            scratch.y[r] = _dot(sample_gain[tick, r], y)
         for source in range(true.group.shape[0]):
             for r in range(N_SAMPLE):
                 through = scratch.y[r]
@@ -145,15 +152,39 @@ def _samples_back(back, scratch, tape, true, unit, units, vehicle, reference, ti
 
 
 @jit
-def _window_back(back, scratch, tape, w, true, units, model, schedule, time_bin):
-    """Go back through the propagation of a window."""
+def _tick_back(back, scratch, flight, true, vehicle, units, tick):
+    """Go back through the propagation of a tick, and set how components enter its samples."""
+    dt = flight.unit.dt
+    nominal_tick(scratch.sums, flight.reference, tick, dt)
+    fill_partials(scratch.a, true, units, vehicle, tick, dt)
+    for m in range(back.e.shape[0]):
+        advance_vector_transposed(back.e[m], scratch.sums, dt, vehicle.motion)
+
+
+@jit
+def _ticks_back(back, scratch, tape, true, case, flight, vehicle, window):
+    """Go back through the ticks of a window, where samples are measurements (VehicleModel, or None).
+
+    window : first tick, number of ticks, bin of time
+    """
+    if vehicle is not None:
+        first, n_tick, time_bin = window
+        units = case.options.units
+        for tick in range(first + n_tick - 1, first - 1, -1):
+            _tick_back(back, scratch, flight, true, vehicle, units, tick)
+            _samples_back(back, scratch, tape.sample_gain, true, vehicle, units, tick, time_bin)
+
+
+@jit
+def _window_back(back, scratch, tape, true, case, w, time_bin):
+    """Go back through the propagation of window w."""
+    schedule, model = case.schedule, case.model
     length = schedule.length[w]
     sums, at, seconds = tape.sums[w], tape.position[w], model.seconds[length]
     transition.fill(scratch.D, true.nav_kinds, true.nav_drivers, sums, at[0], at[1], at[2], seconds)
     _white_back(back, true, length, time_bin)
-    _components_back(
-        back, scratch, sums, true, units, model, length, schedule.first_tick[w], schedule.n_tick[w], time_bin
-    )
+    window = length, schedule.first_tick[w], schedule.n_tick[w]
+    _components_back(back, scratch, sums, true, case.options.units, seconds, window, time_bin)
     for m in range(back.e.shape[0]):
         apply_phi_transposed(
             back.e[m], scratch.D, true.nav_rows, true.nav_columns, true.decay[length], model.clock, seconds
@@ -162,40 +193,38 @@ def _window_back(back, scratch, tape, w, true, units, model, schedule, time_bin)
 
 
 @jit
-def go_back(
-    back, scratch, tape, last_window, time_bins, schedule, unit, units, signals, true, model, chain, late, delayed,
-    successive, vehicle, reference,
-):  # fmt: skip
+def _solution_back(back, y, chain, true, epoch, time_bin):
+    """Go back through an epoch of the receiver's own errors (Chain, or None)."""
+    if chain is not None:
+        solution_back(back, y, chain, true, epoch, time_bin)
+
+
+@jit
+def go_back(back, scratch, tape, true, case, flight, last_window, time_bins):
     """Carry the multipliers from the end of a window back to the start of the flight; `back` is filled.
 
     Parameters
     ----------
-    back : Backward, with e set to the metrics' rows; scratch : BackwardScratch; tape : Tape of the forward pass
+    back : Backward, with e set to the metrics' rows; scratch : BackwardScratch; tape : UpdateTape of the forward pass
+    true : Components; case : FilterCase; flight : NominalFlight
     last_window : the metric stands at its end; time_bins (n_window,) bin of each window
-    schedule : Schedule; unit : Unit; units : Units, or None; signals : Signals; true : Components; model : FilterModel
-    chain : Chain; late : Late; delayed : Delayed; successive : Successive; vehicle : VehicleModel; or None; reference :
-    Reference
     """
+    schedule, signals, options, whitens = case.schedule, case.signals, case.options, case.model.has_covariance
     for w in range(last_window, -1, -1):
-        time_bin = time_bins[w]
-        if schedule.epoch[w] >= 0:
-            joint_back(back, true, late, delayed, schedule.epoch[w])
+        time_bin, at = time_bins[w], schedule.epoch[w]
+        if at >= 0:
+            joint_back(back, true, options.late, options.delayed, at)
         for row in range(tape.first[w + 1] - 1, tape.first[w] - 1, -1):
-            epoch, channel = tape.epoch[row], tape.channel[row]
-            whitened, place = chain is not None and channel < signals.n_receiver, 0
-            if late is not None:
-                place = place_of_channel(late, channel, epoch)
-            _update_back(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, whitened, place, signals, true)
-        if chain is not None and schedule.epoch[w] >= 0:
-            solution_back(back, scratch.y, chain, true, schedule.epoch[w], time_bin)
-        if successive is not None and schedule.epoch[w] >= 0:
-            renew_back(back, successive, model, schedule.epoch[w], time_bin)
-            solution_back(back, scratch.y, successive, true, schedule.epoch[w], time_bin)
-        if schedule.n_tick[w] == 0:
-            continue
-        clone_back(back, true, late, w)
-        _window_back(back, scratch, tape, w, true, units, model, schedule, time_bin)
-        if vehicle is not None:
-            for tick in range(schedule.first_tick[w] + schedule.n_tick[w] - 1, schedule.first_tick[w] - 1, -1):
-                _samples_back(back, scratch, tape, true, unit, units, vehicle, reference, tick, time_bin)
+            place = place_of_channel(options.late, tape.channel[row], tape.epoch[row])
+            whitened = whitens and tape.channel[row] < signals.n_receiver
+            _update_back(back, tape, true, signals, row, time_bin, whitened, place)
+        if at >= 0:
+            _solution_back(back, scratch.y, flight.chain, true, at, time_bin)
+            renew_back(back, true.successive, case.model, at, time_bin)
+            _solution_back(back, scratch.y, true.successive, true, at, time_bin)
+        if schedule.n_tick[w] > 0:
+            clone_back(back, true, options.late, w)
+            _window_back(back, scratch, tape, true, case, w, time_bin)
+            window = schedule.first_tick[w], schedule.n_tick[w], time_bin
+            _ticks_back(back, scratch, tape, true, case, flight, options.vehicle, window)
     _start_back(back, true)

@@ -14,7 +14,7 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
-from lvnav_trade.layout import standing_for
+from lvnav_trade.layout import ErrorTerm, standing_for
 from lvnav_trade.per_axis import rms, squares
 from lvnav_trade.records import Bools, Floats, Ints
 from lvnav_trade.world.sensors.imu import ImuCard
@@ -26,29 +26,59 @@ WHITE_TIME = 1e-12
 
 
 class Components(NamedTuple):
-    """True error components of a case. A source owns slots of its lane; a component is one slot of one lane.
+    """True error components of a case, as arrays for the covariance kernels.
 
-    group, lane (n_source,) place of each source; n_slot (n_group,); followed (n_group, n_slot): the covariance with the
-    states is followed; moves: enters attitude, velocity or position while they are propagated; samples: enters the
-    samples of the IMU, as measurements. factor, noise (n_length, n_group, n_slot, 1, n_lane) decay and driving
-    variance over a window, echo the part of the noise that enters the states with the opposite sign (quantisation).
-    source, slot (n_component,) of each component, start variance; those of states (n_pair,) from state_from[c] to
-    state_from[c + 1] (n_component + 1,) are the filter's for component c.
+    An error source is one lane of a group; each of its scalar components has a slot of that lane. The joint vector has
+    N states: the n errors of the filter, errors of the receiver, and clones. A window is a number of IMU ticks that the
+    covariance is propagated over at once; n_length different lengths occur. A block is three components, by axis of a
+    sensor.
 
-    Blocks of three components: sensor, driver (REMAINDER, GRAVITY: see there), matched (first state of the filter for
-    the same thing, -1 none), profile (that is its mean, -1 none), triad of a set, stands (n_stage, n_block, 3, n_state)
-    how much of a component is in each state of the filter where units are fused, first (n_block,) of its components,
-    whose slots are neighbours (-1 a profile), moving, sampled (n_block,): see moves, samples. by_samples: samples are
-    measurements. Errors that measurements share are the components from first_shared on; shared_family (n_family,)
-    family of the filter's extra states for the same thing, -1 none.
-
-    nav_rows ... nav_drivers: blocks of the true transition. white (n_length, n_group, N, n_lane) noise of each source;
-    initial (n_source, N, N); noise_source (n_channel,) source of the noise of each channel; decay (n_length, N) of the
-    states; n_entry (n_channel,), entry, column of measurements with respect to the N states, by place of the clone
-    (n_place, n_channel, ...); solution: first state of the receiver's error (-1 none) with sources solution_source
-    (n_in,) of its white errors; clone: first state of the clones (-1 none). sample_noise (n_source, 6) true variance of
-    a sample's noise, by source; differences of units; successive: errors of measurements that are differences of two
-    epochs (None: there are none).
+    group : (n_source,). Group of lanes that the source belongs to.
+    lane : (n_source,). Lane of the source within its group.
+    n_slot : (n_group,). Slots in use, the most of any source of the group.
+    followed : (n_group, n_slot). Whether the cross covariance of the slot with the joint states is propagated.
+    moves : (n_group, n_slot). Whether the slot drives attitude, velocity or position during propagation.
+    samples : (n_group, n_slot). Whether the slot enters IMU samples that the filter processes as measurements.
+    factor : (n_length, n_group, n_slot, 1, n_lane). Decay factor over a window.
+    noise : (n_length, n_group, n_slot, 1, n_lane). Variance added by driving noise over a window.
+    echo : (n_length, n_group, n_slot, 1, n_lane). Part of `noise` that also enters the states with opposite sign: the
+        quantisation remainder.
+    source : (n_component,). Source of each component.
+    slot : (n_component,). Slot of each component in the lane of its source.
+    states : (n_pair,). Filter states that model a component, component after component.
+    state_from : (n_component + 1,). Start of each component's part of `states`.
+    start : (n_component,). Initial variance.
+    sensor : (n_block,). Sensor that the block belongs to: GYRO or ACCEL.
+    driver : (n_block,). Quantity that the block multiplies, as in `kernels.transition`; also REMAINDER, WHITE, GRAVITY.
+    matched : (n_block,). First filter state that models the block, -1 none.
+    profile : (n_block,). Profile that is the mean of the block, -1 none.
+    triad : (n_block,). Triad of the IMU array that the block belongs to.
+    stands : (n_stage, n_block, 3, n_state). Weight of each component in each filter state where IMUs are combined;
+        empty for one IMU.
+    first : (n_block,). First component of the block, the next two follow it; -1 for a profile.
+    moving : (n_block,). As `moves`, by block.
+    sampled : (n_block,). As `samples`, by block.
+    by_samples : Whether the filter processes IMU samples as measurements.
+    first_shared : First component that is a correlated measurement error; all later components are too.
+    shared_family : (n_family,). Block of the filter's extra states that models the family of correlated errors, -1
+        none.
+    nav_rows : (n_nav,). First row of each 3 x 3 block of the true transition matrix.
+    nav_columns : (n_nav,). First column of each of these blocks.
+    nav_kinds : (n_nav,). Kind of each of these blocks, as in `kernels.transition`.
+    nav_drivers : (n_nav,). Quantity that the parameter of the block multiplies.
+    white : (n_length, n_group, N, n_lane). Variance of the white noise of each source, by state, over a window.
+    initial : (n_source, N, N). Initial covariance of attitude, velocity, position and clock errors, by source.
+    noise_source : (n_channel,). Source of the white measurement noise of each channel, -1 none.
+    decay : (n_length, N). Decay factor of the joint states over a window.
+    n_entry : (n_channel,). Number of Jacobian entries that are not zero.
+    entry : (n_place, n_channel, n_entry). Places of these entries in the Jacobian row, by place of the stored state.
+    column : (n_place, n_channel, n_entry). Joint states that these entries belong to.
+    solution : First joint state of the errors of the receiver's solution or of measured differences, -1 none.
+    solution_source : (n_in,). Source of each white noise that drives these errors.
+    clone : First joint state of the clones for delay compensation, -1 none.
+    sample_noise : (n_source, 6). True variance of the noise of an IMU sample: rate, then specific force, SI squared.
+    differences : Errors of measured differences of two IMUs.
+    successive : Errors of measured differences of two epochs; None where no such difference is measured.
     """
 
     group: Ints
@@ -96,63 +126,52 @@ class Components(NamedTuple):
     successive: Successive | None
 
 
-class _Block(NamedTuple):
-    """Three components: sensor, driver, first matched state, source, variance and walk PSD by axis, time constant,
-    profile.
-    """
-
-    sensor: int
-    driver: int
-    matched: int
-    source: int
-    variance: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    walk: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    time_constant: float = math.inf
-    profile: int = -1
-    triad: int = 0
-
-
-def _blocks(prepared: Prepared, names: list[str]) -> list[_Block]:
+def _terms(prepared: Prepared) -> list[ErrorTerm]:
+    """Return the random errors of the IMUs and the states that stand for each, by the names of their sources."""
     several = prepared.options.units is not None  # then a state stands for a sum, and for no component alone
     states = {} if several else {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
-    found = [
-        _Block(b.sensor, b.driver, states.get((b.sensor, b.driver), -1), names.index(b.source), squares(b.sigma),
-               squares(b.walk), b.time_constant, triad=b.triad) for b in prepared.sources
-    ]  # fmt: skip
+    found = [term._replace(offset=states.get((term.sensor, term.driver), -1)) for term in prepared.sources]
     for triad, (number, unit) in enumerate(mounted(prepared.scenario.imu)):
         for sensor, card, label in ((GYRO, unit.gyro, "gyro"), (ACCEL, unit.accel, "accelerometer")):
             if card.quantisation > 0.0:
-                source = names.index(keyed(f"{label} quantisation", number))
-                walk = (card.quantisation**2 / 12.0,) * 3
-                found.append(_Block(sensor, REMAINDER, -1, source, walk=walk, triad=triad))
-            if several and prepared.layout.motion < 0 and rms(card.random_walk) > 0.0:
-                source, variance = names.index(keyed(f"{label} random walk", number)), squares(card.random_walk)
-                found.append(_Block(sensor, WHITE, -1, source, variance, time_constant=WHITE_TIME, triad=triad))
-    for profile, code in enumerate(prepared.unit.profile_sensor.tolist()):
-        triad, sensor = divmod(code, 2)
-        driver = int(prepared.unit.profile_driver[profile])
-        found.append(_Block(sensor, driver, states.get((sensor, driver), -1), 0, profile=profile, triad=triad))
+                step = card.quantisation / math.sqrt(12.0)
+                name = keyed(f"{label} quantisation", number)
+                found.append(ErrorTerm(name, 0, sensor, REMAINDER, 0.0, step, triad=triad))
+            # in axes of the body, which turn; a triad whose axes are alike has its noise by states (`_white_noise`)
+            by_axis = several or isinstance(card.random_walk, tuple)
+            if by_axis and prepared.layout.motion < 0 and rms(card.random_walk) > 0.0:
+                name = keyed(f"{label} random walk", number)
+                found.append(ErrorTerm(name, 0, sensor, WHITE, card.random_walk, 0.0, WHITE_TIME, triad))
     return found
 
 
-def _of_block(prepared: Prepared, block: _Block, moves: bool, samples: bool) -> list[Component]:
-    """Return the components of a block; a profile, which every run has alike, has none."""
-    seconds = prepared.lengths
-    if block.profile >= 0:
-        return []
-    if block.driver == REMAINDER:
+def _profiles(prepared: Prepared) -> list[tuple[int, int, int, int]]:
+    """Return sensor, driver, first filter state that stands for it and triad of every error profile, the same in every
+    run.
+    """
+    states = {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
+    if prepared.options.units is not None:
+        states = {}
+    coded = zip(prepared.unit.profile_sensor.tolist(), prepared.unit.profile_driver.tolist(), strict=True)
+    return [(code % 2, driver, states.get((code % 2, driver), -1), code // 2) for code, driver in coded]
+
+
+def _of_term(prepared: Prepared, term: ErrorTerm, source: int, moves: bool, samples: bool) -> list[Component]:
+    """Return the components of an error term of a source, by axis."""
+    seconds, variances, walks = prepared.lengths, squares(term.sigma), squares(term.walk)
+    if term.driver == REMAINDER:
         # a new remainder at the end of every window, uniform over a step; a window of no ticks leaves it as it was
         factor = np.where(seconds > 0.0, 0.0, 1.0)
-        noise = [np.where(seconds > 0.0, walk, 0.0) for walk in block.walk]
+        noise = [np.where(seconds > 0.0, walk, 0.0) for walk in walks]
     else:
-        factor = np.exp(-seconds / block.time_constant)
-        left = np.expm1(-2.0 * seconds / block.time_constant)
-        noise = [walk * seconds - one * left for one, walk in zip(block.variance, block.walk, strict=True)]
-    alike = block.matched >= 0 and np.array_equal(factor, prepared.model.decay[:, block.matched])
-    states = [(block.matched + i,) for i in range(3)] if block.matched >= 0 else [(), (), ()]
+        factor = np.exp(-seconds / term.time_constant)
+        left = np.expm1(-2.0 * seconds / term.time_constant)
+        noise = [walk * seconds - one * left for one, walk in zip(variances, walks, strict=True)]
+    alike = term.offset >= 0 and np.array_equal(factor, prepared.model.decay[:, term.offset])
+    states = [(term.offset + i,) for i in range(3)] if term.offset >= 0 else [(), (), ()]
     return [
-        Component(block.source, factor, driven, variance, own, not alike, moves, samples, block.driver == REMAINDER)
-        for driven, variance, own in zip(noise, block.variance, states, strict=True)
+        Component(source, factor, driven, variance, own, not alike, moves, samples, term.driver == REMAINDER)
+        for driven, variance, own in zip(noise, variances, states, strict=True)
     ]
 
 
@@ -189,10 +208,11 @@ def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
     imu, receiver, layout = prepared.scenario.imu, prepared.scenario.receiver, prepared.layout
     noise = np.zeros((len(names), prepared.lengths.size, n_joint(prepared)))
     seconds = prepared.lengths[:, None]
-    # the noise of several units enters by blocks, that of samples by their update
+    # the noise of several units, or of unlike axes, enters by blocks, that of samples by their update
     if layout.motion < 0 and isinstance(imu, ImuCard):
         for label, at, card in (("gyro", ATT, imu.gyro), ("accelerometer", VEL, imu.accel)):
-            noise[names.index(f"{label} random walk"), :, at : at + 3] = np.array(squares(card.random_walk)) * seconds
+            if not isinstance(card.random_walk, tuple):
+                noise[names.index(f"{label} random walk"), :, at : at + 3] = card.random_walk**2 * seconds
     if layout.clock >= 0:
         densities = np.array(spectral_densities(receiver.clock.h0, receiver.clock.h_minus2))
         noise[names.index("receiver clock"), :, layout.clock : layout.clock + 2] = seconds * densities
@@ -226,17 +246,21 @@ def _initial(prepared: Prepared, names: list[str]) -> Floats:
 def components(prepared: Prepared) -> Components:
     """Turn the truth's cards into numbers; the filter's card is asked only which states it has."""
     names, model, n = source_names(prepared), prepared.model, n_joint(prepared)
-    blocks, by_samples, units = _blocks(prepared, names), prepared.layout.motion >= 0, prepared.options.units
-    sensor, driver, matched, profile, triad = np.array(
-        [[block.sensor, block.driver, block.matched, block.profile, block.triad] for block in blocks], dtype=np.int64
-    ).reshape(-1, 5).T.copy()  # fmt: skip
+    terms, by_samples, units = _terms(prepared), prepared.layout.motion >= 0, prepared.options.units
+    known = _profiles(prepared)
+    blocks = [*((term.sensor, term.driver, term.offset, term.triad) for term in terms), *known]
+    sensor, driver, matched, triad = np.array(blocks, dtype=np.int64).reshape(-1, 4).T.copy()
+    profile = np.array([*[-1] * len(terms), *range(len(known))], dtype=np.int64)
     moving = (matched < 0) & ((driver == GRAVITY) | (not by_samples))
     sampled = (matched < 0) & (driver >= 0) & by_samples
-    of_blocks = [_of_block(prepared, *one) for one in zip(blocks, moving, sampled, strict=True)]
+    of_terms = [
+        _of_term(prepared, term, names.index(term.name), bool(moving[k]), bool(sampled[k]))
+        for k, term in enumerate(terms)
+    ]
     shared, own = _of_families(prepared, names)
-    count = np.array([len(found) for found in of_blocks], dtype=np.int64)
-    first = np.where(profile < 0, np.cumsum(count) - count, -1)
-    tables = slot_tables([*chain.from_iterable(of_blocks), *shared], len(names), prepared.lengths.size)
+    n_own = 3 * len(terms)
+    first = np.where(profile < 0, 3 * np.arange(profile.size), -1)
+    tables = slot_tables([*chain.from_iterable(of_terms), *shared], len(names), prepared.lengths.size)
     rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
     if by_samples:  # all but the gradient of gravity is propagated sample by sample
         rows, columns, kinds, drivers = model.block_rows, model.block_columns, model.block_kinds, model.block_drivers
@@ -252,7 +276,7 @@ def components(prepared: Prepared) -> Components:
         moving=moving,
         sampled=sampled,
         by_samples=by_samples,
-        first_shared=int(count.sum()),
+        first_shared=n_own,
         shared_family=np.array(own, dtype=np.int64),
         nav_rows=rows,
         nav_columns=columns,
@@ -264,7 +288,7 @@ def components(prepared: Prepared) -> Components:
         decay=np.pad(model.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
         **measurement_tables(prepared, names),
         sample_noise=_sample_noise(prepared, names),
-        differences=differences(prepared, sensor, driver, triad, profile, first, int(count.sum())),
+        differences=differences(prepared, sensor, driver, triad, profile, first, n_own),
         successive=successive_of(prepared, names, own),
     )
 

@@ -1,66 +1,126 @@
 """Linear covariance: covariance(prepared) -> CovHistory: formal, true, by source, on the nominal flight."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from scipy.special import chdtrc
 
+from lvnav_trade.engines.epoch.case import FilterCase, Parts, case_of
+from lvnav_trade.engines.epoch.joint import NominalFlight
 from lvnav_trade.engines.lincov.adjoint import Backward, go_back
 from lvnav_trade.engines.lincov.components import Components, components
 from lvnav_trade.engines.lincov.forward import forward
 from lvnav_trade.engines.lincov.sources import n_joint, source_labels
 from lvnav_trade.engines.lincov.workspace import (
-    Recorded,
-    Tape,
+    Axes,
+    PassResults,
+    Reported,
+    UpdateTape,
     new_backward_scratch,
+    new_flight,
     new_joint,
     new_nominal,
     new_nominal_earlier,
-    new_record,
-    new_sample_scratch,
-    new_scratch,
     new_tape,
     row_width,
 )
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.filters.integrity.state import Monitor, decisions_of, new_monitor
-from lvnav_trade.filters.monitor import new_watch
+from lvnav_trade.filters.late import N_PAST
+from lvnav_trade.filters.monitor import Watch, new_watch
+from lvnav_trade.filters.samples import new_motion
 from lvnav_trade.frames import matrices
+from lvnav_trade.kernels.processes import profile_value
 from lvnav_trade.kernels.transition import ATT, CONSTANT, POS, VEL
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.receivers import base as receiver
-from lvnav_trade.records import AdjointBudget, CovHistory, Floats
+from lvnav_trade.records import AIDING, PREDICTING, AdjointBudget, Bools, CovHistory, Floats
 
-# Attitude, velocity and position.
-N_MOTION = 9
-# Velocity, position, clock bias and drift of a receiver's solution.
-N_SOLUTION = 8
+N_MOTION = 9  # attitude, velocity and position
+N_SOLUTION = 8  # velocity, position, clock bias and drift of a receiver's solution
 
 
-def _pass(prepared: Prepared, true: Components, tape: Tape, aided: bool = True) -> tuple[Recorded, Monitor | None]:
-    """Return what a forward pass records, and the monitor of a filter that tests for faults; not aided: no measurement
-    is processed.
+class _Passed(NamedTuple):
+    """What a forward pass leaves: its record, the monitor of a filter that tests for faults, the watch of a filter with
+    a mode logic; None where the filter has neither.
     """
-    options = prepared.options
-    model = prepared.model._replace(aided=prepared.model.aided and aided)
-    out = new_record(prepared, true.group.size)
+
+    out: PassResults
+    monitor: Monitor | None
+    watch: Watch | None
+
+
+def _pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool = True) -> _Passed:
+    """Return what a forward pass leaves; not aided: no measurement is processed."""
+    parts, joint, flight = _new_parts(prepared), new_joint(prepared, true, tape), new_flight(prepared, true)
+    turned = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
+    forward(new_nominal(prepared), parts, _case(prepared, aided), joint, flight, Axes(turned, prepared.record.axes))
+    return _Passed(joint.out, parts.monitor, parts.watch)
+
+
+def _case(prepared: Prepared, aided: bool = True) -> FilterCase:
+    """Return what an epoch reads. To first order a direct, an iterated and an unscented filter are the extended one,
+    and an open loop is a closed one (`Parts` without its arrays). No gate rejects a measurement.
+    """
+    options = prepared.options._replace(direct=None, iterated=None, unscented=None, solver=None)
+    model = prepared.model._replace(aided=prepared.model.aided and aided, gate_squared=np.inf)
+    return case_of(prepared, options=options, model=model)
+
+
+def _new_parts(prepared: Prepared) -> Parts:
+    """Return the arrays of the options that a case has, on its nominal flight."""
+    options, found = prepared.options, dict[str, Any]()
     sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
-    watch = None if options.rules is None else new_watch(*sizes)
-    monitor = None if options.integrity is None else new_monitor(*sizes, options.integrity.window)
-    axes_att = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
-    forward(
-        out, new_joint(prepared, true), new_scratch(prepared, true), new_sample_scratch(prepared, true), tape,
-        new_nominal(prepared), new_nominal_earlier(prepared), prepared.schedule, prepared.unit, prepared.signals,
-        prepared.sensors, options.further, prepared.record, axes_att, model, true, prepared.reference, prepared.chain,
-        options.late, options.delayed, true.successive, options.gains, options.rules, watch, monitor,
-        options.integrity, options.vehicle, options.samples, options.report, options.units,
-    )  # fmt: skip
-    return out, monitor
+    if options.rules is not None:
+        found["watch"] = new_watch(*sizes)
+    if options.integrity is not None:
+        found["monitor"] = new_monitor(*sizes, options.integrity.window)
+    if options.late is not None:
+        found["past"] = np.zeros((1 + options.late.buffered.size, N_PAST))
+    if options.vehicle is not None:
+        found["motion"] = new_motion(prepared.layout.n_state, options.vehicle.columns.shape[1])
+    if options.solver is not None:
+        found["rx"] = Reported(np.zeros((6, 6)))
+    return Parts(earlier=new_nominal_earlier(prepared), **found)
+
+
+def has_uncorrected_outputs(prepared: Prepared) -> bool:
+    """Whether a mode logic decides when the outputs of an open loop are corrected; until then they are the INS's."""
+    return prepared.options.rules is not None and prepared.scenario.filter.feedback == "open"
+
+
+def uncorrected(prepared: Prepared) -> Prepared:
+    """Return the case whose filter never starts: the outputs are the INS's over the whole flight."""
+    rules = prepared.options.rules
+    return prepared._replace(options=prepared.options._replace(rules=rules._replace(good=np.zeros_like(rules.good))))
+
+
+def corrects(prepared: Prepared, mode: Floats) -> Bools:
+    """Return whether the outputs are corrected at the history times, (n_hist,); mode (n_epoch,) of the nominal flight,
+    logged where the filter has an update.
+    """
+    epoch, every = _last_epoch(prepared), prepared.model.every
+    update = (epoch + 1) // every * every - 1
+    return (update >= 0) & np.isin(np.asarray(mode)[update], (AIDING, PREDICTING))
+
+
+def _with_outputs(prepared: Prepared, true: Components, tape: UpdateTape, passed: _Passed) -> PassResults:
+    """Return the record of a pass with the errors of the outputs: where they are not corrected, those of the INS."""
+    if passed.watch is None or not has_uncorrected_outputs(prepared):
+        return passed.out
+    own = ~corrects(prepared, passed.watch.mode)
+    alone, out = _pass(uncorrected(prepared), true, tape).out, passed.out
+    for to, source in zip(out[1:5], alone[1:5], strict=True):  # true, mean, budget, samples
+        if len(to):
+            to[own] = source[own]
+    return out
 
 
 def covariance(prepared: Prepared) -> CovHistory:
     """Return the filter's own and the true covariance of a case over its nominal flight, the true one by source."""
     true, tape = components(prepared), new_tape(0, 0, n_joint(prepared), row_width(prepared))
-    out, monitor = _pass(prepared, true, tape)
+    passed = _pass(prepared, true, tape)
+    out, monitor = _with_outputs(prepared, true, tape, passed), passed.monitor
     found = solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
     if monitor is not None:
         logs = (monitor.isolated[None], monitor.excluded[None])
@@ -68,14 +128,14 @@ def covariance(prepared: Prepared) -> CovHistory:
     if prepared.options.backup is None:
         return found
     # nothing of a strapdown that is never corrected depends on measurements: it is the same pass without them
-    (alone, _), motion = _pass(prepared, true, tape, aided=False), slice(0, N_MOTION)
+    alone, motion = _pass(prepared, true, tape, aided=False).out, slice(0, N_MOTION)
     turn = turns(prepared)[:, motion, motion]
     formal, total = (turn @ P[:, motion, motion] @ np.swapaxes(turn, 1, 2) for P in (alone.formal, alone.true))
     mean = np.einsum("hij,hj->hi", turn, alone.mean[:, motion])
     return _behind(found, alone.budget[:, :, motion], mean, formal, total)
 
 
-def forward_tape(prepared: Prepared, aided: bool = True) -> Tape:
+def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
     """Return what a backward pass, or an observability analysis, needs of a forward one; not aided: of one without
     measurements.
     """
@@ -91,7 +151,7 @@ def forward_tape(prepared: Prepared, aided: bool = True) -> Tape:
     return tape
 
 
-def empty_tape(prepared: Prepared) -> Tape:
+def empty_tape(prepared: Prepared) -> UpdateTape:
     """Return the tape of a flight without updates, in which nothing is recorded."""
     return new_tape(prepared.schedule.n_tick.size, 1, n_joint(prepared), row_width(prepared))
 
@@ -114,7 +174,9 @@ def turns(prepared: Prepared) -> Floats:
     return turn
 
 
-def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0, tape: Tape | None = None) -> AdjointBudget:
+def adjoint(
+    prepared: Prepared, time: float, bin_seconds: float = 10.0, tape: UpdateTape | None = None
+) -> AdjointBudget:
     """Return what every source put into the navigation errors at a time, and when it did; those of a strapdown that is
     never corrected stand behind, if there is one.
 
@@ -138,7 +200,7 @@ def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0, tape: Ta
     return AdjointBudget(float(prepared.t_hist[hist]), edges, sources, shown, contribution)
 
 
-def source_covariances(prepared: Prepared, time: float, tape: Tape | None = None) -> Floats:
+def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None = None) -> Floats:
     """Return the true covariance of attitude, velocity and position at a time by source, (n_source, 3, 3, 3), in the
     reporting axes; (n_source, 6, 3, 3) with those of a strapdown that is never corrected behind, if there is one.
 
@@ -150,7 +212,7 @@ def source_covariances(prepared: Prepared, time: float, tape: Tape | None = None
     return np.concatenate([found, _by_source(prepared, time, forward_tape(prepared, aided=False))], axis=1)
 
 
-def _by_source(prepared: Prepared, time: float, tape: Tape | None) -> Floats:
+def _by_source(prepared: Prepared, time: float, tape: UpdateTape | None) -> Floats:
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     single = turns(prepared)[hist, :9]
     pairs = [(3 * q + i, 3 * q + j) for q in range(3) for i, j in ((0, 1), (0, 2), (1, 2))]
@@ -164,10 +226,15 @@ def _by_source(prepared: Prepared, time: float, tape: Tape | None) -> Floats:
 
 
 def _go_back(
-    prepared: Prepared, hist: int, rows: Floats, bin_seconds: float, tape: Tape | None
+    prepared: Prepared, hist: int, rows: Floats, bin_seconds: float, tape: UpdateTape | None
 ) -> tuple[Floats, Floats]:
     """Return the edges of the bins and the variance (n_row, n_source, n_bin) that sources put into rows' e."""
-    true, schedule, vehicle = components(prepared), prepared.schedule, prepared.options.vehicle
+    true, schedule = components(prepared), prepared.schedule
+    if has_uncorrected_outputs(prepared):
+        nothing = new_tape(0, 0, n_joint(prepared), row_width(prepared))
+        watch = _pass(prepared, true, nothing).watch
+        if watch is not None and not corrects(prepared, watch.mode)[hist]:
+            tape = forward_tape(uncorrected(prepared))
     tape = tape or forward_tape(prepared)
     last = int(np.flatnonzero(schedule.hist == hist)[0])
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
@@ -178,11 +245,8 @@ def _go_back(
         np.zeros((len(rows), true.source.size)),
         np.zeros((len(rows), true.group.size, edges.size - 1)),
     )
-    go_back(
-        back, new_backward_scratch(prepared, true), tape, last, bins, schedule, prepared.unit, prepared.options.units,
-        prepared.signals, true, prepared.model, prepared.chain, prepared.options.late, prepared.options.delayed,
-        true.successive, vehicle, prepared.reference,
-    )  # fmt: skip
+    flight = NominalFlight(prepared.unit, prepared.reference, prepared.chain, None)
+    go_back(back, new_backward_scratch(prepared, true), tape, true, _case(prepared), flight, last, bins)
     return edges, back.contribution
 
 
@@ -199,7 +263,7 @@ def expected_nees(formal: Floats, total: Floats) -> Floats:
     return expected
 
 
-def _history(prepared: Prepared, out: Recorded) -> CovHistory:
+def _history(prepared: Prepared, out: PassResults) -> CovHistory:
     reported, m = np.array(prepared.layout.reported), prepared.layout.n_estimated
     n, turn = reported.size, turns(prepared)
     formal, true, mean, budget = out.formal, out.true, out.mean, out.budget
@@ -235,7 +299,7 @@ def false_rejection(gate_squared: float, ratio: Floats) -> Floats:
     return chdtrc(1, gate_squared / np.maximum(ratio, 1e-300)) if np.isfinite(gate_squared) else np.zeros_like(ratio)
 
 
-def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, out: Recorded) -> CovHistory:
+def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, out: PassResults) -> CovHistory:
     """Return the history with errors of the IMU's samples, raw and corrected by the estimated bias, behind the states;
     as it is where they are not reported. The covariance between the two is not computed: it stands as zero.
     """
@@ -258,11 +322,11 @@ def _profiles(prepared: Prepared) -> Floats:
     """Return the errors of samples (n_hist, 6) that are the same in every run at the history times."""
     found, unit = np.zeros((prepared.t_hist.size, N_SAMPLE)), prepared.unit
     units, ref = prepared.options.units, prepared.reference
-    ticks = np.clip(np.rint((prepared.t_hist - unit.start) / unit.dt).astype(np.int64) - 1, 0, len(unit.dtheta) - 1)
+    ticks = np.clip(prepared.hist_tick - 1, 0, len(unit.dtheta) - 1)
     for profile, code in enumerate(unit.profile_sensor.tolist()):
         triad, sensor = divmod(code, 2)
         solved = np.eye(3) if units is None else units.solved[units.stage[ticks], triad, sensor]
-        value = np.array([[profile_value(unit, profile, axis, t) for axis in range(3)] for t in prepared.t_hist])
+        value = np.array([[profile_value(unit, profile, axis, t) for axis in range(3)] for t in prepared.record.t])
         if unit.profile_driver[profile] != CONSTANT:
             own = (ref.dtheta, ref.dvel)[sensor] if units is None else (units.dtheta, units.dvel)[sensor][triad]
             value *= own[ticks] @ (np.eye(3) if units is None else units.frames[triad, :, 0]).T / unit.dt
@@ -271,7 +335,7 @@ def _profiles(prepared: Prepared) -> Floats:
     return found + np.hstack(lacking) / unit.dt
 
 
-def solution_outputs_of(prepared: Prepared, history: CovHistory, out: Recorded) -> CovHistory:
+def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResults) -> CovHistory:
     """Return the history with the error of the receiver's last solution behind the rest; as it is where nothing of it
     is reported. The covariance between the two is not computed: it stands as zero.
     """

@@ -1,18 +1,21 @@
 """Propagation of the joint covariance over a window of the nominal flight, source by source."""
 
+import numpy as np
+
 from lvnav_trade.engines.lincov.components import GRAVITY
-from lvnav_trade.engines.lincov.units import REMAINDER, unit_input_matrix
-from lvnav_trade.engines.simulate.sensing import profile_value
+from lvnav_trade.engines.lincov.units import REMAINDER, WHITE, unit_input_matrix
 from lvnav_trade.filters.ekf import predict_covariance
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import cross, matrix, small_rotation
 from lvnav_trade.kernels.covariance import apply_phi, enter, predict
 from lvnav_trade.kernels.groups import group
 from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.processes import profile_value
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise, place
 from lvnav_trade.kernels.transition import (
     ATT,
     ATT_GYRO,
+    CONSTANT,
     EVERY_WINDOW,
     GYRO,
     POS,
@@ -66,11 +69,13 @@ def input_matrix(b, block, j, true, sums, seconds):
                     b[at + i, axis] = sums[3 * i + axis] / seconds
     elif seconds > 0.0:
         first, last = (ATT_GYRO, VEL_GYRO) if sensor == GYRO else (VEL_ACCEL, VEL_ACCEL)
+        is_white = driven_by == WHITE  # variance per second: as a bias over the window
+        size = 1.0 / np.sqrt(seconds) if is_white else 1.0
         for kind in range(first, last + 1):
-            parameter_block(block, kind, driven_by, sums, seconds)
+            parameter_block(block, kind, CONSTANT if is_white else driven_by, sums, seconds)
             for i in range(3):
                 for axis in range(3):
-                    b[at + i, axis] = block[3 * i + axis]
+                    b[at + i, axis] = size * block[3 * i + axis]
             at = VEL
         for axis in range(3):
             for i in range(3):
@@ -83,7 +88,7 @@ def _block_input(scratch, j, true, units, sums, seconds, first, n_tick):
     if units is None or true.driver[j] == GRAVITY:
         input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
     else:
-        unit_input_matrix(scratch.input, scratch.mean_input, j, true, units, sums, seconds, first, n_tick)
+        unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick)
 
 
 @jit
@@ -99,7 +104,7 @@ def fill_inputs(scratch, true, units, sums, seconds, first, n_tick):
 
 
 @jit
-def _enter(P, y, b, variance, echo):
+def _enter_over_window(P, y, b, variance, echo):
     """Let components c of one group, a lane each, enter P and y = Cov(x, c) by b (9,), before c decays.
 
     echo: variance of the part of c's driving noise that enters the states with the opposite sign of b.
@@ -130,7 +135,7 @@ def _advance_components(joint, scratch, true, length, g):
         factor, y = factors[k, 0], cross[k]
         if true.followed[g, k]:
             if true.moves[g, k]:
-                _enter(P, y, b[k], variances[k, 0], echoes[k, 0])
+                _enter_over_window(P, y, b[k], variances[k, 0], echoes[k, 0])
             for i in range(y.shape[0]):
                 y[i] = factor * y[i]
             if true.moves[g, k]:
@@ -170,8 +175,9 @@ def _drive_states(joint, true, length):
 
 
 @jit
-def propagate_sources(joint, scratch, true, units, model, sums, length, first, n_tick):
-    """Propagate what is true over a window, source by source, and the mean; scratch.D_true holds the transition."""
+def propagate_sources(joint, scratch, true, units, model, sums, schedule, w):
+    """Propagate what is true over window w, source by source, and the mean; scratch.D_true holds the transition."""
+    length, first, n_tick = schedule.length[w], schedule.first_tick[w], schedule.n_tick[w]
     seconds, decay, D = model.seconds[length], true.decay[length], scratch.D_true
     rows, columns = true.nav_rows, true.nav_columns
     fill_inputs(scratch, true, units, sums, seconds, first, n_tick)
@@ -189,10 +195,12 @@ def propagate_sources(joint, scratch, true, units, model, sums, length, first, n
 
 
 @jit
-def _advance_profiles(joint, scratch, true, unit, units, model, sums, length, first, n_tick):
-    """Let biases that are the same in every run act over a window, in the mean. Where the filter has a state for the
+def _advance_profiles(joint, unit, units, model, sums, schedule, w):
+    """Let biases that are the same in every run act over window w, in the mean. Where the filter has a state for the
     bias only its change acts; where samples are measurements and there is no state, the samples hold it.
     """
+    state, scratch, true = joint.state, joint.scratch, joint.true
+    length, first, n_tick = schedule.length[w], schedule.first_tick[w], schedule.n_tick[w]
     seconds, decay, g = model.seconds[length], true.decay[length], scratch.shift
     middle = unit.start + unit.dt * (first + 0.5 * n_tick)
     for j in range(true.sensor.shape[0]):
@@ -203,8 +211,8 @@ def _advance_profiles(joint, scratch, true, unit, units, model, sums, length, fi
             _block_input(scratch, j, true, units, sums, seconds, first, n_tick)
         for axis in range(3):
             value = profile_value(unit, profile, axis, middle)
-            change = value - joint.profile[profile, axis]
-            joint.profile[profile, axis] = value
+            change = value - state.profile[profile, axis]
+            state.profile[profile, axis] = value
             if matched >= 0:
                 for i in range(g.shape[0]):
                     g[i] = 0.0
@@ -213,11 +221,11 @@ def _advance_profiles(joint, scratch, true, unit, units, model, sums, length, fi
                 apply_phi(g, scratch.D_true, true.nav_rows, true.nav_columns, decay, model.clock, seconds)
                 extra = 1.0 - decay[matched + axis]
                 for i in range(g.shape[0]):
-                    joint.mean[i] += g[i] * change
-                joint.mean[matched + axis] += extra * value
+                    state.mean[i] += g[i] * change
+                state.mean[matched + axis] += extra * value
             elif true.moving[j]:
                 for i in range(N_NAV):
-                    joint.mean[i] += scratch.input[i, axis] * value
+                    state.mean[i] += scratch.input[i, axis] * value
 
 
 @jit
@@ -289,34 +297,41 @@ def _add_strapdown_error(mean, nav, reference, tick):
 
 
 @jit
-def _propagate_formal(formal, scratch, nominal, model, length, injection, linearised):
-    """Propagate the filter's own covariance over a window, as `filters.ekf.predict_window` does."""
-    seconds, nav = model.seconds[length], nominal.nav
-    for i in range(nominal.sums.shape[0]):
-        nominal.held[i] = nominal.sums[i]
-    linearised_sums(nominal.rates, nominal.held, seconds, linearised)
+def _propagate_formal(work, D, model, schedule, w):
+    """Propagate the filter's own covariance over window w, as `filters.ekf.predict_window` does; D: its blocks."""
+    length, nav = schedule.length[w], work.nav
+    for i in range(work.sums.shape[0]):
+        work.held[i] = work.sums[i]
+    linearised_sums(work.rates, work.held, model.seconds[length], schedule.linearised[w])
     transition.fill(
-        scratch.D, model.block_kinds, model.block_drivers, nominal.held, nav[R], nav[R + 1], nav[R + 2], seconds
+        D, model.block_kinds, model.block_drivers, work.held, nav[R], nav[R + 1], nav[R + 2], model.seconds[length]
     )
-    predict_covariance(formal, scratch.D, model, length, injection)
+    predict_covariance(work.P, D, work.held, model, length, schedule.injection[w])
 
 
 @jit
-def propagate(joint, scratch, nominal, true, unit, units, model, schedule, w, reference):
-    """Propagate everything over one window: the filter's own covariance by its model, each source's by the truth's.
+def _add_deviations(nav, joint, flight, model, schedule, w):
+    """Add to the mean what window w holds in every run."""
+    first, n_tick, deviation = schedule.first_tick[w], schedule.n_tick[w], joint.scratch.deviation
+    set_deviation(deviation, flight.unit, nav, model, first, n_tick, flight.reference)
+    # the strapdown's own error over the window has that of the sensed increments in it
+    counted = not (joint.true.by_samples or model.strapdown.counted)
+    _add_deviation(joint.state.mean, deviation, model.seconds[schedule.length[w]], counted)
+    if model.strapdown.counted:
+        _add_strapdown_error(joint.state.mean, nav, flight.reference, first + n_tick)
+
+
+@jit
+def propagate(work, case, joint, flight, units, w):
+    """Propagate everything over window w: the filter's own covariance by its model, each source's by the truth's.
 
     Where the samples of the IMU are measurements, what they propagate is propagated already, tick by tick.
     """
-    length, first, n_tick = schedule.length[w], schedule.first_tick[w], schedule.n_tick[w]
-    seconds, sums, nav = model.seconds[length], nominal.sums, nominal.nav
-    x, y, z = nav[R], nav[R + 1], nav[R + 2]
-    _propagate_formal(joint.formal, scratch, nominal, model, length, schedule.injection[w], schedule.linearised[w])
+    model, schedule, scratch, true, sums = case.model, case.schedule, joint.scratch, joint.true, work.sums
+    x, y, z = work.nav[R], work.nav[R + 1], work.nav[R + 2]
+    _propagate_formal(work, scratch.D, model, schedule, w)
+    seconds = model.seconds[schedule.length[w]]
     transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
-    propagate_sources(joint, scratch, true, units, model, sums, length, first, n_tick)
-    _advance_profiles(joint, scratch, true, unit, units, model, sums, length, first, n_tick)
-    set_deviation(scratch.deviation, unit, nav, model, first, n_tick, reference)
-    # the strapdown's own error over the window has that of the sensed increments in it
-    counted = not (true.by_samples or model.strapdown.counted)
-    _add_deviation(joint.mean, scratch.deviation, seconds, counted)
-    if model.strapdown.counted:
-        _add_strapdown_error(joint.mean, nav, reference, first + n_tick)
+    propagate_sources(joint.state, scratch, true, units, model, sums, schedule, w)
+    _advance_profiles(joint, flight.unit, units, model, sums, schedule, w)
+    _add_deviations(work.nav, joint, flight, model, schedule, w)

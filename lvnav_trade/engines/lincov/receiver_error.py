@@ -1,4 +1,4 @@
-"""States behind the filter's error in the joint vector: the error of the receiver's solution, and clones of the past.
+"""Joint states after the filter's error: error of the receiver's solution, clones of earlier states.
 
 The joint vector is [e, s, k]: e the filter's error, s that of the receiver's solution (see `solution.Chain`), k for
 each measurement that is still on its way the navigation error at the time that it is of and the velocity error a while
@@ -6,9 +6,9 @@ before. What is copied or combined at an epoch is linear, so every source goes t
 backwards.
 """
 
-from lvnav_trade.filters.ekf import separate
-from lvnav_trade.filters.late import carry_on, place_of
-from lvnav_trade.kernels.covariance import enter, whiten
+from lvnav_trade.engines.epoch.joint import N_CLONE, N_NAV
+from lvnav_trade.filters.late import place_of
+from lvnav_trade.kernels.covariance import enter
 from lvnav_trade.kernels.groups import group, whole
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like
@@ -17,7 +17,6 @@ from lvnav_trade.kernels.transition import VEL
 N_SOLUTION_ENTRY = 12
 """Measurements of a solution have entries, behind those of the filter, for its own error and for the velocities that an
 extrapolation takes."""
-N_NAV, N_CLONE = 9, 12
 
 
 @jit
@@ -158,16 +157,12 @@ def clone_back(back, true, late, window):
 
 
 @jit
-def complete_rows(nominal, chain, late, epoch):
-    """Complete the Jacobian rows of a solution with what of its own error and of clones is in them, and set the
-    covariance that is reported with it.
-    """
-    H, reported = nominal.H, nominal.reported
+def complete_rows(H, late, epoch):
+    """Complete the Jacobian rows of a solution with what of its own error and of clones is in them."""
     solution = H.shape[1] - N_SOLUTION_ENTRY
     velocity = solution + 6
     for i in range(6):
         for j in range(6):
-            reported[i, j] = chain.reported[epoch, i, j]
             H[i, solution + j] = -1.0 if i == j else 0.0
             H[i, velocity + j] = 0.0
     if late is not None and late.extrapolated:
@@ -175,17 +170,3 @@ def complete_rows(nominal, chain, late, epoch):
         for i in range(3):
             H[i, velocity + i] = -late.delay[epoch]
             H[3 + i, velocity + i], H[3 + i, velocity + 3 + i] = -slope, slope
-
-
-@jit
-def extrapolate(nominal, formal, late, epoch):
-    """Extrapolate a late solution to the present as the filter does, if it does."""
-    if late is not None and late.extrapolated:
-        carry_on(nominal.z, nominal.reported, nominal.past, formal, late, epoch)
-
-
-@jit
-def decorrelate(nominal, model):
-    """Decorrelate the rows of a solution as the filter does."""
-    separate(nominal.reported, model)
-    whiten(nominal.reported, nominal.z, nominal.H, 6, nominal.H.shape[1])

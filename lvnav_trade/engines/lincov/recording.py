@@ -1,4 +1,4 @@
-"""What the forward pass of linear covariance writes at a history time: covariances, means, budget, samples."""
+"""Results of the forward pass at a history time: covariances, means, budget, samples."""
 
 from lvnav_trade.engines.lincov.units import samples_of_units
 from lvnav_trade.kernels.covariance import variance_along
@@ -9,21 +9,21 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 
 
 @jit
-def write(out, hist, joint, scratch, true, axes_att, axes):
+def write(out, hist, formal, state, scratch, true, axes_att, axes):
     """Write covariances and mean at a history time; the budget in reporting axes."""
-    n = joint.formal.shape[0]
+    n = formal.shape[0]
     for i in range(n):
-        out.mean[hist, i] = joint.mean[i]
+        out.mean[hist, i] = state.mean[i]
         for j in range(i, n):
-            out.formal[hist, i, j], out.formal[hist, j, i] = joint.formal[i, j], joint.formal[i, j]
+            out.formal[hist, i, j], out.formal[hist, j, i] = formal[i, j], formal[i, j]
             sum_of = whole(scratch.spread)
-            sum_of[0] = group(joint.sources, 0)[i, j]
+            sum_of[0] = group(state.sources, 0)[i, j]
             for g in range(1, true.n_slot.shape[0]):
-                sum_of[0] = sum_of[0] + group(joint.sources, g)[i, j]
+                sum_of[0] = sum_of[0] + group(state.sources, g)[i, j]
             total = total_of(scratch.spread)
             out.true[hist, i, j], out.true[hist, j, i] = total, total
     for g in range(true.n_slot.shape[0]):
-        P, budget = group(joint.sources, g), group(scratch.budget, g)
+        P, budget = group(state.sources, g), group(scratch.budget, g)
         for i in range(3):
             budget[ATT + i, 0] = variance_along(P, ATT, axes_att[i, 0], axes_att[i, 1], axes_att[i, 2])
             budget[VEL + i, 0] = variance_along(P, VEL, axes[i, 0], axes[i, 1], axes[i, 2])
@@ -37,21 +37,21 @@ def write(out, hist, joint, scratch, true, axes_att, axes):
 
 
 @jit
-def write_samples(out, hist, joint, true, units, samples, tick, dt):
+def write_samples(out, hist, state, true, units, samples, tick, dt):
     """Write by source the variance of the errors of the IMU's samples beside their noise: raw, and corrected by the
     estimated bias.
     """
-    _write_biases(out, hist, joint, true, samples)
+    _write_biases(out, hist, state, true, samples)
     if units is None:
-        _write_components(out, hist, joint, true, samples, tick)
+        _write_components(out, hist, state, true, samples, tick)
     else:
-        samples_of_units(out, hist, joint, true, units, samples, tick, dt)
+        samples_of_units(out, hist, state, true, units, samples, tick, dt)
 
 
 @jit
-def _write_biases(out, hist, joint, true, samples):
+def _write_biases(out, hist, state, true, samples):
     for source in range(true.group.shape[0]):
-        P = joint.sources[true.group[source], ..., true.lane[source]]
+        P = state.sources[true.group[source], ..., true.lane[source]]
         for r in range(N_SAMPLE):
             at = samples.bias[r]
             if at >= 0:
@@ -59,7 +59,7 @@ def _write_biases(out, hist, joint, true, samples):
 
 
 @jit
-def _write_components(out, hist, joint, true, samples, tick):
+def _write_components(out, hist, state, true, samples, tick):
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0 or true.driver[j] < 0:
             continue
@@ -68,26 +68,13 @@ def _write_components(out, hist, joint, true, samples, tick):
             r, c = 3 * true.sensor[j] + axis, true.first[j] + axis
             source, k, at = true.source[c], true.slot[c], samples.bias[r]
             g, lane = true.group[source], true.lane[source]
-            variance = u[axis] * u[axis] * joint.variance[g, k, 0, lane]
+            variance = u[axis] * u[axis] * state.variance[g, k, 0, lane]
             out.samples[hist, source, r] += variance
             if at < 0:
                 out.samples[hist, source, 6 + r] += variance
             elif true.state_from[c] == true.state_from[c + 1] or true.states[true.state_from[c]] != at:
-                shared = 2.0 * u[axis] * joint.cross[g, k, at, lane]
+                shared = 2.0 * u[axis] * state.cross[g, k, at, lane]
                 out.samples[hist, source, 6 + r] += variance + shared
-
-
-@jit
-def hold_solution(out, joint, true):
-    """Hold the covariance of the solution's error by source, and its mean, until the next solution."""
-    at, n = true.solution, out.held_mean.shape[0]
-    for source in range(true.group.shape[0]):
-        P = joint.sources[true.group[source], ..., true.lane[source]]
-        for i in range(n):
-            for j in range(n):
-                out.held[source, i, j] = P[at + i, at + j]
-    for i in range(n):
-        out.held_mean[i] = joint.mean[at + i]
 
 
 @jit

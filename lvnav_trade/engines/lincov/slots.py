@@ -9,8 +9,17 @@ from lvnav_trade.records import Floats, Ints
 
 
 class Component(NamedTuple):
-    """A scalar error of a source: decay and driving variance (n_length,), variance at the start, states of the filter
-    for the same thing; flags as of Components, and whether its noise echoes.
+    """A scalar error of a source.
+
+    source : Number of the source.
+    factor : (n_length,). Decay factor over a window, by window length.
+    noise : (n_length,). Variance added by driving noise over a window.
+    start : Initial variance.
+    states : Filter states that model the component.
+    followed : Whether its cross covariance with the joint states is propagated.
+    moves : Whether it drives attitude, velocity or position during propagation.
+    samples : Whether it enters IMU samples that are processed as measurements.
+    echoes : Whether its noise also enters the states with opposite sign, as a quantisation remainder does.
     """
 
     source: int

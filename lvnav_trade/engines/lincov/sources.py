@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
+from lvnav_trade.engines.epoch.joint import N_CLONE, N_NAV
 from lvnav_trade.engines.lincov.successive import difference_channels, noise_of
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.rows import CARRIER_PHASE, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
@@ -20,7 +20,7 @@ def source_names(prepared: Prepared) -> list[str]:
     scenario, model = prepared.scenario, prepared.model
     names, owners = ["initial attitude", "initial velocity", "initial position"], dict(mounted(scenario.imu)).items()
     names += [keyed(f"{label} random walk", number) for number, _ in owners for label in ("gyro", "accelerometer")]
-    names += list(dict.fromkeys(block.source for block in prepared.sources))
+    names += list(dict.fromkeys(term.name for term in prepared.sources))
     names += [
         keyed(f"{label} quantisation", number)
         for number, unit in owners

@@ -1,4 +1,4 @@
-"""Differences of two epochs in the joint covariance: what is wrong with a measurement stays until the next epoch.
+"""Differences of two epochs in the joint covariance: the error of a measurement is a state until the next epoch.
 
 The error of a measured range, apart from what the filter has states for, is a state of the joint vector, and so is that
 of the epoch before; a difference measures the first less the second. So its noise is the moving average that it is, in
@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.receiver_error import N_CLONE, advance_solution, clone_states
+from lvnav_trade.engines.epoch.joint import N_CLONE
+from lvnav_trade.engines.lincov.receiver_error import advance_solution, clone_states
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.filters.delayed import clone_formal, find_earlier, renew, store_estimate
 from lvnav_trade.filters.late import place_of
 from lvnav_trade.kernels.groups import group
 from lvnav_trade.kernels.jit import inlined, jit
@@ -156,20 +156,18 @@ def _renew_joint(joint, successive, true, model, epoch):
 
 
 @inlined
-def begin_epoch(joint, scratch, nominal, earlier, delayed, successive, true, model, epoch):
-    """Begin an epoch in every covariance: errors of measurements become those before, what begins anew does, and the
-    earlier state is found where it is no clone.
+def begin_successive(joint, successive, model, epoch):
+    """Begin an epoch in every source (Successive, or None): errors of measurements become those before, and what begins
+    anew does.
     """
     if successive is not None:
-        advance_solution(joint, scratch, successive, true, epoch)
-        find_earlier(joint.formal, earlier, delayed)
-        renew(joint.formal, scratch.x, nominal.extra, delayed, model, epoch)
-        _renew_joint(joint, successive, true, model, epoch)
+        advance_solution(joint.state, joint.scratch, successive, joint.true, epoch)
+        _renew_joint(joint.state, successive, joint.true, model, epoch)
 
 
 @inlined
 def renew_back(back, successive, model, epoch, time_bin):
-    """Go back through `begin_epoch` for what begins anew."""
+    """Go back through `begin_successive` for what begins anew."""
     if successive is not None:
         for e in range(successive.renewed.shape[1]):
             if successive.renewed[epoch, e] >= 0.0:
@@ -184,30 +182,25 @@ def renew_back(back, successive, model, epoch, time_bin):
 def _origin(true, late, delayed, epoch, c):
     """Return the state that a clone of the filter is of after an epoch: of a late receiver that of its validity."""
     state = delayed.cloned[c]
-    if late is not None and late.line[0] >= 0 and state < 9:
-        return true.clone + N_CLONE * place_of(late, 0, epoch) + state
+    if late is not None and late.receiver >= 0 and state < 9:
+        return true.clone + N_CLONE * place_of(late, late.receiver, epoch) + state
     return state
 
 
 @inlined
-def _clone_joint(joint, true, late, delayed, epoch):
-    """Let the filter's clones be what the states are at the end of an epoch, in every source and in the mean."""
+def clone_joint(joint, late, delayed, epoch):
+    """Let the filter's clones (Delayed, or None) be what the states are at the end of an epoch, in every source and in
+    the mean.
+    """
     if delayed is not None:
         for c in range(delayed.cloned.shape[0]):
-            clone_states(joint, true, delayed.clone + c, _origin(true, late, delayed, epoch, c), 1)
-
-
-@inlined
-def end_epoch(joint, nominal, earlier, late, delayed, true, model, epoch):
-    """End an epoch: store the nominal state for the differences of the next one, and clone its error."""
-    store_estimate(nominal, earlier, nominal.past, late, delayed, model, epoch)
-    clone_formal(joint.formal, earlier, delayed)
-    _clone_joint(joint, true, late, delayed, epoch)
+            origin = _origin(joint.true, late, delayed, epoch, c)
+            clone_states(joint.state, joint.true, delayed.clone + c, origin, 1)
 
 
 @inlined
 def joint_back(back, true, late, delayed, epoch):
-    """Go back through `end_epoch`."""
+    """Go back through `clone_joint`."""
     if delayed is not None:
         for m in range(back.e.shape[0]):
             y = back.e[m]

@@ -1,4 +1,4 @@
-"""Errors of several inertial units in the joint covariance: how each enters through the least squares of the set.
+"""Errors of several IMUs in the joint covariance: how each enters through the array's least squares.
 
 A filter state such as a gyro bias stands for a sum of errors of all units. So no component is that of a state: in the
 joint vector the error of such a state is minus its estimate, and the sum is added where covariances are written.
@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lvnav_trade.engines.epoch.imu_errors import lasting_share, tick_input, unit_input
 from lvnav_trade.engines.setup.inputs import Units
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.units import along_axes, inputs_of
 from lvnav_trade.engines.simulate.redundancy import grow
-from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels.attitude import cross
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import SUM_C, SUM_V
@@ -22,22 +22,6 @@ from lvnav_trade.records import Floats, Ints
 
 # What no increment multiplies: what quantisation holds back, and white noise, new in every window.
 REMAINDER, WHITE = -1, -3
-
-
-@jit
-def unit_input(frames, c, driver, own, other):
-    """Return what a parameter of axis c multiplies, by the inputs (3,) of its own sensor and of the other one, body
-    axes.
-    """
-    if driver < 0 or driver == CONSTANT:
-        return 1.0
-    k, along = 0, own
-    if OWN_0 <= driver and driver <= OWN_2:
-        k = driver - OWN_0
-    elif OTHER_0 <= driver and driver <= OTHER_2:
-        k, along = (driver - OTHER_0 - c) % 3, other
-    value = frames[c, k, 0] * along[0] + frames[c, k, 1] * along[1] + frames[c, k, 2] * along[2]
-    return value * value if driver == SQUARE else value
 
 
 @jit
@@ -52,10 +36,11 @@ def _means(mean, units, triad, sensor, first, n_tick, seconds):
 
 
 @jit
-def unit_input_matrix(b, mean, j, true, units, sums, seconds, first, n_tick):
-    """Set b (9, 3): how the three components of block j of a set enter attitude, velocity and position over a window;
-    mean (2, 3) work.
+def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
+    """Set scratch.input (9, 3): how the three components of block j of a set enter attitude, velocity and position over
+    a window.
     """
+    b, mean = scratch.input, scratch.mean_input
     for i in range(9):
         for axis in range(3):
             b[i, axis] = 0.0
@@ -109,51 +94,7 @@ def _inform(formal, units, vote, model, first, n_tick, seconds):
 
 
 @jit
-def fill_unit_partials(a, true, units, tick, dt):
-    """Set how components of a set enter the samples of a tick of the fused triad."""
-    for j in range(true.sensor.shape[0]):
-        if true.sampled[j] and true.profile[j] < 0:
-            sensor, triad, component = true.sensor[j], true.triad[j], true.first[j]
-            source, k = true.source[component], true.slot[component]
-            for c in range(3):
-                u = _tick_input(units, triad, sensor, c, true.driver[j], tick, dt)
-                for i in range(3):
-                    entering = _entering(units, tick, triad, sensor, i, c) * u
-                    a[true.group[source], k + c, 3 * sensor + i, true.lane[source]] = entering
-
-
-@jit
-def _entering(units, tick, triad, sensor, i, c):
-    """Return how an error of an axis that lasts enters axis i of the fused triad at a tick."""
-    stage = units.stage[tick]
-    return units.solved[stage, triad, sensor, i, c] * units.noisy[stage, sensor, 0, i]
-
-
-@jit
-def _tick_input(units, triad, sensor, c, driver, tick, dt):
-    """Return what a parameter of axis c multiplies in the sample of a tick."""
-    a, f = units.dtheta[triad, tick], units.dvel[triad, tick]
-    angle, force = (a[0] / dt, a[1] / dt, a[2] / dt), (f[0] / dt, f[1] / dt, f[2] / dt)
-    if sensor == GYRO:
-        return unit_input(units.frames[triad], c, driver, angle, force)
-    return unit_input(units.frames[triad], c, driver, force, angle)
-
-
-@jit
-def add_unit_profiles(z, true, unit, units, tick, t):
-    """Add to the samples' deviations (6,) the errors that the units of a set have alike in every run."""
-    for j in range(true.sensor.shape[0]):
-        if true.profile[j] >= 0:
-            for c in range(3):
-                sensor, solved = true.sensor[j], units.solved[units.stage[tick], true.triad[j], true.sensor[j]]
-                u = _tick_input(units, true.triad[j], sensor, c, true.driver[j], tick, unit.dt)
-                value = u * profile_value(unit, true.profile[j], c, t)
-                for i in range(3):
-                    z[3 * sensor + i] += solved[i, c] * value
-
-
-@jit
-def samples_of_units(out, hist, joint, true, units, samples, tick, dt):
+def samples_of_units(out, hist, state, true, units, samples, tick, dt):
     """Write by source the variance of the errors of the fused samples beside their noise: raw, and corrected by the
     estimated bias.
     """
@@ -165,32 +106,32 @@ def samples_of_units(out, hist, joint, true, units, samples, tick, dt):
             component = true.first[j] + c
             source, k = true.source[component], true.slot[component]
             g, lane = true.group[source], true.lane[source]
-            u, variance = _tick_input(units, triad, sensor, c, true.driver[j], tick, dt), joint.variance[g, k, 0, lane]
+            u, variance = tick_input(units, triad, sensor, c, true.driver[j], tick, dt), state.variance[g, k, 0, lane]
             for i in range(3):
-                entering, r = _entering(units, tick, triad, sensor, i, c) * u, 3 * sensor + i
+                entering, r = lasting_share(units, tick, triad, sensor, i, c) * u, 3 * sensor + i
                 out.samples[hist, source, r] += entering * entering * variance
                 out.samples[hist, source, 6 + r] += entering * entering * variance
                 if samples.bias[r] >= 0:
-                    out.samples[hist, source, 6 + r] += 2.0 * entering * joint.cross[g, k, samples.bias[r], lane]
+                    out.samples[hist, source, 6 + r] += 2.0 * entering * state.cross[g, k, samples.bias[r], lane]
 
 
 @jit
-def _add_component(out, hist, joint, true, weights, component):
+def _add_component(out, hist, state, true, weights, component):
     """Add a component to the covariances of the states that stand for it among others: weights (n_state,)."""
     source, k = true.source[component], true.slot[component]
     g, lane = true.group[source], true.lane[source]
-    variance, n = joint.variance[g, k, 0, lane], weights.shape[0]
+    variance, n = state.variance[g, k, 0, lane], weights.shape[0]
     for i in range(n):
         if weights[i] != 0.0:
-            out.budget[hist, source, i] += weights[i] * (2.0 * joint.cross[g, k, i, lane] + weights[i] * variance)
+            out.budget[hist, source, i] += weights[i] * (2.0 * state.cross[g, k, i, lane] + weights[i] * variance)
             for j in range(n):
-                out.true[hist, i, j] += weights[i] * joint.cross[g, k, j, lane]
-                out.true[hist, j, i] += weights[i] * joint.cross[g, k, j, lane]
+                out.true[hist, i, j] += weights[i] * state.cross[g, k, j, lane]
+                out.true[hist, j, i] += weights[i] * state.cross[g, k, j, lane]
                 out.true[hist, i, j] += weights[i] * weights[j] * variance
 
 
 @jit
-def add_sums(out, hist, joint, true, units, tick):
+def add_sums(out, hist, state, true, units, tick):
     """Add to what is written at a history time, after a tick, the sums of errors that states of the filter are for."""
     if units is not None:
         for j in range(true.sensor.shape[0]):
@@ -198,9 +139,9 @@ def add_sums(out, hist, joint, true, units, tick):
                 weights = true.stands[units.stage[tick], j, c]
                 if true.profile[j] >= 0:
                     for i in range(weights.shape[0]):
-                        out.mean[hist, i] += weights[i] * joint.profile[true.profile[j], c]
+                        out.mean[hist, i] += weights[i] * state.profile[true.profile[j], c]
                 else:
-                    _add_component(out, hist, joint, true, weights, true.first[j] + c)
+                    _add_component(out, hist, state, true, weights, true.first[j] + c)
 
 
 def stands_for(layout: StateLayout, units: Units, sensor: Ints, driver: Ints, triad: Ints) -> Floats:

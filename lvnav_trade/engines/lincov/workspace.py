@@ -1,10 +1,11 @@
-"""What a pass of linear covariance holds over the nominal flight, fills, and records for the backward pass."""
+"""Work arrays and results of the forward pass of linear covariance, and its record for the backward pass."""
 
 from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from lvnav_trade.engines.epoch.joint import Joint, NominalFlight
 from lvnav_trade.engines.lincov.components import Components, initial_state
 from lvnav_trade.engines.lincov.receiver_error import N_SOLUTION_ENTRY
 from lvnav_trade.engines.lincov.slots import as_lanes
@@ -12,7 +13,6 @@ from lvnav_trade.engines.lincov.sources import n_joint
 from lvnav_trade.engines.lincov.successive import N_ENTRIES
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.delayed import Earlier, new_earlier
-from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.kernels.groups import grouped_zeros
 from lvnav_trade.kernels.lanes import zeros_of
 from lvnav_trade.kernels.strapdown import N_SUM
@@ -22,14 +22,13 @@ from lvnav_trade.records import Floats, Ints
 
 
 class JointCovariance(NamedTuple):
-    """State of the pass, updated. N states: the filter's error e (n), the receiver's solution error, clones.
+    """True covariance of a pass, updated. N states: the filter's error e (n), the receiver's solution error, clones.
 
-    formal (n, n) the filter's covariance; mean (N,); sources (n_group, N, N, n_lane) the true covariance, a source a
+    mean (N,); sources (n_group, N, N, n_lane) the true covariance, a source a
     lane; cross (n_group, n_slot, N, n_lane) covariance of the N states with each error component and variance
     (n_group, n_slot, 1, n_lane) of it; profile (n_profile, 3) present value of biases that are the same in every run.
     """
 
-    formal: Floats
     mean: Floats
     sources: Floats
     cross: Floats
@@ -37,12 +36,18 @@ class JointCovariance(NamedTuple):
     profile: Floats
 
 
-class Tape(NamedTuple):
-    """What a backward pass needs of a forward one; empty if none is requested.
+class UpdateTape(NamedTuple):
+    """Record of the forward pass for the backward pass; empty if no backward pass is requested.
 
-    sums (n_window, 18), position (n_window, 3) of each window; gain (n_update, N), h (n_update, n_entry), epoch and
-    channel (n_update,) of each scalar update in order; first (n_window + 1,) number of updates before each window's
-    end; used (1,) updates so far; sample_gain (n_tick, 6, n) of the IMU's samples where they are measurements.
+    sums : (n_window, 18). Strapdown integrals over each window.
+    position : (n_window, 3) m. Position in frame i at which the gravity gradient is evaluated.
+    gain : (n_update, N). Gain of each scalar update, in order of processing.
+    h : (n_update, n_entry). Jacobian row of each update.
+    epoch : (n_update,). Epoch of each update.
+    channel : (n_update,). Channel of each update.
+    first : (n_window + 1,). Number of updates before those at the end of each window.
+    used : (1,). Number of updates recorded so far.
+    sample_gain : (n_tick, 6, n). Gain of IMU samples processed as measurements, tick by tick.
     """
 
     sums: Floats
@@ -56,12 +61,35 @@ class Tape(NamedTuple):
     sample_gain: Floats
 
 
-class Recorded(NamedTuple):
-    """What the pass fills: formal, true (n_hist, n, n) frame i; mean (n_hist, n) frame i; budget (n_hist, n_source, n)
-    variances in reporting axes; samples (n_hist, n_source, 12) variance of the errors of the IMU's samples, raw and
-    corrected; receiver (n_hist, n_source, 11, 11) and receiver_mean (n_hist, 11) error of the receiver's last solution,
-    frame i, and held, held_mean the same of the present one; n_row, expected_nis (n_epoch,); worst_ratio (n_epoch,)
-    largest expected square of a normalised innovation of the epoch.
+class Reported(NamedTuple):
+    """The receiver on the nominal flight, as far as the filter sees it: covariance (6, 6) that it reports, frame i."""
+
+    covariance: Floats
+
+
+class Axes(NamedTuple):
+    """Axes at the history times: matrices (n_hist, 3, 3) from frame i to body axes, and to the reporting axes."""
+
+    attitude: Floats
+    axes: Floats
+
+
+class PassResults(NamedTuple):
+    """Results of the forward pass at the history times and epochs, SI.
+
+    formal : (n_hist, n, n). The filter's own covariance, frame i.
+    true : (n_hist, n, n). Covariance of the true estimation error about its mean, frame i.
+    mean : (n_hist, n). Mean of the true estimation error, frame i.
+    budget : (n_hist, n_source, n). Variance of the true error by source, reporting axes.
+    samples : (n_hist, n_source, 12). Error variance of the raw IMU sample (6) and of the corrected sample (6), by
+        source.
+    receiver : (n_hist, n_source, 11, 11). Error covariance of the receiver's last solution, frame i, by source.
+    receiver_mean : (n_hist, 11). Mean error of the receiver's last solution, frame i.
+    held : (n_source, 11, 11). Error covariance of the receiver's present solution, until the next epoch.
+    held_mean : (11,). Mean error of the receiver's present solution.
+    n_row : (n_epoch,). Number of scalar measurements processed.
+    expected_nis : (n_epoch,). Expected sum of squared normalised innovations.
+    worst_ratio : (n_epoch,). Largest expected square of a normalised innovation.
     """
 
     formal: Floats
@@ -78,24 +106,93 @@ class Recorded(NamedTuple):
     worst_ratio: Floats
 
 
-# Work arrays of the nominal run, by the names that the filter's kernels read; shapes: `new_nominal`.
 Nominal = namedtuple(
     "Nominal",
-    "nav sums rates held previous increments antenna rate H z expected ranges solution observed clock_hat par x extra "
-    "reported past P",
+    "nav sums rates held previous increments antenna rate H z ranges solution observed clock_hat par x extra reported "
+    "P K innovation nis n_row n_reject",
 )
-# Work arrays of the forward pass; shapes: `new_scratch`.
+"""Work arrays of the nominal run, by the names that the filter's kernels read.
+
+nav : (10,). Navigation state: attitude quaternion, velocity, position, frame i.
+sums : (18,). Strapdown integrals over the window.
+rates : (2, 18). Rates of these integrals at which the transition is linearised, and their means over the last window.
+held : (18,). Strapdown integrals that the filter linearises with.
+previous : (6,) rad, m/s. Increments before the window.
+increments : (n_tick, 6) rad, m/s. Increments of the window.
+antenna : (n_antenna, 21). Antenna states, as in `line_of_sight.antenna`.
+rate : (3,) rad/s. Body rate.
+H : (n_row, n_entry). Jacobian rows of the epoch.
+z : (n_row,). Measured minus predicted.
+ranges : (n_slot, n_kind). Observables of the satellites.
+solution : (6,) m, m/s. Receiver's solution.
+observed : (n_sensor, 4). Measurements of the other sensors.
+clock_hat : (2,) m, m/s. Estimated clock bias and drift.
+par : (n_par, 3). Estimated IMU parameters.
+x : (n_state,). Error state, which stays zero.
+extra : (n_extra,). Estimated extra states.
+reported : (6, 6). Covariance reported with the solution.
+P : (n_state, n_state). Covariance of the filter.
+K : (n_state,). P h' of a scalar measurement.
+innovation : (n_epoch, n_channel). Normalised innovations of the nominal flight, as those of a run.
+nis : (n_epoch,). Sum of their squares.
+n_row : (n_epoch,). Number of accepted scalar measurements.
+n_reject : (n_epoch,). Number of rejected scalar measurements: of those that a test excludes.
+"""
+
 Scratch = namedtuple(
-    "Scratch", "D D_true block input mean_input shift K x gain deviation receiver y b seen noise spread budget"
+    "Scratch", "D D_true block input mean_input shift gain deviation receiver y b seen noise spread budget"
 )
-# Work arrays of a filter that measures the samples of its IMU; shapes: `new_sample_scratch`.
+"""Work arrays of the forward pass; lanes are the sources of a group.
+
+D : (n_block, 9). Blocks of the filter's transition.
+D_true : (n_nav, 9). Blocks of the true transition.
+block : (9,). One 3 x 3 block.
+input : (9, 3). Effect of the components of a block on attitude, velocity and position.
+mean_input : (2, 3). Mean inputs of a triad over the window: of the sensor itself, of the other sensor.
+shift : (N,). Effect of one error on the joint states.
+gain : (N,). Gain of a scalar measurement on the joint states.
+deviation : (12,). Deterministic strapdown error over the window.
+receiver : (N,). Scratch of the propagation of the receiver's error.
+y : (N,) in lanes. P h' of a source.
+b : (n_group, n_slot, 9) in lanes. Effect of each component on attitude, velocity and position.
+seen : (n_group, n_slot, 1) in lanes. Covariance of each component with the measurement.
+noise : (n_group, 1, 1) in lanes. Measurement noise by source.
+spread : (1,) in lanes. Innovation variance by source.
+budget : (n_group, n_state, 1) in lanes. Variance of each state by source, reporting axes.
+"""
+
 SampleScratch = namedtuple(
-    "SampleScratch",
-    "sums h K gain weight residual still seen deviation moved expected turned moved_source Y S noise a seen_source "
-    "through",
+    "SampleScratch", "gain seen deviation expected turned moved_source Y S noise a seen_source through"
 )
-# Work arrays of the backward pass; shapes: `new_backward_scratch`.
+"""Work arrays of the joint covariance where IMU samples are measurements; lanes are the sources of a group.
+
+gain : (6, n). Gain of the sample on the joint states.
+seen : (6,). Mean innovation.
+deviation : (6,) rad/s, m/s^2. Deterministic error of the sample.
+expected : (6, 6). Expected square of the innovation.
+turned : (6, 6). Matrix from the sample's innovation to the innovations of its scalars in succession.
+moved_source : (9, n) in lanes. Scratch of the propagation of a source's covariance.
+Y : (6, n) in lanes. P H' of a source.
+S : (n_group, 6, 6) in lanes. Innovation covariance by source.
+noise : (n_group, 6) in lanes. Variance of the sample's noise by source.
+a : (n_group, n_slot, 6) in lanes. Derivative of the sample with respect to each component.
+seen_source : (6,) in lanes. Covariance of a component with the innovation.
+through : (n,) in lanes. Effect of a component on the joint states by the gain.
+"""
+
 BackwardScratch = namedtuple("BackwardScratch", "D y input mean_input block sums h b a")
+"""Work arrays of the backward pass; lanes are the sources of a group.
+
+D : (n_nav, 9). Blocks of the true transition.
+y : (max(N, 6),). Gains times the adjoint.
+input : (9, 3). Effect of the components of a block on attitude, velocity and position.
+mean_input : (2, 3). Mean inputs of a triad over the window: of the sensor itself, of the other sensor.
+block : (9,). One 3 x 3 block.
+sums : (18,). Integrals over a tick: attitude matrix, velocity gained.
+h : (6, n_entry). Jacobian of an IMU sample.
+b : (n_group, n_slot, 9) in lanes. Effect of each component on attitude, velocity and position.
+a : (n_group, n_slot, 6) in lanes. Derivative of an IMU sample with respect to each component.
+"""
 
 
 def _record(kind: Any, alone: dict[str, tuple[int, ...]], grouped: dict[str, tuple[int, ...]]) -> Any:
@@ -113,17 +210,19 @@ def row_width(prepared: Prepared) -> int:
 
 def new_nominal(prepared: Prepared) -> Nominal:
     """Return the work arrays of the nominal run, empty."""
-    model, late, signals = prepared.model, prepared.options.late, prepared.signals
+    model, signals, n, n_epoch = prepared.model, prepared.signals, prepared.layout.n_state, prepared.t_epoch.size
     found = Nominal(**zeros_of({
         "nav": (10,), "sums": (N_SUM,), "rates": (2, N_SUM), "held": (N_SUM,), "previous": (6,),
         "increments": (int(prepared.schedule.n_tick.max()), 6), "antenna": (len(model.lever_arms), 21),
         "rate": (3,), "H": (prepared.n_row, row_width(prepared)), "z": (prepared.n_row,),
-        "expected": (prepared.n_row,), "ranges": (signals.used.shape[1], model.n_kind), "solution": (6,),
+        "ranges": (signals.used.shape[1], model.n_kind), "solution": (6,),
         "observed": (max(1, len(prepared.devices)), 4), "clock_hat": (2,),
-        "par": (max(1, len(prepared.layout.parameters)), 3), "x": (model.n_state,),
-        "extra": (max(1, model.extra_offset.size),), "reported": (6, 6),
-        "past": (1 + (0 if late is None else late.buffered.size), N_PAST), "P": (1, 1),
+        "par": (max(1, len(prepared.layout.parameters)), 3), "x": (n,),
+        "extra": (max(1, model.extra_offset.size),), "reported": (6, 6), "P": (n, n), "K": (n,),
+        "innovation": (n_epoch, prepared.channels.n_channel), "nis": (n_epoch,), "n_row": (n_epoch,),
+        "n_reject": (n_epoch,),
     }))  # fmt: skip
+    found.P[:] = prepared.start.P
     if prepared.options.delayed is not None:  # the error of a measurement, and that of the epoch before
         found.H[:, -N_ENTRIES:] = 1.0, -1.0
     return found
@@ -137,13 +236,13 @@ def new_nominal_earlier(prepared: Prepared) -> Earlier | None:
     return new_earlier(delayed, len(model.lever_arms), model.extra_offset.size, model.n_state)
 
 
-def new_joint(prepared: Prepared, true: Components) -> JointCovariance:
+def _new_covariance(prepared: Prepared, true: Components) -> JointCovariance:
     """Return the joint covariance at the start of the flight."""
     mean, vehicle = np.zeros(n_joint(prepared)), prepared.options.vehicle
     if vehicle is not None:  # the estimated motion starts at zero
         mean[vehicle.motion : vehicle.motion + 6] = *vehicle.rate[0], *vehicle.force[0]
     profile = np.zeros((prepared.unit.profile_sensor.size, 3))
-    return JointCovariance(prepared.start.P.copy(), mean, *initial_state(prepared, true), profile)
+    return JointCovariance(mean, *initial_state(prepared, true), profile)
 
 
 def new_scratch(prepared: Prepared, true: Components) -> Scratch:
@@ -156,8 +255,7 @@ def new_scratch(prepared: Prepared, true: Components) -> Scratch:
         Scratch,
         {
             "D": (prepared.model.block_rows.size, 9), "D_true": (true.nav_rows.size, 9), "block": (9,),
-            "input": (9, 3), "mean_input": (2, 3), "shift": (n,), "K": (n_state,), "x": (n_state,), "gain": (n,),
-            "deviation": (12,), "receiver": (n,),
+            "input": (9, 3), "mean_input": (2, 3), "shift": (n,), "gain": (n,), "deviation": (12,), "receiver": (n,),
         },
         {
             "y": (n,), "b": (n_group, n_slot, 9), "seen": (n_group, n_slot, 1), "noise": (n_group, 1, 1),
@@ -167,20 +265,14 @@ def new_scratch(prepared: Prepared, true: Components) -> Scratch:
 
 
 def new_sample_scratch(prepared: Prepared, true: Components) -> SampleScratch | None:
-    """Return work arrays for the samples of the IMU, None where they are no measurements: sums of a tick; h, K, gain,
-    weight, residual, deviation of the six; still zeros. In lanes S of the innovations, noise of the samples by source,
-    a partials with respect to components.
-    """
-    vehicle = prepared.options.vehicle
-    if vehicle is None:
+    """Return work arrays for the samples of the IMU, None where they are no measurements."""
+    if prepared.options.vehicle is None:
         return None
-    n, n_state, (n_group, n_slot), six = n_joint(prepared), prepared.layout.n_state, true.followed.shape, N_SAMPLE
+    n, (n_group, n_slot), six = n_joint(prepared), true.followed.shape, N_SAMPLE
     found: SampleScratch = _record(
         SampleScratch,
         {
-            "sums": (N_SUM,), "h": (six, vehicle.columns.shape[1]), "K": (six, n_state), "gain": (six, n),
-            "weight": (six,), "residual": (six,), "still": (six,), "seen": (six,), "deviation": (six,),
-            "moved": (9, n), "expected": (six, six), "turned": (six, six),
+            "gain": (six, n), "seen": (six,), "deviation": (six,), "expected": (six, six), "turned": (six, six),
         },
         {
             "moved_source": (9, n), "Y": (six, n), "S": (n_group, six, six), "noise": (n_group, six),
@@ -189,6 +281,17 @@ def new_sample_scratch(prepared: Prepared, true: Components) -> SampleScratch | 
     )  # fmt: skip
     found.noise[:] = as_lanes(true.sample_noise, true.group, true.lane)
     return found
+
+
+def new_joint(prepared: Prepared, true: Components, tape: UpdateTape) -> Joint:
+    """Return the joint covariance at the start of the flight, with what a pass fills."""
+    out = new_record(prepared, true.group.size)
+    return Joint(_new_covariance(prepared, true), new_scratch(prepared, true), tape, out, true)
+
+
+def new_flight(prepared: Prepared, true: Components) -> NominalFlight:
+    """Return the nominal flight of a pass."""
+    return NominalFlight(prepared.unit, prepared.reference, prepared.chain, new_sample_scratch(prepared, true))
 
 
 def new_backward_scratch(prepared: Prepared, true: Components) -> BackwardScratch:
@@ -202,11 +305,11 @@ def new_backward_scratch(prepared: Prepared, true: Components) -> BackwardScratc
     return _record(BackwardScratch, alone, {"b": (*true.followed.shape, 9), "a": (*true.followed.shape, N_SAMPLE)})
 
 
-def new_record(prepared: Prepared, n_source: int) -> Recorded:
+def new_record(prepared: Prepared, n_source: int) -> PassResults:
     """Return what the pass fills, empty."""
     n, n_hist, n_epoch, options = prepared.layout.n_state, prepared.t_hist.size, prepared.t_epoch.size, prepared.options
     n_sampled, n_reported = (0 if one is None else n_hist for one in (options.samples, options.report))
-    return Recorded(**zeros_of({
+    return PassResults(**zeros_of({
         "formal": (n_hist, n, n), "true": (n_hist, n, n), "mean": (n_hist, n), "budget": (n_hist, n_source, n),
         "samples": (n_sampled, n_source, 2 * N_SAMPLE), "receiver": (n_reported, n_source, N_STATE, N_STATE),
         "receiver_mean": (n_reported, N_STATE), "held": (n_source, N_STATE, N_STATE), "held_mean": (N_STATE,),
@@ -214,10 +317,10 @@ def new_record(prepared: Prepared, n_source: int) -> Recorded:
     }))  # fmt: skip
 
 
-def new_tape(n_window: int, n_update: int, n: int, n_entry: int, n_tick: int = 0, n_state: int = 0) -> Tape:
+def new_tape(n_window: int, n_update: int, n: int, n_entry: int, n_tick: int = 0, n_state: int = 0) -> UpdateTape:
     """Return an empty tape for n_window windows and n_update scalar updates; n_update 0 records nothing."""
     windows = n_window if n_update else 0
-    return Tape(
+    return UpdateTape(
         np.zeros((windows, N_SUM)), np.zeros((windows, 3)), np.zeros((n_update, n)), np.zeros((n_update, n_entry)),
         np.zeros(n_update, dtype=np.int64), np.zeros(n_update, dtype=np.int64), np.zeros(windows + 1, dtype=np.int64),
         np.zeros(1, dtype=np.int64), np.zeros((n_tick, 6, n_state)),

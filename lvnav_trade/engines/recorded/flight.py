@@ -1,23 +1,24 @@
 """A recorded log in place of a simulated flight: the filter of a case runs on it as on any flight of the engines."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from lvnav_trade.engines.recorded.alignment import Alignment, increments_to
+from lvnav_trade.engines.recorded.consistency import inertial_fixes
 from lvnav_trade.engines.recorded.ranges import with_ranges
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError
-from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, quaternions, rotation_e_n
+from lvnav_trade.frames import earth_angle, gmst, quaternions, rotation_e_n
 from lvnav_trade.frames import matrices as matrices_of
-from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import Floats, Ints, Reference
 from lvnav_trade.scenario import Scenario, epoch_interval, measured, solves
 from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.sky.gps_time import utc_after
 from lvnav_trade.world.truth import Phase, Trajectory, attitude_spline
-from lvnav_trade.world.user_file.navigation_log import NavigationLog, Recording, later
+from lvnav_trade.world.user_file.navigation_log import NavigationLog, Recording
 
 _SOLUTION, _RANGES = {"position", "velocity"}, {"pseudorange", "range_rate"}
 _FEWEST = 10  # solutions that a filter gets at least
@@ -40,7 +41,14 @@ def refuse_unable(scenario: Scenario, card: NavigationLog) -> None:
         raise InputError("receiver: several antennas; a log is of one")
 
 
-def replayed(scenario: Scenario, log: Recording, card: NavigationLog, aligned: Alignment) -> Prepared:
+class Replay(NamedTuple):
+    """A case made ready to run on a log, and notes on what of the log it leaves out."""
+
+    prepared: Prepared
+    notes: tuple[str, ...] = ()
+
+
+def replayed(scenario: Scenario, log: Recording, card: NavigationLog, aligned: Alignment) -> Replay:
     """Return a case made ready to run on a log from the end of its rest on.
 
     The truth of the engines is what the log says: increments without further errors, the receiver's solutions, and as
@@ -55,26 +63,17 @@ def replayed(scenario: Scenario, log: Recording, card: NavigationLog, aligned: A
     own = (log.t.size - 1) / float(log.t[-1] - log.t[0])
     if rate > 1.5 * own:
         raise InputError(f"imu.rate: {rate:g} Hz; the log has {own:.4g} rows a second")
-    epoch = later(log.epoch, start)
+    epoch = utc_after(log.epoch, start)
     flown = scenario.trajectory.model_copy(update={"epoch": epoch})
     scenario = scenario.model_copy(update={"trajectory": flown, "faults": ()})
     lever = np.array(scenario.receiver.lever_b)
-    fixes = _fixes(log, start, gmst(epoch))
+    fixes = inertial_fixes(log, start, gmst(epoch))
     trajectory, reference = _reference(scenario, log, aligned, fixes, lever, (start, end), epoch)
     prepared = prepare(scenario, epoch_interval(scenario), flown=(trajectory, reference))
     prepared = _on_log(prepared, fixes, log, card)
     if log.ranges is None or not scenario.filter.tight:
-        return prepared
-    return with_ranges(prepared, log.ranges, start, fixes)
-
-
-def _fixes(log: Recording, start: float, theta0: float) -> tuple[Floats, Floats, Floats]:
-    """Return times (m,) s since the start, positions and velocities (m, 3), frame i, of a log's solutions."""
-    t = log.t_fix - start
-    theta = earth_angle(theta0, t)
-    r_i = eci_from_ecef(ecef_from_geodetic(*log.place.T), theta)
-    v_e = np.einsum("nji,nj->ni", rotation_e_n(log.place[:, 0], log.place[:, 1]), log.moving)
-    return t, r_i, eci_from_ecef(v_e, theta) + np.cross([0.0, 0.0, OMEGA], r_i)
+        return Replay(prepared)
+    return Replay(*with_ranges(prepared, log.ranges, start, fixes))
 
 
 def _reference(

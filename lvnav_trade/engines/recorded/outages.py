@@ -1,5 +1,6 @@
 """Outages of a recorded log: solutions that are withheld from the filter, and its error when they end."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +34,11 @@ class Outage(NamedTuple):
 
     @property
     def square(self) -> float:
-        """Normalised square of the error per degree of freedom: one on average of a filter that knows its error."""
+        """Normalised square of the error per degree of freedom: one on average of a filter that knows its error; NaN
+        where it failed.
+        """
+        if self.failed:
+            return math.nan
         return float(self.error @ np.linalg.solve(self.covariance, self.error)) / _MOTION
 
     @property
@@ -63,6 +68,7 @@ def outage(prepared: Prepared, begin: float, length: float) -> Outage | None:
     error, covariance, failed = end_of_run(cut, at)
     turn, own = prepared.record.axes[at], slice(VEL, VEL + _MOTION)
     both = np.kron(np.eye(2), turn)
+    failed = failed or not (np.isfinite(error[own]).all() and np.isfinite(covariance).all())
     return Outage(begin, end, error[own], both @ (covariance[own, own] + _noise(prepared, end)) @ both.T, failed)
 
 

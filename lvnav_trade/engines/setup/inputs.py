@@ -1,4 +1,4 @@
-"""What a flight takes in, in numbers for the kernels: schedule, unit, signals, start, record."""
+"""Inputs of a flight as arrays for the kernels: schedule, IMU, signals, start, history, optional features."""
 
 from typing import Any, NamedTuple
 
@@ -9,9 +9,15 @@ from lvnav_trade.records import Bools, Floats, Ints
 
 
 class Schedule(NamedTuple):
-    """Windows of IMU ticks: first_tick, n_tick, length (index of its length), epoch and hist (-1: none), injection
-    (number of the variances of the filter's model that are added at its end, -1 none), linearised (see
-    `transition.linearise`), all (n_window,).
+    """Windows of IMU ticks, over which the covariance is propagated at once; each array has shape (n_window,).
+
+    first_tick : First tick.
+    n_tick : Number of ticks.
+    length : Index of the window's length in `FilterModel.seconds`.
+    epoch : Epoch at the end, -1 none.
+    hist : History time at the end, -1 none.
+    injection : Index in `FilterModel.injected` of the variance added at the end, -1 none.
+    linearised : Code of the linearisation, see `kernels.transition.linearise`.
     """
 
     first_tick: Ints
@@ -24,16 +30,33 @@ class Schedule(NamedTuple):
 
 
 class Unit(NamedTuple):
-    """The truth of an IMU. dt s; noise_source word; biases_only: it has no scale factor, misalignment or g-sensitivity.
+    """Truth-side model of an IMU: ideal increments and true error parameters.
 
-    Of several units it holds their blocks one after the other, what belongs to a sensor by the number 2 triad + sensor,
-    and the increments of the fused triad; the rest is in `Units`.
+    Of an IMU array it has the blocks of all IMUs, sensor number 2 triad + sensor, and the increments of the combined
+    triad; `Units` has the rest. A block is one error parameter of three axes.
 
-    dtheta, dvel (n_imu, 3); white (8,) per-tick sigma by axis of gyro and accelerometer, quantisation steps;
-    process_ticks between steps of varying parameters; drifting: any of these; sigma, walk (n_block, 3), decay
-    (n_block,); sources words, sensors, drivers (n_block,); profiles of bias or scale factor that are the same in every
-    run: profile_sensor, profile_driver (n_profile,), profile_start, profile_end (n_profile,) s, profile (n_profile, 3)
-    SI; gravity: block of the gravity disturbance, -1 none; start s since lift-off of tick 0.
+    dt : s. Sampling interval.
+    noise_source : Key of the random draws of white noise.
+    biases_only : Whether there are no scale-factor, misalignment and g-sensitivity errors.
+    dtheta : (n_imu, 3) rad. Angle increments without errors, body axes.
+    dvel : (n_imu, 3) m/s. Velocity increments without errors, body axes.
+    white : (8,) rad, m/s. Sigma of white noise in an increment: gyro (3), accelerometer (3); then both quantisation
+        steps.
+    process_ticks : Ticks between two steps of time-varying parameters.
+    drifting : Whether any parameter varies with time.
+    sigma : (n_block, 3) SI. Initial sigma of each parameter.
+    decay : (n_block,). Decay factor over a step of `process_ticks`.
+    walk : (n_block, 3) SI. Sigma of the noise added in a step.
+    sources : (n_block,). Keys of the random draws.
+    sensors : (n_block,). GYRO or ACCEL; without the gravity disturbance.
+    drivers : (n_block,). Quantity that the parameter multiplies, as in `kernels.transition`.
+    profile_sensor : (n_profile,). Sensor of an error profile that is the same in every run: warming or a fault.
+    profile_driver : (n_profile,). Quantity that the profile multiplies: constant (bias) or own input (scale factor).
+    profile_start : (n_profile,) s since lift-off. Start of the growth.
+    profile_end : (n_profile,) s since lift-off. End of the growth.
+    profile : (n_profile, 3) SI. Error after the growth.
+    gravity : Block of the gravity disturbance, -1 none.
+    start : s since lift-off. Time of tick 0.
     """
 
     dt: float
@@ -60,20 +83,31 @@ class Unit(NamedTuple):
 
 
 class Units(NamedTuple):
-    """Several inertial units, triad by triad (up to three sensing axes of a unit).
+    """An IMU array, triad by triad (up to three sensing axes of an IMU), and how its axes are combined.
 
-    dtheta, dvel (n_triad, n_imu, 3) increments where the unit sits, without errors, body axes; n_axis (n_triad,);
-    frames (n_triad, 3, 3, 3) of each axis: its direction, then those that its misalignments are towards; solved
-    (n_stage, n_triad, 2, 3, 3) how errors of the axes of gyro and accelerometer enter the fused triad; lever
-    (n_triad, 3) m that is compensated; noise_sources (n_triad,) words; white (n_triad, 8) as of `Unit`; triads
-    (n_block,) of the blocks of the unit's true parameters. Differences of two units (n_pair): pair_sensor (n_pair,)
-    gyro or accelerometer, pair_solved (n_pair, n_triad, 3, 3) as solved, pair_state (n_pair,) first state of the filter
-    for its bias (-1 none), pair_of (n_device,) which one a sensor measures (-1 none).
+    A stage is a part of the flight with the same combination; without redundancy the flight is one stage. A pair is a
+    measured difference of two IMUs.
 
-    Of a stage of the flight (all of it is one without redundancy): noisy (n_stage, 2, 2, 3) factor on errors that last
-    and on white noise, by sensor and fused axis; shift (n_stage, 2, 3) rad and m/s of the mean of an increment; stage
-    (n_imu,) of each tick in linear covariance, flown (n_imu,) as if no unit were excluded, which a run knows itself.
-    redundant (Redundant): of units that are tested or selected, None of others.
+    dtheta : (n_triad, n_imu, 3) rad. Angle increments at the IMU without errors, body axes.
+    dvel : (n_triad, n_imu, 3) m/s. Velocity increments at the IMU without errors, body axes.
+    n_axis : (n_triad,). Number of sensing axes.
+    frames : (n_triad, 3, 3, 3). For each axis three unit vectors in body axes: its direction, then those of its
+        misalignments.
+    solved : (n_stage, n_triad, 2, 3, 3). Weights by which each axis of gyro and accelerometer enters the combined
+        triad.
+    lever : (n_triad, 3) m. Lever arm that is compensated, body axes; zero where it is not.
+    noise_sources : (n_triad,). Keys of the random draws of white noise.
+    white : (n_triad, 8). As `Unit.white`.
+    triads : (n_block,). Triad of each block of error parameters.
+    pair_sensor : (n_pair,). GYRO or ACCEL.
+    pair_solved : (n_pair, n_triad, 3, 3). Weights by which each axis enters the difference.
+    pair_state : (n_pair,). First filter state of the relative bias, -1 none.
+    pair_of : (n_device,). Pair that a sensor measures, -1 none.
+    noisy : (n_stage, 2, 2, 3). Factor on lasting errors and on white noise, by sensor and combined axis.
+    shift : (n_stage, 2, 3) rad, m/s. Mean error of a combined increment.
+    stage : (n_imu,). Stage of each tick in linear covariance.
+    flown : (n_imu,). Stage of each tick if no IMU were excluded; a simulation run excludes IMUs itself.
+    redundant : Redundant. Test and selection of the IMUs; None where there is neither.
     """
 
     dtheta: Floats
@@ -97,17 +131,26 @@ class Units(NamedTuple):
 
 
 class Redundant(NamedTuple):
-    """Units that are tested against each other, or of which the middle one is selected. middle: it is; ticks of a test
-    (0: none); weight (n_window, 2, n_triad, 3) inverse variance of increments summed over a test by the cards (0: no
-    axis); limits (n_dof + 1,) of the weighted squares that a fit leaves, by its degrees of freedom; owner (n_triad,)
-    unit of a triad; alone (n_triad, 3, 3) how axes enter the solution of their unit alone; shares (2, n_triad) weights
-    of the axes in the mean. What the filter is informed of: lost (n_lost,) ticks from which on units are left out on
-    the nominal flight, mean (n_lost + 1, n_triad, 2, 3, 3) how axes enter the mean, of all units and then of those that
-    are left; noise, spread, walk (2, n_triad, 3) of an axis: variance per second of white noise, variance of biases,
-    variance per second of their walk.
+    """Parity test of redundant IMUs, and selection of their middle value.
+
+    middle : Whether the middle value of the IMUs is used in place of their mean.
+    excludes : Whether an IMU that fails the test is excluded; otherwise the detection is reported.
+    ticks : Ticks summed for a test; 0 without tests.
+    weight : (n_window, 2, n_triad, 3). Inverse of the modelled variance of a summed increment; 0 where there is no
+        axis.
+    limits : (n_dof + 1,). Largest weighted sum of squared residuals, by degrees of freedom (chi-square).
+    owner : (n_triad,). IMU that the triad belongs to.
+    alone : (n_triad, 3, 3). Weights by which the axes enter the solution of their IMU alone.
+    shares : (2, n_triad). Weight of the axes in the mean, by sensor.
+    noise : (2, n_triad, 3) SI squared per second. PSD of the white noise of an axis.
+    spread : (2, n_triad, 3) SI squared. Variance of the bias of an axis.
+    walk : (2, n_triad, 3) SI squared per second. Variance rate of the random walk of that bias.
+    lost : (n_lost,). Ticks from which an IMU is excluded on the nominal flight.
+    mean : (n_lost + 1, n_triad, 2, 3, 3). Weights of the mean: of all IMUs, then after each exclusion.
     """
 
     middle: bool
+    excludes: bool
     ticks: int
     weight: Floats
     limits: Floats
@@ -122,13 +165,21 @@ class Redundant(NamedTuple):
 
 
 class Shared(NamedTuple):
-    """Random errors of measurements that last or that rows share; a family is one physical cause.
+    """Correlated measurement errors: random errors that last, or that several measurements share.
 
-    member (n_family, n_channel) component of the family in the channel, -1 none; partial (n_family, n_epoch, n_channel)
-    of the measurement with respect to it; start (n_component,) sigma, decay and walk (n_component,) over an interval of
-    epochs; sources, satellites (n_component,) words; extra (n_component,) first extra state of the filter that stands
-    for the same thing, -1 none; error_of, state_of (n_pair,): component and extra state of all that do; given
-    (n_component,): set before the flight, not drawn.
+    A family is one physical cause; its components are Gauss-Markov processes or constants.
+
+    member : (n_family, n_channel). Component of the family that enters the channel, -1 none.
+    partial : (n_family, n_epoch, n_channel). Derivative of the measurement with respect to that component.
+    start : (n_component,) SI. Initial sigma.
+    decay : (n_component,). Decay factor over an interval of epochs.
+    walk : (n_component,) SI. Sigma of the noise added over an interval of epochs.
+    sources : (n_component,). Key of the random draws, by cause.
+    satellites : (n_component,). Key of the satellite or label; 0 for an error of the receiver.
+    extra : (n_component,). Number of the filter's first extra state that models the component, -1 none.
+    error_of : (n_pair,). Components that extra states of the filter model.
+    state_of : (n_pair,). Number of the extra state, for each of these.
+    given : (n_component,). Whether the component is read from a recording and not drawn.
     """
 
     member: Ints
@@ -145,21 +196,38 @@ class Shared(NamedTuple):
 
 
 class Signals(NamedTuple):
-    """What is true of the satellites and the receiver at the epochs. A channel is an observable of one satellite
-    (tight: pseudorange, range rate and further ones in turn) or an axis of the solution (loose).
+    """Satellites and receiver at the epochs: true measurements, true noise, and the noise that the filter assumes.
 
-    used (n_epoch, n_slot) satellite index in each slot, -1 none; n_used (n_epoch,); words (n_sat,) of satellites;
-    range, rate (n_epoch, n_sat) m and m/s that the receiver would measure without clock and random errors, less what
-    the filter corrects; position, velocity (n_epoch, 3) the same of its solution, frame i; satellite,
-    satellite_velocity (n_epoch, n_sat, 3) as the filter knows them; antenna (n_epoch, n_sat) that receives; sigma
-    (n_epoch, n_channel) of white noise; variance (n_epoch, n_channel) as the filter assumes, with the factor of its
-    tuning, whose root is scale, and beta of its under-weighting (n_epoch, n_channel); partial (n_extra_family,
-    n_epoch, n_channel) of rows with respect to the filter's extra states, as it assumes; clock_step (3,) Cholesky
-    factor over an epoch; clock_start (2,) sigma; clock_jump (n_epoch, 2) m and m/s; frozen (n_epoch,): the output is
-    that of the epoch before; interval s between epochs; n_receiver: channels of the receiver in the filter, which come
-    first; reference (n_epoch, n_kind): slot of the satellite that an observable of others is differenced with, -1 none;
-    shift: sigma and shared errors are of what the receiver measures itself, so there the channels of sensors stand so
-    much later; sources (4,) words: clock, ranges, solution, clock start.
+    A channel is an observable of one satellite (tight coupling: pseudorange, range rate and further observables in
+    turn) or an axis of the receiver's solution (loose coupling). Channels of the other sensors follow.
+
+    used : (n_epoch, n_slot). Satellite of each slot, -1 none.
+    n_used : (n_epoch,). Number of satellites in use.
+    words : (n_sat,). Keys of the satellites for random draws.
+    range : (n_epoch, n_sat) m. Pseudorange without clock and random errors, less what the filter corrects.
+    rate : (n_epoch, n_sat) m/s. Range rate, likewise.
+    position : (n_epoch, 3) m. Receiver's solution without random errors, frame i.
+    velocity : (n_epoch, 3) m/s. Receiver's solution without random errors, frame i.
+    satellite : (n_epoch, n_sat, 3) m. Satellite position that the filter uses, frame i.
+    satellite_velocity : (n_epoch, n_sat, 3) m/s. Satellite velocity that the filter uses, frame i.
+    antenna : (n_epoch, n_sat). Antenna that receives the satellite.
+    sigma : (n_epoch, n_measured) SI. True sigma of white noise, by channel of what the receiver and the sensors
+        measure.
+    variance : (n_epoch, n_channel) SI squared. Noise variance in the filter model, with the factor of its tuning.
+    scale : (n_epoch, n_channel). Square root of that factor.
+    beta : (n_epoch, n_channel). Underweighting: share of H P H' added to the innovation variance.
+    partial : (n_extra_family, n_epoch, n_channel). Derivative of the measurement with respect to the filter's extra
+        states.
+    clock_step : (3,). Cholesky factor of the receiver clock's noise over an epoch: bias (m) and drift (m/s).
+    clock_start : (2,) m, m/s. Initial sigma of clock bias and drift.
+    clock_jump : (n_epoch, 2) m, m/s. Jump of clock bias and drift at the epoch.
+    frozen : (n_epoch,). Whether the receiver repeats the output of the epoch before.
+    interval : s. Time between epochs.
+    n_receiver : Channels of the receiver in the filter; they are the first channels.
+    reference : (n_epoch, n_kind). Slot of the reference satellite of a difference between satellites, -1 none.
+    shift : Offset of the sensor channels in `sigma` and `shared`, which count the channels that the receiver measures.
+    sources : (4,). Keys of random draws: clock, ranges, solution, initial clock error.
+    shared : Correlated measurement errors.
     """
 
     used: Ints
@@ -218,7 +286,7 @@ class Start(NamedTuple):
 
 
 class Record(NamedTuple):
-    """What is true at the history times.
+    """What is true at the ticks of the history times.
 
     r, v (n_hist, 3), q (n_hist, 4) true motion; axes (n_hist, 3, 3) from frame i to the reporting frame; t (n_hist,) s;
     since (n_hist,) s since the last epoch; limit m of position error beyond which a run has failed.
@@ -278,19 +346,26 @@ class Report(NamedTuple):
 
 
 class Options(NamedTuple):
-    """Parts of a flight that not every case has; None where a case has not, and then nothing of them is compiled.
+    """Optional features of a case; None where the case does not have the feature, which is then not compiled.
 
-    A part is handed on as an argument of its own: the compiler drops `if part is None` for arguments only.
+    An option is passed to kernels as its own argument: the compiler drops `if option is None` for arguments only.
 
-    solver (receivers.base.Solver): the receiver solves for position and velocity itself; rules (filters.monitor.Rules):
-    the filter has a mode logic; late (filters.late.Late): late measurements are compensated; gains
-    (filters.scheduled.Gains): stored ones; vehicle (filters.samples.VehicleModel): samples of the IMU are measurements;
-    samples (Samples), report (Report): of them or of the receiver's solution something is reported; misses (True): what
-    the filter's transition misses is recorded in place of errors; units (Units): several inertial units are fused;
-    direct (True): the filter corrects its total state scalar by scalar; backup (int): errors of a strapdown that is
-    never corrected are reported, from that output on; further (Further), delayed (filters.delayed.Delayed): carrier
-    phases or differences of two epochs are measured; unscented (True): points in place of Jacobians; integrity
-    (filters.integrity.state.Tests): faults are tested for; iterated (filters.iterated.Passes): so is the update.
+    solver : receivers.base.Solver. The receiver computes position and velocity itself.
+    rules : filters.monitor.Rules. Mode logic of the filter.
+    late : filters.late.Late. Delay compensation.
+    gains : filters.scheduled.Gains. Stored gains.
+    vehicle : filters.samples.VehicleModel. IMU samples are processed as measurements.
+    samples : Samples. Errors of IMU samples are reported.
+    report : Report. Errors of the receiver's solution are reported.
+    misses : True. The error of the filter's transition is recorded in place of estimation errors.
+    units : Units. Several IMUs are combined.
+    direct : True. The filter corrects its total state after each scalar measurement.
+    backup : int. First output of a strapdown that is never corrected.
+    further : Further. Carrier phases or differences of two epochs are measured.
+    delayed : filters.delayed.Delayed. Differences of two epochs are measured.
+    unscented : True. Sigma points in place of Jacobians.
+    integrity : filters.integrity.state.Tests. Tests for faults.
+    iterated : filters.iterated.Passes. Iterated measurement update.
     """
 
     solver: Any = None

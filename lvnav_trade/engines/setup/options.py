@@ -1,4 +1,4 @@
-"""Parts of a flight that not every case has, from the cards: a receiver that solves itself, late measurements."""
+"""Optional features of a case from its cards: receiver solution, delay compensation, stored gains, iterated update."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from lvnav_trade.filters.late import Late
 from lvnav_trade.filters.scheduled import Gains, gains_at
 from lvnav_trade.layout import StateLayout, state_names
 from lvnav_trade.observables.partials import Channels
-from lvnav_trade.receivers.base import ReportedCovariance, Solver, point_model, receiver_filter
+from lvnav_trade.receivers.base import FilterSettings, ReportedCovariance, Solver, point_model, receiver_filter
 from lvnav_trade.receivers.hatch import Smoothing
 from lvnav_trade.records import Floats, Ints
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
@@ -54,7 +54,7 @@ def direct(scenario: Scenario) -> DirectSolution:
 
 
 def every(scenario: Scenario) -> int:
-    """Return of how many epochs the filter takes the last."""
+    """Return n: the filter updates at every n-th epoch; n > 1 only behind a receiver that solves."""
     return round(scenario.receiver.rate / scenario.filter.update_rate) if solves(scenario) else 1
 
 
@@ -116,7 +116,8 @@ def solver_of(scenario: Scenario, model: ReceiverModel, most: int, smoothing: Sm
     if isinstance(card, BancroftSolution):
         return Solver(point_model(reported, **card.numbers(), most=most), None, smoothing)
     point = point_model(reported, **card.fix.numbers(), most=most)
-    return Solver(point, receiver_filter(reported, epoch_interval(scenario), **card.numbers()), smoothing)
+    settings = FilterSettings(**card.numbers())
+    return Solver(point, receiver_filter(reported, epoch_interval(scenario), settings), smoothing)
 
 
 def delays_taken(
@@ -150,6 +151,7 @@ def late_of(
     extrapolated = card.kind == "extrapolated" and sensors[0] < 0
     return Late(
         extrapolated=extrapolated,
+        receiver=0 if sensors[0] < 0 else -1,
         line=_line_of_channels(sensors, channels),
         of_sensor=np.array([sensors.index(k) if k in sensors else -1 for k in range(len(channels.sensors))], np.int64),
         n_ring=n_ring,

@@ -1,4 +1,4 @@
-"""Redundant inertial units on the nominal flight: limits of their test, and what linear covariance takes for fused.
+"""Redundant IMUs on the nominal flight: limits of the parity test, combined IMU for linear covariance.
 
 Linear covariance decides on the mean, as a run without noise does: it leaves a unit out from the tick on at which the
 known errors fail the test. The middle one of several readings enters it by statistical linearisation.
@@ -16,10 +16,10 @@ from lvnav_trade.engines.setup.inputs import Redundant, Units
 from lvnav_trade.engines.setup.units import along_axes, inputs_of
 from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.per_axis import squares
-from lvnav_trade.records import Floats, Reference
+from lvnav_trade.records import Floats, Ints, Reference
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sensors.redundancy import Middle, ParityCard, middle
-from lvnav_trade.world.sensors.units import ImuSet, axis_weights, blocks_of, least_squares, own_solutions, triads_of
+from lvnav_trade.world.sensors.units import ImuSet, axis_weights, least_squares, own_solutions, terms_of, triads_of
 
 STAGE = 1.0
 """Interval (s) at which the statistics of the middle reading are looked up."""
@@ -29,6 +29,34 @@ STAGE = 1.0
 Profile = tuple[int, int, float, float, tuple[float, float, float]]
 
 
+class _Axes(NamedTuple):
+    """Axes of redundant IMUs, triad by triad.
+
+    owner : (n_triad,). IMU that the triad belongs to.
+    alone : (n_triad, 3, 3). Weights by which the axes enter the solution of their IMU alone.
+    shares : (2, n_triad). Weight of the axes in the mean, by sensor.
+    """
+
+    owner: Ints
+    alone: Floats
+    shares: Floats
+
+
+class ParityTest(NamedTuple):
+    """Parity test on the nominal flight; fields as of `Redundant`.
+
+    ticks : Ticks summed for a test.
+    weight : (n_window, 2, n_triad, 3). Inverse of the modelled variance of a summed increment.
+    limits : (n_dof + 1,). Largest weighted sum of squared residuals, by degrees of freedom.
+    owner : (n_triad,). IMU that the triad belongs to.
+    """
+
+    ticks: int
+    weight: Floats
+    limits: Floats
+    owner: Ints
+
+
 def redundant_of(
     card: ImuCard | ImuSet, units: Units | None, ref: Reference, profiles: Sequence[Profile]
 ) -> Units | None:
@@ -36,43 +64,49 @@ def redundant_of(
     if units is None or isinstance(card, ImuCard) or (card.parity is None and card.selection == "mean"):
         return units
     dt = 1.0 / card.rate
-    parity = card.parity or ParityCard()
-    ticks = max(1, round(parity.window / dt))
     owner = np.array([triad.unit for triad in triads_of(card)], dtype=np.int64)
+    own = _Axes(owner, own_solutions(card), axis_weights(card))
+    test = _test(card, units, owner, dt)
+    excludes = (card.parity or ParityCard()).after_detection == "exclude"
+    along = np.array(along_axes(units, dt))
     known = _known(units, profiles, 0.5 * (ref.t[:-1] + ref.t[1:]), dt)
-    weight = 1.0 / _variance(card, units, dt, ticks)
-    n_axis, n_test = int(units.n_axis.sum()), 2 * weight.shape[0]
-    limits = np.concatenate([[np.inf], chdtri(np.arange(1, max(2, n_axis - 2)), parity.false_alarm / max(1, n_test))])
+    tested = card.parity is not None and excludes
+    lost = failed(along + known, units.frames[:, :, 0], test) if tested else []
+    left = [{unit for _, unit in lost[:n]} for n in range(len(lost) + 1)]
     spread, walk = _of_biases(card)
     found = Redundant(
         middle=card.selection == "mid_value",
-        ticks=ticks if card.parity is not None else 0,
-        weight=weight,
-        limits=limits,
+        excludes=excludes,
+        ticks=test.ticks if card.parity is not None else 0,
+        weight=test.weight,
+        limits=test.limits,
         owner=owner,
-        alone=own_solutions(card),
-        shares=axis_weights(card),
+        alone=own.alone,
+        shares=own.shares,
         noise=units.white[:, :6].reshape(-1, 2, 3).swapaxes(0, 1) ** 2 / dt,
         spread=spread,
         walk=walk,
-        lost=np.zeros(0, dtype=np.int64),
-        mean=units.solved[:1],
-    )
-    along = np.array(along_axes(units, dt))
-    lost = failed(along + known, units.frames[:, :, 0], found) if found.ticks else []
-    tested = units._replace(redundant=found)
-    left = [{unit for _, unit in lost[:n]} for n in range(len(lost) + 1)]
-    found = found._replace(
         lost=np.array([at for at, _ in lost], dtype=np.int64),
-        mean=np.array([_mean(card, tested, out).solved for out in left]),
+        mean=np.array([_mean(units, own, out).solved for out in left]),
     )
-    return _staged(card, tested._replace(redundant=found), ref, along, known, lost, dt)
+    looked = _Looked(card, units, own, ref, along, known) if found.middle else None
+    return _staged(units, own, looked, lost, found)
+
+
+def _test(card: ImuSet, units: Units, owner: Ints, dt: float) -> ParityTest:
+    """Return the parity test of a set; of one without a test that of the default card, which weighs readings."""
+    parity = card.parity or ParityCard()
+    ticks = max(1, round(parity.window / dt))
+    weight = 1.0 / _variance(card, units, dt, ticks)
+    n_axis, n_test = int(units.n_axis.sum()), 2 * weight.shape[0]
+    limits = np.concatenate([[np.inf], chdtri(np.arange(1, max(2, n_axis - 2)), parity.false_alarm / max(1, n_test))])
+    return ParityTest(ticks, weight, limits, owner)
 
 
 def _of_biases(card: ImuSet) -> tuple[Floats, Floats]:
     """Return variance, and variance per second of the walk, (2, n_triad, 3) each, of the biases of an axis."""
     spread, walk = np.zeros((2, 2, len(triads_of(card)), 3))
-    for block in blocks_of(card):
+    for block in terms_of(card):
         if block.driver == CONSTANT:
             variance = np.array(squares(block.sigma))
             spread[block.sensor, block.triad] += variance
@@ -98,7 +132,7 @@ def _spread(card: ImuSet, units: Units, dt: float, ticks: int) -> tuple[Floats, 
     n_triad, n_tick = units.dtheta.shape[:2]
     edges = np.arange(0, n_tick + 1, ticks)
     lasting = np.zeros((edges.size - 1, 2, n_triad, 3))
-    for block in blocks_of(card):
+    for block in terms_of(card):
         entering = np.cumsum(inputs_of(units, dt, block.driver, block.triad, block.sensor), axis=0)
         summed = np.diff(np.vstack([np.zeros((1, 3)), entering])[edges], axis=0)
         grown = np.array(squares(block.sigma)) + np.array(squares(block.walk)) * dt * edges[1:, None]
@@ -116,7 +150,7 @@ def _variance(card: ImuSet, units: Units, dt: float, ticks: int) -> Floats:
     return np.asarray(np.where(np.arange(3) < units.n_axis[:, None], lasting + white, np.inf))
 
 
-def failed(along: Floats, directions: Floats, tests: Redundant) -> list[tuple[int, int]]:
+def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[int, int]]:
     """Return which units fail the test on increments (2, n_triad, n_tick, 3) along their directions (n_triad, 3, 3):
     tick from which on they are left out, and number. Weighted least squares by NumPy; a run's kernel is another one.
     """
@@ -136,7 +170,9 @@ def failed(along: Floats, directions: Floats, tests: Redundant) -> list[tuple[in
     return found
 
 
-def _over(y: Floats, directions: Floats, weight: Floats, tests: Redundant, out: set[int], alone: bool = False) -> float:
+def _over(
+    y: Floats, directions: Floats, weight: Floats, tests: ParityTest, out: set[int], alone: bool = False
+) -> float:
     """Return the weighted squares that a fit without some units leaves, over their limit; with no axis to spare 0, or
     where it is asked what is left alone inf.
     """
@@ -161,13 +197,14 @@ class _Stage(NamedTuple):
 
 
 def _staged(
-    card: ImuSet, units: Units, ref: Reference, along: Floats, known: Floats, lost: list[tuple[int, int]], dt: float
+    units: Units, own: _Axes, looked: "_Looked | None", lost: list[tuple[int, int]], redundant: Redundant
 ) -> Units:
-    """Return the units with the stages of their flight: what enters how, tick by tick, and without a test beside."""
+    """Return the units with the stages of their flight: what enters how, tick by tick, and without a test beside.
+
+    looked : statistics of the middle reading; None where the mean is taken
+    lost : ticks from which IMUs are left out, and their numbers
+    """
     n_tick = units.dtheta.shape[1]
-    step = min(n_tick, max(1, round(STAGE / dt)))
-    middle_one = card.selection == "mid_value"
-    looked = _Looked(card, units, ref, along, known, dt, step) if middle_one else None
     stages: list[_Stage] = []
     index: dict[tuple[bytes, bytes, bytes], int] = {}
 
@@ -178,30 +215,30 @@ def _staged(
             stages.append(stage)
         return index[key]
 
-    edges = sorted({0, n_tick, *(at for at, _ in lost), *(range(0, n_tick, step) if middle_one else ())})
+    edges = sorted({0, n_tick, *(at for at, _ in lost), *(() if looked is None else range(0, n_tick, looked.step))})
     stage, flown = np.zeros(n_tick, dtype=np.int64), np.zeros(n_tick, dtype=np.int64)
     for first, last in pairwise(edges):
         out = {unit for at, unit in lost if at <= first}
         for numbers, left in ((flown, set[int]()), (stage, out)):
-            numbers[first:last] = number(_mean(card, units, left) if looked is None else looked.at(first, left))
+            numbers[first:last] = number(_mean(units, own, left) if looked is None else looked.at(first, left))
     return units._replace(
         solved=np.array([one.solved for one in stages]),
         noisy=np.array([one.noisy for one in stages]),
         shift=np.array([one.shift for one in stages]),
         stage=stage,
         flown=flown,
+        redundant=redundant,
     )
 
 
-def _mean(card: ImuSet, units: Units, out: set[int]) -> _Stage:
+def _mean(units: Units, own: _Axes, out: set[int]) -> _Stage:
     """Return the least squares of the units that are not out."""
     solved = units.solved[0]
     if out:
         solved = np.zeros_like(solved)
-        redundant: Redundant = units.redundant
-        use = (np.arange(3) < units.n_axis[:, None]) & ~np.isin(redundant.owner, list(out))[:, None]
+        use = (np.arange(3) < units.n_axis[:, None]) & ~np.isin(own.owner, list(out))[:, None]
         triad, axis = np.nonzero(use)
-        for sensor, shares in enumerate(redundant.shares):
+        for sensor, shares in enumerate(own.shares):
             A = least_squares(units.frames[triad, axis, 0], shares[triad])
             solved[triad, sensor, :, axis] = A.T
     return _Stage(solved, np.ones((2, 2, 3)), np.zeros((2, 3)))
@@ -210,12 +247,12 @@ def _mean(card: ImuSet, units: Units, out: set[int]) -> _Stage:
 class _Looked:
     """Statistics of the middle reading along a flight."""
 
-    def __init__(
-        self, card: ImuSet, units: Units, ref: Reference, along: Floats, known: Floats, dt: float, step: int
-    ) -> None:
+    def __init__(self, card: ImuSet, units: Units, own: _Axes, ref: Reference, along: Floats, known: Floats) -> None:
+        dt = 1.0 / card.rate
+        self.step = step = min(units.dtheta.shape[1], max(1, round(STAGE / dt)))
         lasting, white = _spread(card, units, dt, step)
-        self._units, self._step, self._alone = units, step, units.redundant.alone
-        self._n = int(units.redundant.owner.max()) + 1
+        self._units, self._own, self._alone = units, own, own.alone
+        self._n = int(own.owner.max()) + 1
         self._white = np.sqrt(self._of_units(white)[0] / step)
         self._lasting = np.sqrt(self._of_units(lasting)) / step
         true = np.stack([ref.dtheta, ref.dvel])
@@ -227,20 +264,20 @@ class _Looked:
     def _solved(self, along: Floats) -> Floats:
         """Return what each unit senses alone, (n_unit, n_tick, 3), of increments (n_triad, n_tick, 3)."""
         found = np.zeros((self._n, *along.shape[1:]))
-        for triad, unit in enumerate(self._units.redundant.owner):
+        for triad, unit in enumerate(self._own.owner):
             found[unit] += along[triad] @ self._alone[triad].T
         return found
 
     def _of_units(self, variance: Floats) -> Floats:
         """Return variances (n, 2, n_unit, 3) of the units' own solutions by those of their axes, (n, 2, n_triad, 3)."""
         found = np.zeros((len(variance), 2, self._n, 3))
-        for triad, unit in enumerate(self._units.redundant.owner):
+        for triad, unit in enumerate(self._own.owner):
             found[:, :, unit] += variance[:, :, triad] @ (self._alone[triad] ** 2).T
         return found
 
     def at(self, tick: int, out: set[int]) -> _Stage:
         """Return the stage of a tick without some units."""
-        window = min(tick // self._step, self._off.shape[2] - 1)
+        window = min(tick // self.step, self._off.shape[2] - 1)
         left = [unit for unit in range(self._n) if unit not in out]
         solved, noisy, shift = np.zeros_like(self._units.solved[0]), np.ones((2, 2, 3)), np.zeros((2, 3))
         for sensor in range(2):
@@ -248,7 +285,7 @@ class _Looked:
                 off = self._off[sensor, left, window, axis]
                 white, lasting = self._white[sensor, left, axis], self._lasting[window, sensor, left, axis]
                 found = _rounded(off, white, lasting)
-                for triad, unit in enumerate(self._units.redundant.owner):
+                for triad, unit in enumerate(self._own.owner):
                     if unit in left:
                         gain = found.gains[left.index(int(unit))]
                         solved[triad, sensor, axis] = gain * self._alone[triad][axis]

@@ -1,4 +1,4 @@
-"""What the sensors beside the receiver measure on the nominal flight, when, and what the filter assumes of it."""
+"""Sensors other than the receiver on the nominal flight: times, true measurements, filter model."""
 
 from collections.abc import Collection, Iterable
 from functools import cache
@@ -10,10 +10,11 @@ from lvnav_trade.engines.setup.inputs import Sensors
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.frames import earth_angle, earth_velocity, geodetic_from_ecef
 from lvnav_trade.kernels.random import source_word
-from lvnav_trade.observables.imu_difference import ImuDifferenceCard
+from lvnav_trade.observables.correlated import CorrelatedError
 from lvnav_trade.observables.partials import Channels, SensorChannels, SensorState
-from lvnav_trade.observables.sensor import N_KNOWN, N_TRUTH, FlightView, LastingError, SensorCard, SensorModel
+from lvnav_trade.observables.sensor import N_KNOWN, N_TRUTH, FlightView, SensorCard, SensorModel
 from lvnav_trade.observables.sensors import SENSORS
+from lvnav_trade.observables.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.scenario import Scenario, difference_of, sensor_model, sensors_used
 from lvnav_trade.world.conditions import Course, inside
@@ -25,12 +26,21 @@ STILL = 1e-3
 
 
 class Sensor(NamedTuple):
-    """A sensor at the epochs: its name in the scenario and its card; its channels; noise, the name of that source; on
-    (n_epoch,); truth (n_epoch, 4); sigma and variance (n_epoch, n_scalar) of its noise, true and as the filter assumes;
-    lasting: its lasting errors, source and labels its own, each with its partials (n_epoch, n_scalar, n_label); known
-    (n_epoch, N_KNOWN) and theta (n_epoch,) rad angle of the Earth, as the filter takes them; delay (n_epoch,) s that
-    the filter compensates; since (n_epoch,) s since the measurement before, of a difference of two inertial units (else
-    empty).
+    """A sensor other than the receiver, at the epochs.
+
+    name : Name in the scenario.
+    card : Card of the sensor.
+    channels : Its measurement channels.
+    noise : Name of the source of its white noise.
+    on : (n_epoch,). Whether it measures.
+    truth : (n_epoch, 4). True quantities from which the measurement is simulated, see the sensor's module.
+    sigma : (n_epoch, n_scalar). True sigma of its white noise, SI.
+    variance : (n_epoch, n_scalar). Noise variance in the filter model, SI squared.
+    lasting : Lasting errors, each with its partial derivatives (n_epoch, n_scalar, n_label).
+    known : (n_epoch, N_KNOWN). Quantities known to the filter, see the sensor's module.
+    theta : (n_epoch,) rad. Earth rotation angle that the filter uses.
+    delay : (n_epoch,) s. Latency that the filter compensates.
+    since : (n_epoch,) s. Time since the previous measurement, for a difference of two IMUs; else empty.
     """
 
     name: str
@@ -41,7 +51,7 @@ class Sensor(NamedTuple):
     truth: Floats
     sigma: Floats
     variance: Floats
-    lasting: tuple[tuple[LastingError, Floats], ...]
+    lasting: tuple[tuple[CorrelatedError, Floats], ...]
     known: Floats
     theta: Floats
     delay: Floats
@@ -60,14 +70,14 @@ def view_of(trajectory: Trajectory, t: Floats) -> FlightView:
     )
 
 
-def _own(error: LastingError, name: str) -> LastingError:
+def _own(error: CorrelatedError, name: str) -> CorrelatedError:
     """Return a lasting error under the name of its sensor, where there are several that measure the same."""
     labels = tuple(" ".join((name, label)).strip() for label in error.labels)
     return error._replace(source=f"{error.source} {name}", labels=labels)
 
 
 def _states(
-    model: SensorModel, lasting: Iterable[tuple[LastingError, Floats]], wanted: Collection[str]
+    model: SensorModel, lasting: Iterable[tuple[CorrelatedError, Floats]], wanted: Collection[str]
 ) -> tuple[SensorState, ...]:
     """Return the states for lasting errors that a filter has, of those that it names."""
     known = [(model.states[error.field], error, partials) for error, partials in lasting if error.field in model.states]
@@ -115,15 +125,17 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
         truth, known = card.truth(view), card.known(model, assumed)
         on = measures(scenario, card, trajectory.course, t_epoch) & card.available(view)
         if card.on_pad and not on.any():
-            message = "it measures while the vehicle stands on its pad, which is at none of its times"
+            message = "it measures on the pad only, and at none of its times is the vehicle on the pad"
             raise InputError(records=[Mistake(message, f"sensors.{name}")])
         shape, since = (t_epoch.size, len(card.scalars)), np.zeros(0)
         sigma = np.array(np.broadcast_to(card.noise_sigma(view), shape))
         variance = np.array(np.broadcast_to(card.assumed_variance(model, assumed), shape))
         if isinstance(card, ImuDifferenceCard):  # summed since the measurement before
             since = _since(on, t_epoch, start)
-            sigma = difference_of(scenario, card).random_walk * np.sqrt(np.repeat(since[:, None], 3, axis=1))
-            variance = variance * since[:, None]
+            walk = np.array(difference_of(scenario, card).by_axis)
+            sigma = walk * np.sqrt(np.repeat(since[:, None], 3, axis=1))
+            is_matched = isinstance(getattr(scenario.filter.sensor_models, card.measurement), str)
+            variance = (walk**2 if is_matched else variance) * since[:, None]
         errors = [error if alone else _own(error, name) for error in card.lasting()]
         lasting = tuple((error, error.partials(view, len(card.scalars))) for error in errors)
         entering = tuple((error, error.partials(assumed, len(card.scalars))) for error in errors)

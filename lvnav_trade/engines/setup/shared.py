@@ -1,4 +1,4 @@
-"""What cases have in common is built once: trajectories, their samples, skies. The last few of each are kept."""
+"""Cache of objects that cases share: trajectories, their samples, satellites. The last few of each are kept."""
 
 from typing import NamedTuple
 

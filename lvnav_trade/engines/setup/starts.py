@@ -1,4 +1,4 @@
-"""What every run draws once, at its start: turn-on errors of the unit and initial errors, as standard normals."""
+"""Draws at the start of every run: turn-on errors of the IMU and initial errors, as standard normals."""
 
 from collections.abc import Iterator
 from typing import NamedTuple, Self
@@ -35,8 +35,8 @@ def start_draws(prepared: Prepared, seed: int, n_run: int) -> StartDraws:
     A draw is addressed, not ordered: these are the numbers that the runs flew with, found again without flying.
     """
     found = [
-        (block.source if block.part == 0 else f"{block.source} {block.part + 1}", word, sigma > 0.0)
-        for block, word, sigma in zip(prepared.sources, prepared.unit.sources, prepared.unit.sigma, strict=True)
+        (term.name if term.part == 0 else f"{term.name} {term.part + 1}", word, sigma > 0.0)
+        for term, word, sigma in zip(prepared.sources, prepared.unit.sources, prepared.unit.sigma, strict=True)
     ]
     found += [
         (name, word, np.ones(3, dtype=bool))

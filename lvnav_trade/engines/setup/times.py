@@ -1,36 +1,53 @@
-"""When a flight is looked at: epochs, history times, ticks whose state is kept, and the windows between them."""
+"""Schedule of a flight: history times, ticks whose state is stored, and the windows between them."""
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from lvnav_trade.engines.setup.flight import Flight, ticks_of
 from lvnav_trade.engines.setup.inputs import Schedule
-from lvnav_trade.engines.setup.options import CloneTimes
-from lvnav_trade.records import Floats, Ints, Reference
-from lvnav_trade.scenario import Scenario, epoch_interval
-from lvnav_trade.world.flight.trajectory import Trajectory
+from lvnav_trade.engines.setup.options import CloneTimes, DelayTaken, clone_times, delays_taken
+from lvnav_trade.engines.setup.tuning import Windows, injections, linearisations
+from lvnav_trade.layout import StateLayout
+from lvnav_trade.records import Floats, Ints
+from lvnav_trade.scenario import Scenario, filter_models
+
+_SAME_TICK = 1e-6
+"""Part of a step: a time this little after a tick is at the tick."""
 
 
-def _ticks(times: Floats, start: float, rate: float, n_imu: int, group: int = 1) -> Ints:
-    """Return the tick nearest to each time, on a step of the strapdown (`group` ticks)."""
-    return np.clip(np.rint((times - start) * rate / group).astype(np.int64) * group, 0, n_imu)
-
-
-def _history_times(trajectory: Trajectory, start: float, end: float, every: float) -> Floats:
-    """Return the grid and every event time, sorted; a time that is on the grid stands once."""
+def _history_times(events: Floats, start: float, end: float, every: float) -> Floats:
+    """Return the grid and the times of events, sorted; a time that is on the grid stands once."""
     grid = np.arange(math.ceil(start / every), math.floor(end / every) + 1) * every
-    events = np.array([t for t in trajectory.events.values() if start <= t <= end])
     return np.unique(np.concatenate([[start], grid, events]))
 
 
-def _schedule(
-    n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: Ints, group: int
-) -> tuple[Schedule, Ints]:
+def _history_ticks(t_hist: Floats, events: Floats, start: float, rate: float, n_imu: int, group: int) -> Ints:
+    """Return the ticks (n_hist,) at which errors are recorded: of an event the first step of the strapdown at or after
+    it, for before a cut-off the thrust still acts; of another time the nearest. Times are sorted, and so are ticks.
+    """
+    after = np.ceil((t_hist - start) * rate / group - _SAME_TICK).astype(np.int64) * group
+    nearest = ticks_of(t_hist, start, rate, n_imu, group)
+    ticks = np.where(np.isin(t_hist, events), np.clip(after, 0, n_imu), nearest)
+    return np.asarray(np.maximum.accumulate(ticks))
+
+
+class _Cut(NamedTuple):
+    """Windows that a flight is cut into, (n_window,) each: first tick, number of ticks, epoch and history time at the
+    end, -1 none.
+    """
+
+    first_tick: Ints
+    n_tick: Ints
+    epoch: Ints
+    hist: Ints
+
+
+def _cut(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: Ints, group: int) -> _Cut:
     """Cut the flight into windows at covariance steps, each at the strapdown step nearest to it (`group` ticks),
     epochs, history times and ticks whose state is kept; a second history time on the same tick gets a window of no
-    ticks. Returns the schedule and the distinct window lengths in ticks.
+    ticks.
     """
     steps = np.rint(np.arange(0, n_imu, per_window) / group).astype(np.int64) * group
     bounds = np.unique(np.concatenate([steps, hist_tick, epoch_tick, kept, [0, n_imu]]))
@@ -45,65 +62,69 @@ def _schedule(
     none = np.zeros(np.count_nonzero(seconds), dtype=np.int64)
     more = np.stack([hist_tick[seconds], none, none - 1, np.flatnonzero(seconds)], axis=1)
     order = np.argsort(np.concatenate([bounds[kept_rows], hist_tick[seconds]]), kind="stable")
-    first, counts, epoch, hist = np.ascontiguousarray(np.concatenate([rows, more])[order].T)
-    lengths, which = np.unique(counts, return_inverse=True)
-    nothing = np.zeros_like(first)
-    return Schedule(first, counts, which.astype(np.int64), epoch, hist, nothing - 1, nothing), lengths
+    return _Cut(*np.ascontiguousarray(np.concatenate([rows, more])[order].T))
 
 
 def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int, group: int) -> Floats:
     """Return history times and covariance steps (s), sorted; a step on the tick of a history time stands once."""
     grid = (start, rate, n_imu, group)
-    return np.sort(np.concatenate([t_hist, steps[~np.isin(_ticks(steps, *grid), _ticks(t_hist, *grid))]]))
-
-
-class Epochs(NamedTuple):
-    """Epochs (s) and their ticks; ticks of the flight, and those to a strapdown step."""
-
-    t: Floats
-    tick: Ints
-    n_imu: int
-    group: int
+    return np.sort(np.concatenate([t_hist, steps[~np.isin(ticks_of(steps, *grid), ticks_of(t_hist, *grid))]]))
 
 
 class Times(NamedTuple):
-    """When a flight is looked at: history times (s) with their ticks, windows, and their lengths (s)."""
+    """Schedule of a flight: when it is looked at, and the windows between.
+
+    t_hist : (n_hist,) s since lift-off. History times.
+    hist_tick : (n_hist,). Ticks at which errors are recorded for them.
+    schedule : Windows of IMU ticks.
+    lengths : (n_length,) s. Window lengths that occur.
+    injected : (n_injection, n_state) SI squared. Variances that changes of region add to the filter's states.
+    delayed : Delays that the filter compensates.
+    kept : For each of these delays, when states are kept.
+    """
 
     t_hist: Floats
     hist_tick: Ints
     schedule: Schedule
     lengths: Floats
-
-
-def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
-    """Return the epochs of a flight, on ticks of the strapdown."""
-    rate, start, end = scenario.imu.rate, float(ref.t[0]), float(ref.t[-1])
-    group = scenario.filter.strapdown.ratio
-    n_imu = ref.dtheta.shape[0] // group * group
-    interval = epoch_interval(scenario)
-    n_epoch = math.floor((end - start) / interval + 1e-9)
-    tick = _ticks(start + interval * np.arange(1, n_epoch + 1, dtype=np.float64), start, rate, n_imu, group)
-    # increments end at ticks: half a tick is 20 m at orbital speed
-    return Epochs(ref.t[tick], tick, n_imu, group)
+    injected: Floats
+    delayed: tuple[DelayTaken, ...]
+    kept: tuple[CloneTimes, ...]
 
 
 def times_of(
-    scenario: Scenario,
-    trajectory: Trajectory,
-    ref: Reference,
-    epochs: Epochs,
-    kept: Sequence[CloneTimes],
-    history: float,
-    every_step_beside: Floats | None,
+    scenario: Scenario, flight: Flight, layout: StateLayout, history: float, every_step_beside: Floats | None = None
 ) -> Times:
-    """Return when a flight is looked at; history: interval (s) of the grid, every_step_beside as of `prepare`."""
-    rate, n_imu, group = scenario.imu.rate, epochs.n_imu, epochs.group
-    start, end = float(ref.t[0]), float(ref.t[-1])
-    per_window = max(1, round(rate / scenario.filter.covariance_rate))
-    t_hist = _history_times(trajectory, start, end, history)
+    """Return the schedule of a flight; layout: of the filter, whose states changes of region add to.
+
+    history : s, interval of the history times; every event time is added
+    every_step_beside : as of `prepare`
+    """
+    card, ref, (_, tick, n_imu, group) = scenario.filter, flight.reference, flight.epochs
+    rate, start = scenario.imu.rate, float(ref.t[0])
+    delayed = delays_taken(scenario, flight.epochs.t, flight.stamped, flight.devices)
+    kept = clone_times(scenario, flight.epochs.t, delayed, ref.t, group)
+    per_window = max(1, round(rate / card.covariance_rate))
+    # the last piece of a flight that is shorter than a tick may hold an event: its errors are those of the last tick
+    end = flight.trajectory.end
+    events = np.array([t for t in flight.trajectory.events.values() if start <= t <= end], dtype=np.float64)
+    t_hist = _history_times(events, start, float(ref.t[-1]), history)
     if every_step_beside is not None:
         t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
-    hist_tick = _ticks(t_hist, start, rate, n_imu, group)
+    hist_tick = _history_ticks(t_hist, events, start, rate, n_imu, group)
     looked = np.concatenate([np.zeros(0, dtype=np.int64), *(ticks for one in kept for ticks in (one.valid, one.early))])
-    schedule, lengths = _schedule(n_imu, per_window, hist_tick, epochs.tick, looked, group)
-    return Times(t_hist, hist_tick, schedule, lengths / rate)
+    cut = _cut(n_imu, per_window, hist_tick, tick, looked, group)
+    windows = Windows(cut.first_tick, cut.n_tick)
+    lengths, length = np.unique(cut.n_tick, return_inverse=True)
+    course, (imu, *_) = flight.trajectory.course, filter_models(scenario)
+    injection, injected = injections(card.region_noise, course, ref, windows, layout, imu)
+    schedule = Schedule(
+        first_tick=cut.first_tick,
+        n_tick=cut.n_tick,
+        length=length.astype(np.int64),
+        epoch=cut.epoch,
+        hist=cut.hist,
+        injection=injection,
+        linearised=linearisations(card, rate, windows),
+    )
+    return Times(t_hist, hist_tick, schedule, lengths / rate, injected, delayed, kept)

@@ -1,12 +1,11 @@
-"""A filter's tuning on the nominal flight: weights of measurements, noise of a change of region, held transitions."""
+"""Filter tuning on the nominal flight: measurement weights, noise at region changes, sampled linearisation."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.setup.inputs import Schedule, Signals
 from lvnav_trade.filters.base import FilterCard, ImuModel
-from lvnav_trade.filters.model import FilterModel
 from lvnav_trade.filters.rows import TYPES
 from lvnav_trade.kernels.transition import ATT, EVERY_WINDOW, FIRST, KEPT, POS, RENEWED, VEL
 from lvnav_trade.layout import StateLayout
@@ -15,46 +14,50 @@ from lvnav_trade.records import Bools, Floats, Ints, Reference
 from lvnav_trade.world.conditions import ROUNDING, Course, inside
 
 
-def underweighted(
-    cards: Sequence[UnderweightingCard], course: Course, row_type: Ints, t_epoch: Floats, signals: Signals
-) -> Signals:
-    """Return the signals with what the filter assumes of its measurements: row_type (n_channel,) of the channels,
-    t_epoch (n_epoch,) s.
+def weights(
+    cards: Sequence[UnderweightingCard], course: Course, row_type: Ints, t_epoch: Floats
+) -> tuple[Floats, Floats]:
+    """Return what the filter does to its measurements, (n_epoch, n_channel) each: share of H P H' that is added to the
+    innovation variance, and factor on the noise variance.
+
+    row_type (n_channel,) of the channels; t_epoch (n_epoch,) s.
     """
-    beta, factor = signals.beta.copy(), np.ones_like(signals.variance)
+    beta = np.zeros((t_epoch.size, row_type.size))
+    factor = np.ones_like(beta)
     for card in cards:
         kinds = [TYPES[name] for name in card.measurements or TYPES]
         on = inside(course.holding(card), t_epoch)[:, None] & np.isin(row_type, kinds)
         beta += np.where(on, card.beta, 0.0)
         factor *= np.where(on, card.noise_factor, 1.0)
-    return signals._replace(beta=beta, scale=np.sqrt(factor), variance=signals.variance * factor)
+    return beta, factor
 
 
-def with_regions(
-    cards: Sequence[RegionNoiseCard],
-    course: Course,
-    ref: Reference,
-    schedule: Schedule,
-    model: FilterModel,
-    layout: StateLayout,
+class Windows(NamedTuple):
+    """Windows of IMU ticks, (n_window,) each: first tick, and number of ticks."""
+
+    first_tick: Ints
+    n_tick: Ints
+
+
+def injections(
+    cards: Sequence[RegionNoiseCard], course: Course, ref: Reference, windows: Windows, layout: StateLayout,
     imu: ImuModel,
-) -> tuple[Schedule, FilterModel]:
-    """Return the windows at whose end variance is added to states, and how much; ref: the true motion, tick by tick;
-    imu: what the filter assumes of its inertial unit.
+) -> tuple[Ints, Floats]:  # fmt: skip
+    """Return the variances that changes of region add to states: by window the number (n_window,) of what is added at
+    its end, -1 none, and the variances (n_injection, n_state), at least one row.
+
+    ref: the true motion, tick by tick; imu: what the filter assumes of its IMU.
     """
-    if not cards:
-        return schedule, model
-    moved = schedule.n_tick > 0
-    first, end = schedule.first_tick[moved], schedule.first_tick[moved] + schedule.n_tick[moved]
-    added = np.zeros((schedule.n_tick.size, layout.n_state))
+    number, moved = np.full(windows.n_tick.size, -1, dtype=np.int64), windows.n_tick > 0
+    first, end = windows.first_tick[moved], (windows.first_tick + windows.n_tick)[moved]
+    added = np.zeros((windows.n_tick.size, layout.n_state))
     for card in cards:
-        changed = np.zeros(schedule.n_tick.size, dtype=bool)
+        changed = np.zeros(windows.n_tick.size, dtype=bool)
         changed[moved] = _changes(card, course, ref, first, end)
         added[changed] += _variance(card, layout, imu)
     at = np.flatnonzero(np.any(added > 0.0, axis=1))
-    number = np.full(schedule.n_tick.size, -1, dtype=np.int64)
     number[at] = np.arange(at.size)
-    return schedule._replace(injection=number), model._replace(injected=added[at] if at.size else model.injected)
+    return number, added[at] if at.size else np.zeros((1, layout.n_state))
 
 
 def _changes(card: RegionNoiseCard, course: Course, ref: Reference, first: Ints, end: Ints) -> Bools:
@@ -94,14 +97,17 @@ def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floa
     return variance
 
 
-def with_linearisation(card: FilterCard, rate: float, schedule: Schedule) -> Schedule:
-    """Return the windows with what each does to the rates that the transition is linearised at; rate: of the IMU."""
+def linearisations(card: FilterCard, rate: float, windows: Windows) -> Ints:
+    """Return what each window does to the rates that the transition is linearised at, (n_window,); rate (Hz): of the
+    IMU.
+    """
+    codes = np.full(windows.n_tick.size, EVERY_WINDOW, dtype=np.int64)
     if card.transition_rate is None:
-        return schedule
-    moved, codes = schedule.n_tick > 0, np.full(schedule.n_tick.size, EVERY_WINDOW)
-    step = schedule.first_tick[moved] // max(1, round(rate / card.transition_rate))
+        return codes
+    moved = windows.n_tick > 0
+    step = windows.first_tick[moved] // max(1, round(rate / card.transition_rate))
     own = np.where(np.diff(step, prepend=-1) > 0, RENEWED, KEPT)
     # nothing is known before the first window: it is linearised at its own means, and the next one begins anew
     own[:2] = (FIRST, RENEWED)[: own.size]
     codes[moved] = own
-    return schedule._replace(linearised=codes)
+    return codes

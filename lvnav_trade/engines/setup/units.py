@@ -1,4 +1,4 @@
-"""Several inertial units on the nominal flight: what each senses where it sits, and what they are fused to."""
+"""IMU arrays on the nominal flight: increments at each IMU, and the combined triad."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_2, SQUARE
 from lvnav_trade.layout import RELATIVE, StateLayout
-from lvnav_trade.observables.imu_difference import ImuDifferenceCard
+from lvnav_trade.observables.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.per_axis import axes
 from lvnav_trade.records import Floats, Reference
 from lvnav_trade.scenario import Scenario
@@ -19,9 +19,10 @@ from lvnav_trade.sources import IMU_NOISE
 from lvnav_trade.world.conditions import Course
 from lvnav_trade.world.fault_cards import AnyFault, DeadAxis, DroppedSamples
 from lvnav_trade.world.faults import periods
+from lvnav_trade.world.sensors.differences import difference
 from lvnav_trade.world.sensors.elements import Dead, put_out
 from lvnav_trade.world.sensors.imu import ImuCard, lag
-from lvnav_trade.world.sensors.units import ImuSet, blocks_of, difference, keyed, triads_of
+from lvnav_trade.world.sensors.units import ImuSet, keyed, terms_of, triads_of
 
 
 def arriving(
@@ -119,7 +120,7 @@ def units_of(
         lever=lever * (card.lever_arms == "compensated"),
         noise_sources=np.array([source_word(key) for key in keys], dtype=np.uint64),
         white=np.array([white_of(card.units[triad.unit], dt) for triad in triads]),
-        triads=np.array([block.triad for block in blocks_of(card)], dtype=np.int64),
+        triads=np.array([block.triad for block in terms_of(card)], dtype=np.int64),
         **_pairs(card, devices, layout),
     )
 

@@ -7,14 +7,13 @@ import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Samples
 from lvnav_trade.envelope import EnvelopeCard, changing
-from lvnav_trade.filters.base import ImuModel
 from lvnav_trade.filters.samples import VehicleModel
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.per_axis import PerAxis, squares
 from lvnav_trade.records import Bools, Floats, Reference
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario import Scenario, filter_models
 from lvnav_trade.world.control.ascent import changes
 from lvnav_trade.world.truth import Trajectory
 
@@ -24,13 +23,11 @@ def _by_sensor(gyro: PerAxis, accel: PerAxis) -> Floats:
     return np.array([*squares(gyro), *squares(accel)])
 
 
-def vehicle_of(
-    scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout, imu: ImuModel
-) -> VehicleModel | None:
+def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout) -> VehicleModel | None:
     """Return a filter's model of the vehicle's motion; None where the samples of its IMU are not measurements."""
     if layout.motion < 0:
         return None
-    dt = 1.0 / scenario.imu.rate
+    dt, (imu, *_) = 1.0 / scenario.imu.rate, filter_models(scenario)
     of_sensor = [[(p, block) for p, block in enumerate(layout.parameters) if block.sensor == s] for s in (GYRO, ACCEL)]
     most = max(map(len, of_sensor))
     blocks = np.full((2, most, 2), (-1, CONSTANT), dtype=np.int64)
@@ -50,11 +47,11 @@ def vehicle_of(
     )
 
 
-def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout, imu: ImuModel) -> Samples | None:
+def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> Samples | None:
     """Return what is reported of the IMU's samples; None where nothing is."""
     if not layout.samples:
         return None
-    dt = 1.0 / scenario.imu.rate
+    dt, (imu, *_) = 1.0 / scenario.imu.rate, filter_models(scenario)
     noise = _by_sensor(imu.gyro_random_walk, imu.accel_random_walk) / dt
     found = {(block.sensor, block.driver): number for number, block in enumerate(layout.parameters)}
     par = np.array([found.get((sensor, CONSTANT), -1) for sensor in (GYRO, ACCEL)], dtype=np.int64)

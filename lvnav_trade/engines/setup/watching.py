@@ -1,4 +1,4 @@
-"""The rules of a filter's logic in numbers, and what the receiver's own checks say of every sample."""
+"""Rules of the mode logic as numbers, and the receiver's own checks of every sample."""
 
 import math
 from collections.abc import Callable
@@ -14,30 +14,15 @@ from lvnav_trade.filters.logic import CHECKS, LogicCard
 from lvnav_trade.filters.model import FilterModel
 from lvnav_trade.filters.monitor import DATA_LOST, Rules
 from lvnav_trade.observables.partials import Channels
-from lvnav_trade.records import FIRST_CHECK, Bools, Floats, Ints
+from lvnav_trade.records import FIRST_CHECK, Floats, Ints
 from lvnav_trade.world.faults import Failures
 
 _ERRORS = ("data_loss", "residual", "covariance")
 _UNGUARDED = LogicCard(check_flags=())
 
 
-def pdop(direction: Floats, tracked: Bools) -> Floats:
-    """Return the dilution of precision of position, (n_epoch,): inf without four satellites, or all in one cone.
-
-    direction (n_epoch, n_sat, 3) unit vectors to the satellites; tracked (n_epoch, n_sat).
-    """
-    found = np.full(len(tracked), np.inf)
-    for epoch in np.flatnonzero(tracked.sum(axis=1) >= 4):
-        on = tracked[epoch]
-        design = np.column_stack([-direction[epoch, on], np.ones(np.count_nonzero(on))])
-        normal = design.T @ design
-        if np.linalg.cond(normal) < 1e12:
-            found[epoch] = math.sqrt(np.trace(np.linalg.inv(normal)[:3, :3]))
-    return found
-
-
 def failing(
-    card: FilterCard, failed: Failures, signals: Signals, channels: Channels, dilution: Callable[[], Floats]
+    card: FilterCard, failed: Failures, n_used: Ints, channels: Channels, dilution: Callable[[], Floats]
 ) -> Ints:
     """Return which check at the input the receiver's samples fail, by its number in `records.REASONS`, (n_epoch,): the
     first that they fail, 0 where none.
@@ -45,6 +30,7 @@ def failing(
     Parameters
     ----------
     failed : what faults do to flags and freshness
+    n_used : (n_epoch,) satellites in use
     dilution : of precision (n_epoch,); called where a rule is about it
     """
     logic = card.logic or _UNGUARDED
@@ -52,7 +38,7 @@ def failing(
     checks = [(FIRST_CHECK + k, wrong[k]) for k, name in enumerate(CHECKS) if name in logic.check_flags]
     if logic.pdop_below is not None:
         checks.append((FIRST_CHECK + len(CHECKS), ~(dilution() < logic.pdop_below)))
-    found = np.where(signals.n_used >= (1 if channels.tight else 4), 0, DATA_LOST)
+    found = np.where(n_used >= (1 if channels.tight else 4), 0, DATA_LOST)
     for number, fails in checks:
         found[(found == 0) & fails] = number
     return found
@@ -92,10 +78,11 @@ def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate
     return thresholds_of(card, int(np.sum(per_epoch)), signals.used.shape[1], 1.0 / rate)
 
 
-def left_out(rules: Rules | None, signals: Signals, chain: Chain | None) -> Signals:
-    """Return the signals with no solution where a sample fails the checks at the input: linear covariance then has no
-    row there either. A receiver that solves for itself goes on, whatever the filter leaves out.
+def satellites_taken(rules: Rules | None, n_used: Ints, chain: Chain | None) -> Ints:
+    """Return how many satellites the filter takes at the epochs, (n_epoch,): none where a sample fails the checks at
+    the input, so that linear covariance has no row there either.
+
+    n_used : (n_epoch,) satellites that the receiver uses
+    chain : of a receiver that solves for itself, which goes on whatever the filter leaves out
     """
-    if rules is None or chain is not None:
-        return signals
-    return signals._replace(n_used=np.where(rules.good, signals.n_used, 0))
+    return n_used if rules is None or chain is not None else np.where(rules.good, n_used, 0)

@@ -11,11 +11,11 @@ from lvnav_trade.records import Floats
 
 @jit
 def _walk(
-    path: Floats, jump: Floats, start: Floats, step: Floats, interval: float, at_start: np.uint64, at_epoch: np.uint64,
-    run: np.uint64, k0: np.uint64, k1: np.uint64,
+    path: Floats, jump: Floats, start: Floats, step: Floats, interval: float, sources: tuple[np.uint64, np.uint64],
+    run: np.uint64, key: tuple[np.uint64, np.uint64],
 ) -> None:  # fmt: skip
-    """Fill bias and drift before the first epoch and at every epoch."""
-    zero = np.uint64(0)
+    """Fill bias and drift before the first epoch and at every epoch; sources: words of the start and of the steps."""
+    zero, (at_start, at_epoch), (k0, k1) = np.uint64(0), sources, key
     n0, n1, _, _ = normals(k0, k1, at_start, run, zero, zero)
     path[0, 0], path[0, 1] = start[0] * n0, start[1] * n1
     for epoch in range(jump.shape[0]):
@@ -29,5 +29,5 @@ def true_clock(prepared: Prepared, seed: int, run: int) -> Floats:
     signals = prepared.signals
     path = np.zeros((prepared.t_epoch.size + 1, 2))
     fixed = (signals.clock_jump, signals.clock_start, signals.clock_step, signals.interval)
-    _walk(path, *fixed, signals.sources[3], signals.sources[0], np.uint64(run), *seed_words(seed))
+    _walk(path, *fixed, (signals.sources[3], signals.sources[0]), np.uint64(run), seed_words(seed))
     return path[1:]

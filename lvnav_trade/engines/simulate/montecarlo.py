@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import config
 
-from lvnav_trade.engines.setup.inputs import Schedule
+from lvnav_trade.engines.epoch.case import Parts, case_of
+from lvnav_trade.engines.setup.inputs import Record, Schedule, Start, Unit
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.receiver.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly
@@ -31,7 +32,7 @@ from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import N_STATE as N_RECEIVER
 from lvnav_trade.receivers.base import new_receiver
-from lvnav_trade.records import FIRST_UNIT, NO_CHANGES, NO_DECISIONS, OF_UNIT, WAITING, Floats, RunBlock
+from lvnav_trade.records import FIRST_UNIT, NO_CHANGES, NO_DECISIONS, OF_INERTIAL, OF_UNIT, WAITING, Floats, RunBlock
 
 
 class Held(NamedTuple):
@@ -56,40 +57,65 @@ Work = namedtuple(
     "clock_hat shared extra ranges solution err sigma nees nis n_row n_reject innovation failed t_failed reported "
     "observed",
 )
-"""Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`."""
+"""Arrays of a run, or of eight runs in lanes: truth, filter, results.
 
-Parts = namedtuple(
-    "Parts", "rx open_loop watch past motion held missed units backup earlier last points monitor "
-    "again tape",
-    defaults=(None, None, None, None, None, None, None, None, None, None, None, None, None, None, None),
-)  # fmt: skip
-"""Arrays that belong to options and are None without them; whatever does without is compiled once for all options.
-
-rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
-(n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses), units (UnitWork),
-backup (filters.backup.Backup), earlier (filters.delayed.Earlier) and last (n_sat, n_kind) what differences are formed
-with, points (filters.unscented.Points), monitor (filters.integrity.state.Monitor), again
-(filters.iterated.Again), tape (engines.simulate.tape.Tape) of one run that is recorded.
+run : (1,). Number of the run.
+nav : (10,). Estimated navigation state: attitude quaternion, velocity, position, frame i.
+sums : (18,). Strapdown integrals over the window.
+rates : (2, 18). Rates of these integrals at which the transition is linearised, and their means over the last window.
+previous : (6,) rad, m/s. Increments before the window.
+increments : (n_tick, 6) rad, m/s. Increments of the window.
+P : (n_state, n_state). Covariance of the filter.
+X : (n_state, n_state). Scratch of the NEES: factor of the covariance.
+D : (n_block, 9). Blocks of the transition.
+x : (n_state,). Error state.
+K : (n_state,). P h' of a scalar measurement.
+H : (n_row, n_entry). Jacobian rows of the epoch.
+z : (n_row,). Measured minus predicted.
+antenna : (n_antenna, 21). Estimated antenna states, as in `line_of_sight.antenna`.
+rate : (3,) rad/s. Estimated body rate.
+true_par : (n_block, 3). True IMU parameters.
+true_tables : (2, N_TABLE). Error tables of gyro and accelerometer, from the true parameters.
+par : (n_par, 3). Estimated IMU parameters.
+tables : (2, N_TABLE). Compensation tables of gyro and accelerometer, from the estimates.
+remainder : (6,) rad, m/s. Remainder of quantisation.
+clock : (2,) m, m/s. True clock bias and drift.
+clock_hat : (2,) m, m/s. Estimated clock bias and drift.
+shared : (n_component,). True correlated measurement errors.
+extra : (n_extra,). Estimated extra states.
+ranges : (n_slot, n_kind). Measured observables of the satellites.
+solution : (6,) m, m/s. Measured position and velocity.
+err : (n_hist, n_out). Estimation error, as in RunBlock.
+sigma : (n_hist, n_out). Standard deviation in the filter's own covariance.
+nees : (n_hist,). Normalised estimation error squared.
+nis : (n_epoch,). Sum of squared normalised innovations.
+n_row : (n_epoch,). Number of accepted scalar measurements.
+n_reject : (n_epoch,). Number of rejected scalar measurements.
+innovation : (n_epoch, n_channel). Normalised innovations.
+failed : (1,). Failure code, as in RunBlock.
+t_failed : (1,) s since lift-off. Time of the failure.
+reported : (6, 6). Covariance reported with the solution.
+observed : (n_sensor, 4). Measurements of the other sensors.
 """
 
 
+class Truth(NamedTuple):
+    """What is true of a case beyond its signals, and its filter never sees.
+
+    unit : Truth-side model of the IMU.
+    start : True state at tick 0, and the spread of the filter's.
+    record : True state at the ticks of the history times.
+    """
+
+    unit: Unit
+    start: Start
+    record: Record
+
+
 @jit
-def fly_lanes(
-    work: Any,
-    parts: Any,
-    schedule: Any,
-    unit: Any,
-    signals: Any,
-    sensors: Any,
-    start: Any,
-    history: Any,
-    model: Any,
-    options: Any,
-    k0: Any,
-    k1: Any,
-) -> None:
+def fly_lanes(work: Any, parts: Any, case: Any, truth: Any, key: Any) -> None:
     """Fly eight runs: `fly` on lane views of arrays whose last axis is the runs."""
-    fly(view(work), view(parts), schedule, unit, signals, sensors, start, history, model, options, k0, k1)
+    fly(view(work), view(parts), case, truth, key)
 
 
 def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
@@ -111,7 +137,7 @@ def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
         "t_failed": (1,), "reported": (6, 6), "observed": (max(1, len(prepared.devices)), 4),
     }, n_lane)  # fmt: skip
     arrays["run"] = arrays["run"].view(np.uint64)
-    return Work(**arrays), _new_parts(prepared, n_lane)
+    return Work(**arrays), _new_parts(prepared, n_lane)._replace(run=arrays["run"])
 
 
 def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
@@ -158,24 +184,42 @@ def _fly(prepared: Prepared, seed: int, first: int, lanes: bool, taped: bool = F
     """Fly a run, or eight from `first` on; taped: one run, with a tape."""
     work, parts = new_work(prepared, lanes)
     if taped:
-        n_window = prepared.schedule.n_tick.size
-        parts = parts._replace(tape=new_tape(work, len(prepared.unit.dtheta), prepared.t_epoch.size, n_window))
+        parts = parts._replace(tape=new_tape(work, len(prepared.unit.dtheta), prepared.t_epoch.size))
     runs = np.arange(first, first + (WIDTH if lanes else 1), dtype=np.uint64)
     work.run[0] = runs if lanes else runs[0]
     chosen = np.flatnonzero(prepared.signals.shared.given)
     if chosen.size:
         values = values_of(prepared.recorded, seed, runs)
         work.shared[chosen] = values if lanes else values[:, 0]
-    p = prepared
-    fixed = (p.schedule, p.unit, p.signals, p.sensors, p.start, p.record, p.model, p.options)
-    (fly_lanes if lanes else fly)(work, parts, *fixed, *seed_words(seed))
+    truth = Truth(prepared.unit, prepared.start, prepared.record)
+    (fly_lanes if lanes else fly)(work, parts, case_of(prepared), truth, seed_words(seed))
     return work, parts
 
 
-def taped(prepared: Prepared, seed: int, run: int) -> Tape:
-    """Return the tape of a run."""
-    found: Tape = _fly(prepared, seed, run, lanes=False, taped=True)[1].tape
-    return found
+class TapedRun(NamedTuple):
+    """A run as its filter sees it.
+
+    tape : Tape. Inputs of the filter and its estimates.
+    innovation : (n_epoch, n_channel). Normalised innovations; not-a-number where nothing is processed.
+    accepted : (n_epoch,). Number of accepted scalar measurements.
+    rejected : (n_epoch,). Number of scalar measurements that the gate rejects.
+    """
+
+    tape: Tape
+    innovation: Floats
+    accepted: Floats
+    rejected: Floats
+
+
+def taped(prepared: Prepared, seed: int, run: int) -> TapedRun:
+    """Return a run as its filter sees it.
+
+    A disturbance of gravity is left out: a run has it as an error of the estimate, so the filter alone could not repeat
+    its estimates.
+    """
+    undisturbed = prepared._replace(unit=prepared.unit._replace(gravity=-1))
+    work, parts = _fly(undisturbed, seed, run, lanes=False, taped=True)
+    return TapedRun(parts.tape, work.innovation, work.n_row, work.n_reject)
 
 
 def compile_kernels(prepared: Prepared) -> None:
@@ -259,11 +303,17 @@ def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes
 
 
 def _excluded(prepared: Prepared, redundant: RedundantWork, first_run: int, n_run: int, lanes: bool) -> Floats:
-    """Return the decisions (n, 4) on inertial units of some runs, in the same form."""
-    out, when = (_by_run(array, lanes)[:n_run] for array in (redundant.out, redundant.when))
+    """Return the decisions (n, 4) on inertial units of some runs, in the same form: which is excluded, or an alarm that
+    names none.
+    """
+    out, when, alarm = (_by_run(array, lanes)[:n_run] for array in (redundant.out, redundant.when, redundant.alarm))
     run, unit = np.nonzero(out)
-    t = prepared.unit.start + prepared.unit.dt * when[run, unit]
-    return np.stack([first_run + run, t, np.full(run.size, OF_UNIT), FIRST_UNIT - unit], axis=1)
+    alarmed = np.flatnonzero(alarm[:, 0])
+    tick = np.concatenate([when[run, unit], alarm[alarmed, 0]])
+    kind = np.repeat([float(OF_UNIT), float(OF_INERTIAL)], [run.size, alarmed.size])
+    named = np.concatenate([FIRST_UNIT - unit, np.full(alarmed.size, -1)])
+    t = prepared.unit.start + prepared.unit.dt * tick
+    return np.stack([first_run + np.concatenate([run, alarmed]), t, kind, named], axis=1)
 
 
 def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:

@@ -1,4 +1,4 @@
-"""What a simulation run leaves at a history time: errors (truth minus estimate), sigmas, NEES, failure."""
+"""Results of a run at a history time: errors (truth minus estimate), sigmas, NEES, failure."""
 
 from lvnav_trade.engines.simulate.units import add_relative_biases
 from lvnav_trade.filters.feedforward import apply_correction, remove_correction
@@ -11,9 +11,6 @@ from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.kernels.transition import ATT, CONSTANT, OTHER_0, OTHER_2, OWN_0, OWN_2, POS, VEL
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.receivers.base import BIAS as RX_BIAS
-from lvnav_trade.receivers.base import DRIFT as RX_DRIFT
-from lvnav_trade.receivers.base import N_FIX
-from lvnav_trade.receivers.base import N_STATE as N_RX
 from lvnav_trade.receivers.base import POS as RX_POS
 from lvnav_trade.receivers.base import VEL as RX_VEL
 
@@ -67,8 +64,9 @@ def _navigation_errors(x, work, history, model, hist):
 
 
 @jit
-def _record_vector(err, sigma, at, x, P, state, c0, c1, c2):
+def _record_vector(err, sigma, at, x, P, state, along):
     """Write the error of a block of three states, from `state` on, along a direction, and its sigma."""
+    c0, c1, c2 = along
     err[at] = c0 * x[state] + c1 * x[state + 1] + c2 * x[state + 2]
     sigma[at] = sqrt(variance_along(P, state, c0, c1, c2))
 
@@ -79,9 +77,9 @@ def _record_motion(err, sigma, first, x, P, history, hist):
     q, axes = history.q[hist], history.axes[hist]
     c = matrix(q[0], q[1], q[2], q[3])
     for i in range(3):
-        _record_vector(err, sigma, first + ATT + i, x, P, ATT, c[i], c[3 + i], c[6 + i])
+        _record_vector(err, sigma, first + ATT + i, x, P, ATT, (c[i], c[3 + i], c[6 + i]))
         for at in (VEL, POS):
-            _record_vector(err, sigma, first + at + i, x, P, at, axes[i, 0], axes[i, 1], axes[i, 2])
+            _record_vector(err, sigma, first + at + i, x, P, at, (axes[i, 0], axes[i, 1], axes[i, 2]))
 
 
 @jit
@@ -155,47 +153,15 @@ def _record_samples(work, motion, samples, model, tick, hist):
 
 
 @jit
-def _own_error(work, rx, held, filtering, point_model, point):
-    """Set the error of the receiver's own estimate, frame i, where there is a solution, and its own covariance."""
-    valid = rx.solution[0] == rx.solution[0]
-    if filtering is None:
-        for i in range(4):
-            a, b = RX_POS + i if i < 3 else RX_BIAS, RX_VEL + i if i < 3 else RX_DRIFT
-            for j in range(4):
-                c, d = RX_POS + j if j < 3 else RX_BIAS, RX_VEL + j if j < 3 else RX_DRIFT
-                inverse = rx.inverse[i, j]
-                held.covariance[a, c] = where(valid, point_model.range_variance * inverse, held.covariance[a, c])
-                held.covariance[b, d] = where(valid, point_model.rate_variance * inverse, held.covariance[b, d])
-    else:
-        for i in range(N_RX):
-            for j in range(N_RX):
-                held.covariance[i, j] = where(valid, rx.P[i, j], held.covariance[i, j])
-    for i in range(N_FIX):
-        at = RX_POS + i if i < 3 else RX_VEL + i - 3 if i < 6 else RX_BIAS + i - 6
-        estimate = rx.fix[i] if filtering is None else rx.nav[at]
-        true = like(estimate, point[i]) if i < 6 else work.clock[i - 6]
-        held.error[at] = where(valid, true - estimate, held.error[at])
-
-
-@jit
-def hold_solution(work, rx, held, solver, report, epoch):
-    """Hold the error of the receiver's last solution, as of its time of validity, and its filter's innovations."""
-    if report is not None:
-        _own_error(work, rx, held, solver.filter, solver.point, report.point[epoch])
-        for i in range(report.n_channel):
-            work.innovation[epoch, report.first_channel + i] = rx.innovation[i]
-
-
-@jit
 def _record_solution(work, held, report, history, model, hist):
     """Write the error of the receiver's last solution in reporting axes: velocity, position, clock."""
     if report is not None:
         axes, at = history.axes[hist], report.first_output
         err, sigma = work.err[hist], work.sigma[hist]
         for i in range(3):
-            c0, c1, c2 = axes[i, 0], axes[i, 1], axes[i, 2]
-            _record_vector(err, sigma, at + i, held.error, held.covariance, RX_VEL, c0, c1, c2)
-            _record_vector(err, sigma, at + 3 + i, held.error, held.covariance, RX_POS, c0, c1, c2)
+            along = axes[i, 0], axes[i, 1], axes[i, 2]
+            _record_vector(err, sigma, at + i, held.error, held.covariance, RX_VEL, along)
+            _record_vector(err, sigma, at + 3 + i, held.error, held.covariance, RX_POS, along)
         for k in range(2):
             err[at + 6 + k] = held.error[RX_BIAS + k]
             sigma[at + 6 + k] = sqrt(held.covariance[RX_BIAS + k, RX_BIAS + k])
@@ -215,18 +181,30 @@ def _record_misses(work, missed, history, model, hist):
 
 
 @inlined
-def record(work, open_loop, watch, own, motion, held, missed, backup, vehicle, samples, report, of_backup, history,
-           shared, units, model, tick, hist):  # fmt: skip
-    """Record at a history time: of an open loop the sum of inertial system and error state, which goes nowhere else."""
-    if missed is not None:
-        _record_misses(work, missed, history, model, hist)
-        return
+def _record_errors(work, parts, case, open_loop, history, tick, hist):
+    """Record errors of the states: of an open loop (OpenLoop, or None) of the sum of inertial system and error state,
+    which goes nowhere else.
+    """
+    model, options = case.model, case.options
     if open_loop is not None:
-        apply_correction(work, open_loop, watch, model)
-    _motion_errors(work, motion, vehicle, tick)
-    _record_states(work, own, history, shared, units, model, hist)
+        apply_correction(work, open_loop, parts.watch, model)
+    _motion_errors(work, parts.motion, options.vehicle, tick)
+    _record_states(work, parts.units, history, case.signals.shared, options.units, model, hist)
     if open_loop is not None:
         remove_correction(work, open_loop, model)
-    _record_samples(work, motion, samples, model, tick, hist)
-    _record_solution(work, held, report, history, model, hist)
-    _record_backup(work, backup, of_backup, history, hist)
+    _record_samples(work, parts.motion, options.samples, model, tick, hist)
+    _record_solution(work, parts.held, options.report, history, model, hist)
+    _record_backup(work, parts.backup, options.backup, history, hist)
+
+
+@inlined
+def record(work, parts, case, missed, history, tick, hist):
+    """Record at a history time, of which `tick` is the last one: errors, or (Misses) what the filter's transition
+    misses.
+
+    history : Record, what is true at the history times
+    """
+    if missed is not None:
+        _record_misses(work, missed, history, case.model, hist)
+    else:
+        _record_errors(work, parts, case, parts.open_loop, history, tick, hist)

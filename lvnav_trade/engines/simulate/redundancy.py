@@ -20,15 +20,28 @@ FAR = 1e300
 
 
 class RedundantWork(NamedTuple):
-    """Arrays of redundant units: out (n_unit,) 1 of those excluded, when (n_unit,) the tick from which on; solved
-    (n_triad, 2, 3, 3) how axes enter the mean of the others, reduced (1,): 1 once it is not that of all, and informed
-    (n_triad, 2, 3, 3) the mean that the filter has been informed of last; value
-    (n_triad, 3) of a tick along the axes, sums (2, n_triad, 3) since the test before; order, ratio (n_unit,), A,
-    inverse (3, 3), b, fit (3,), over (1,) scratch.
+    """Work arrays of redundant IMUs in a run.
+
+    out : (n_unit,). 1 for an excluded IMU.
+    when : (n_unit,). Tick from which the IMU is excluded.
+    alarm : (1,). Tick of the first detection if no IMU is excluded; 0 before.
+    solved : (n_triad, 2, 3, 3). Weights by which the axes of the remaining IMUs enter the mean.
+    reduced : (1,). 1 once the mean is no longer that of all IMUs.
+    informed : (n_triad, 2, 3, 3). Weights of the mean that the filter was last informed of.
+    value : (n_triad, 3) rad or m/s. Increments of a tick along the axes.
+    sums : (2, n_triad, 3) rad, m/s. Sums of these since the last test.
+    order : (n_unit,). Scratch: readings of the IMUs, sorted for their middle value.
+    ratio : (n_unit,). Scratch: residual without the IMU, over its limit.
+    A : (3, 3). Scratch: normal matrix of the fit.
+    inverse : (3, 3). Scratch: inverse of the normal matrix.
+    b : (3,). Scratch: right-hand side of the fit.
+    fit : (3,). Scratch: solution of the fit.
+    over : (1,). Scratch: a value of the type of the lanes.
     """
 
     out: Floats
     when: Floats
+    alarm: Floats
     solved: Floats
     reduced: Floats
     informed: Floats
@@ -46,7 +59,7 @@ class RedundantWork(NamedTuple):
 def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundantWork:
     """Return the arrays of redundant units: one run, or `lanes` runs on the last axis."""
     shapes = {
-        "out": (n_unit,), "when": (n_unit,), "solved": (n_triad, 2, 3, 3), "reduced": (1,),
+        "out": (n_unit,), "when": (n_unit,), "alarm": (1,), "solved": (n_triad, 2, 3, 3), "reduced": (1,),
         "informed": (n_triad, 2, 3, 3), "value": (n_triad, 3),
         "sums": (2, n_triad, 3), "order": (n_unit,), "ratio": (n_unit,), "A": (3, 3), "inverse": (3, 3), "b": (3,),
         "fit": (3,), "over": (1,),
@@ -59,7 +72,7 @@ def begin_redundant(own, units):
     """Begin a run: every unit is in use (RedundantWork, or None)."""
     if own is not None:
         zero = like(own.over[0], 0.0)
-        own.reduced[0] = zero
+        own.reduced[0], own.alarm[0] = zero, zero
         for u in range(own.out.shape[0]):
             own.out[u], own.when[u] = zero, zero
         _clear(own)
@@ -204,13 +217,16 @@ def _reduce(own, units, vote):
 
 @jit
 def check(own, units, vote, tick):
-    """Test the units after a tick that ends a window, and exclude the one that has failed."""
+    """Test the units after a tick that ends a window, and exclude the one that has failed, or note that one has."""
     if vote.ticks == 0 or (tick + 1) % vote.ticks != 0:
         return
     window = (tick + 1) // vote.ticks - 1
     for sensor in range(2):
         square, dof = _left(own, units, vote, sensor, window, -1)
         fails = where((dof >= 1.0) & (square > limit(vote.limits, dof)), 1.0, 0.0)
+        if not vote.excludes:
+            own.alarm[0] = where((fails > 0.0) & (own.alarm[0] == 0.0), tick + 1.0, own.alarm[0])
+            continue
         least = like(own.over[0], FAR)
         for u in range(own.out.shape[0]):
             square, dof = _left(own, units, vote, sensor, window, u)
@@ -264,11 +280,12 @@ def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
             P[at + i, at + i] = P[at + i, at + i] + total
     for b in range(model.par_offset.shape[0]):
         if model.par_driver[b] == CONSTANT:
-            _grow_bias(P, solved, before, wanted, n_axis, vote, model.par_sensor[b], model.par_offset[b], seconds)
+            _grow_bias(P, (solved, before), wanted, n_axis, vote, model.par_sensor[b], model.par_offset[b], seconds)
 
 
 @jit
-def _grow_bias(P, solved, before, wanted, n_axis, vote, sensor, at, seconds):
+def _grow_bias(P, weights, wanted, n_axis, vote, sensor, at, seconds):
+    solved, before = weights
     for i in range(3):
         total = like(P[0, 0], 0.0)
         for k in range(n_axis.shape[0]):

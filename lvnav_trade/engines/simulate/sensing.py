@@ -1,4 +1,4 @@
-"""What is true in one run, or in eight at once: how it starts, what the unit puts out, what the receiver measures."""
+"""Truth side of a run: initial errors, IMU increments, receiver and sensor measurements (one run or eight lanes)."""
 
 import numpy as np
 
@@ -20,9 +20,10 @@ _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
 
 @jit
-def begin(work, own, unit, units, signals, start, model, k0, k1):
+def begin(work, own, case, truth, key):
     """Set every state of a run at tick 0: true parameters and clock drawn, the estimate off by its initial error."""
-    run = work.run[0]
+    run, unit, signals, start, model = work.run[0], truth.unit, case.signals, truth.start, case.model
+    k0, k1 = key
     q = from_errors(work, start, k0, k1, run)
     work.nav[Q], work.nav[Q + 1], work.nav[Q + 2], work.nav[Q + 3] = q
     for i in range(6):
@@ -36,8 +37,8 @@ def begin(work, own, unit, units, signals, start, model, k0, k1):
     processes.zero_all(work.tables)
     processes.zero_all(work.true_par)
     processes.start(work.true_par, unit.sigma, unit.sources, k0, k1, run)
-    begin_units(own, units)
-    _gather_tables(work, own, unit, units)
+    begin_units(own, case.options.units)
+    _gather_tables(work, own, unit, case.options.units)
     n0, n1, _, _ = normals(k0, k1, signals.sources[3], run, _ZERO, _ZERO)
     work.clock[0], work.clock[1] = signals.clock_start[0] * n0, signals.clock_start[1] * n1
     work.clock_hat[0], work.clock_hat[1] = like(n0, 0.0), like(n0, 0.0)
@@ -75,14 +76,6 @@ def from_errors(work, start, k0, k1, run):
 
 
 @jit
-def profile_value(unit, profile, axis, t):
-    """Return the bias or scale factor (SI) that a profile has on an axis at time t (s since lift-off)."""
-    first, last = unit.profile_start[profile], unit.profile_end[profile]
-    share = min(1.0, max(0.0, (t - first) / (last - first)))
-    return share * unit.profile[profile, axis]
-
-
-@jit
 def _gather_tables(work, own, unit, units):
     """Set what true parameters multiply; of several units (Units) in the tables of each, and in those of the fused
     triad.
@@ -113,7 +106,7 @@ def _add_profiles(tables, unit, units, tick):
         code = unit.profile_sensor[profile]
         table = tables[code]
         for axis in range(3):
-            value = profile_value(unit, profile, axis, middle)
+            value = processes.profile_value(unit, profile, axis, middle)
             if unit.profile_driver[profile] == CONSTANT:
                 table[axis] = table[axis] + value
             else:
@@ -143,33 +136,35 @@ def _miss_gravity(work, value, seconds):
 
 
 @inlined
-def _sense_ticks(work, own, unit, units, at, tick, count, k0, k1):
+def _sense_ticks(work, own, unit, units, at, tick, count, key):
     """Fill rows of the window's increments, from row `at` on, for ticks of one process step."""
     if units is None:
+        k0, k1 = key
         processes.corrupt(
             work.increments, at, tick, count, unit.dtheta, unit.dvel, work.true_tables[0], work.true_tables[1],
             unit.white, work.remainder, unit, k0, k1, work.run[0],
         )  # fmt: skip
     else:
-        sense_units(work, own, units, at, tick, count, unit.dt, k0, k1)
+        sense_units(work, own, units, at, tick, count, unit.dt, key)
 
 
 @inlined
-def sense(work, own, unit, units, first, n_tick, k0, k1):
+def sense(work, own, unit, units, first, n_tick, key):
     """Fill the window's increments with what the unit, or the triad fused of several (Units and, own, their UnitWork),
-    puts out; varying parameters step on their own clock.
+    puts out; varying parameters step on their own clock. key : (2,) words of the seed.
     """
+    k0, k1 = key
     run, done = work.run[0], 0
     while done < n_tick:
         tick = first + done
         phase = tick % unit.process_ticks
         if tick == 0 or (unit.drifting and phase == 0):
             if tick > 0:
-                epoch = np.uint64(tick // unit.process_ticks)
-                processes.step(work.true_par, unit.decay, unit.walk, unit.sources, k0, k1, run, epoch)
+                number = np.uint64(tick // unit.process_ticks)
+                processes.step(work.true_par, unit.decay, unit.walk, unit.sources, k0, k1, run, number)
             _set_true_tables(work, own, unit, units, tick)
         count = min(n_tick - done, unit.process_ticks - phase)
-        _sense_ticks(work, own, unit, units, done, tick, count, k0, k1)
+        _sense_ticks(work, own, unit, units, done, tick, count, key)
         if unit.gravity >= 0:
             _miss_gravity(work, work.true_par[unit.gravity], unit.dt * count)
         done += count
@@ -183,8 +178,9 @@ def step_clock(clock, step, interval, jump, n0, n1):
 
 
 @jit
-def _step_receiver(work, signals, word, epoch, k0, k1):
+def _step_receiver(work, signals, word, epoch, key):
     """Step the receiver's clock and the errors that measurements share to an epoch."""
+    k0, k1 = key
     run = work.run[0]
     n0, n1, _, _ = normals(k0, k1, signals.sources[0], run, word, _ZERO)
     step_clock(work.clock, signals.clock_step, signals.interval, signals.clock_jump[epoch], n0, n1)
@@ -214,8 +210,9 @@ def begin_solver(work, rx, solver):
 
 
 @jit
-def _begin_phases(work, further, signals, word, epoch, k0, k1):
+def _begin_phases(work, further, signals, word, epoch, key):
     """Draw the constants of carriers that begin a new phase."""
+    k0, k1 = key
     shared = signals.shared
     for s in range(further.ambiguity.shape[0]):
         m = further.ambiguity[s]
@@ -225,11 +222,12 @@ def _begin_phases(work, further, signals, word, epoch, k0, k1):
 
 
 @jit
-def _measure_further(work, last, further, signals, word, epoch, k0, k1):
+def _measure_further(work, last, further, signals, word, epoch, key):
     """Fill what is measured of satellites beside pseudorange and range rate, which stand there already; a difference is
     that with what was measured at the epoch before, last (n_sat, n_kind), updated.
     """
-    _begin_phases(work, further, signals, word, epoch, k0, k1)
+    k0, k1 = key
+    _begin_phases(work, further, signals, word, epoch, key)
     n_kind, run, shared = further.is_phase.shape[0], work.run[0], signals.shared
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
@@ -257,8 +255,9 @@ def _repeat(work, further, signals, epoch):
 
 
 @jit
-def _measure_ranges(work, n_kind, signals, word, epoch, k0, k1):
+def _measure_ranges(work, n_kind, signals, word, epoch, key):
     """Fill pseudorange and range rate of every satellite in use; n_kind: channels of each."""
+    k0, k1 = key
     run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
@@ -271,8 +270,9 @@ def _measure_ranges(work, n_kind, signals, word, epoch, k0, k1):
 
 
 @jit
-def _measure_directly(work, signals, word, epoch, k0, k1):
+def _measure_directly(work, signals, word, epoch, key):
     """Fill position and velocity of the receiver's simulated solution."""
+    k0, k1 = key
     run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
     p0, p1, p2, _ = normals(k0, k1, signals.sources[2], run, word, _ZERO)
     v0, v1, v2, _ = normals(k0, k1, signals.sources[2], run, word, _ONE)
@@ -302,10 +302,10 @@ def _sensor_error(work, signals, epoch, channel, normal):
 
 
 @jit
-def measure_sensors(work, own, sensors, units, signals, epoch, k0, k1):
+def measure_sensors(work, own, sensors, units, signals, key, epoch):
     """Set what the sensors beside the receiver (Sensors, or None) measure at an epoch."""
     if sensors is not None:
-        zero = like(work.clock[0], 0.0)
+        zero, (k0, k1) = like(work.clock[0], 0.0), key
         for k in range(sensors.code.shape[0]):
             if sensors.on[k, epoch]:
                 n0, n1, n2, _ = normals(k0, k1, sensors.sources[k], work.run[0], np.uint64(epoch + 1), _ZERO)
@@ -318,25 +318,30 @@ def measure_sensors(work, own, sensors, units, signals, epoch, k0, k1):
 
 
 @jit
-def observe(work, rx, last, solver, further, signals, model, epoch, k0, k1):
+def _observe_further(work, last, case, further, key, epoch):
+    """Fill what is measured of satellites beside pseudorange and range rate (Further, or None)."""
+    if further is not None:
+        _measure_further(work, last, further, case.signals, np.uint64(epoch + 1), epoch, key)
+
+
+@jit
+def observe(work, parts, case, solver, key, epoch):
     """Step the receiver to the epoch and fill the measurements that the filter uses; a frozen output stays.
 
-    rx, solver : Receiver and Solver, or None where the solution is simulated (loose) or there is none (tight)
-    last, further : what differences are formed with and Further, or None where there is none
+    solver : Solver, or None where the solution is simulated (loose) or there is none (tight)
     """
-    word = np.uint64(epoch + 1)
-    _step_receiver(work, signals, word, epoch, k0, k1)
+    word, signals, model, further = np.uint64(epoch + 1), case.signals, case.model, case.options.further
+    _step_receiver(work, signals, word, epoch, key)
     if solver is not None:
-        _measure_ranges(work, 2, signals, word, epoch, k0, k1)
-        smooth(rx, work.ranges, work.shared, solver.smoothing, signals, work.run[0], word, epoch, k0, k1)
-        _solve(work, rx, solver, signals, epoch)
+        _measure_ranges(work, 2, signals, word, epoch, key)
+        smooth(parts.rx, work, solver.smoothing, signals, word, epoch, key)
+        _solve(work, parts.rx, solver, signals, epoch)
         return
     if signals.frozen[epoch]:
         _repeat(work, further, signals, epoch)
         return
     if model.tight:
-        _measure_ranges(work, model.n_kind, signals, word, epoch, k0, k1)
-        if further is not None:
-            _measure_further(work, last, further, signals, word, epoch, k0, k1)
+        _measure_ranges(work, model.n_kind, signals, word, epoch, key)
+        _observe_further(work, parts.last, case, further, key, epoch)
     else:
-        _measure_directly(work, signals, word, epoch, k0, k1)
+        _measure_directly(work, signals, word, epoch, key)

@@ -1,4 +1,4 @@
-"""What is kept of a block of runs: sums, histograms, one row per run and event; mergeable in run order."""
+"""Statistics of a block of runs: sums, histograms, one row per run and event; mergeable in run order."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -24,21 +24,40 @@ NO_COUNTS = np.zeros((0, 0, N_BIN), dtype=np.uint32)
 
 
 class BlockSummary(NamedTuple):
-    """Streamed statistics of some runs. A *column* is an output or, after them, the norm of a three-axis quantity.
+    """Streamed statistics of some runs, SI. A *column* is an output or, after the outputs, the norm of a three-axis
+    quantity.
 
-    runs (n_run,) run numbers; failed (n_run,) codes of RunBlock; t_failed (n_run,) s; t (n_hist,) s; scale
-    (n_hist, n_column) SI, unit of the histogram; n_good (n_hist,), n_good_epoch (n_epoch,) runs in the sums below, in
-    which a failed run counts until it fails: total, squares, sigma_squares (n_hist, n_column) sums of error, its
-    square, the filter's variance (for a norm the norm, its square, the trace); nees (n_hist,) sum; t_epoch, nis, n_row,
-    n_reject (n_epoch,) sums; lag_sum, lag_count (N_LAG, n_channel) products of normalised innovations that many epochs
-    apart. bins (n_run, n_hist, n_column) of a block: the bin of |error| / scale, the last one from a failure on;
-    histogram (n_hist, n_column, N_BIN) counts of them, of what is merged. One row per run, failed ones too:
-    event_error, event_sigma (n_run, n_event, n_column) SI, event_nees (n_run, n_event). events: names in time order;
-    t_event (n_event,) s. t_bound (n_interval + 1,) s: events and both ends of the history;
-    worst (n_run, n_interval, n_column) SI: largest |error| of each run at the history times from one bound to the next,
-    both included; mean_square, of that shape, SI squared: its squared error's mean over the time between (trapezoidal
-    rule). changes (n_change, 5) of what filters with a logic do, decisions (n_decision, 4) of those
-    that test for faults: see RunBlock.
+    A failed run counts in the sums until it fails. Per run and event there is a row for failed runs too.
+
+    runs : (n_run,). Run numbers.
+    failed : (n_run,). Failure codes, as in RunBlock.
+    t_failed : (n_run,) s since lift-off. Time of the failure, NaN without.
+    t : (n_hist,) s since lift-off. History times.
+    scale : (n_hist, n_column). Scale of the histogram: true sigma by linear covariance.
+    n_good : (n_hist,). Number of runs in the sums at the history time.
+    n_good_epoch : (n_epoch,). Number of runs in the sums at the epoch.
+    total : (n_hist, n_column). Sum of the error, of a norm the sum of the norm.
+    squares : (n_hist, n_column). Sum of the squared error.
+    sigma_squares : (n_hist, n_column). Sum of the filter's own variance, of a norm the sum of the trace.
+    bins : (n_run, n_hist, n_column). Histogram bin of |error| / scale in a block; the last bin from a failure on.
+    nees : (n_hist,). Sum of the normalised estimation error squared.
+    t_epoch : (n_epoch,) s since lift-off. Epochs.
+    nis : (n_epoch,). Sum of squared normalised innovations.
+    n_row : (n_epoch,). Sum of accepted scalar measurements.
+    n_reject : (n_epoch,). Sum of rejected scalar measurements.
+    lag_sum : (N_LAG, n_channel). Sum of products of two normalised innovations, by their distance in epochs.
+    lag_count : (N_LAG, n_channel). Number of these products.
+    events : Names of the events, in time order.
+    t_event : (n_event,) s since lift-off.
+    event_error : (n_run, n_event, n_column). Error at the event.
+    event_sigma : (n_run, n_event, n_column). Standard deviation in the filter's own covariance at the event.
+    event_nees : (n_run, n_event). Normalised estimation error squared at the event.
+    t_bound : (n_interval + 1,) s since lift-off. Events and both ends of the history.
+    worst : (n_run, n_interval, n_column). Largest |error| in the interval, both bounds included.
+    mean_square : (n_run, n_interval, n_column). Mean over time of the squared error (trapezoidal rule).
+    changes : (n_change, 5). Mode changes, as in RunBlock.
+    decisions : (n_decision, 4). Fault decisions, as in RunBlock.
+    histogram : (n_hist, n_column, N_BIN). Counts of `bins` after blocks are merged.
     """
 
     runs: Ints

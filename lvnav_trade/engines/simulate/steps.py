@@ -1,18 +1,21 @@
-"""What a filter does in a flight, window by window and epoch by epoch: nothing here knows of the truth.
+"""Filter side of a run, window by window and epoch by epoch, without access to the truth.
 
-The flight of a run calls these steps between what is sensed and measured; so does the code that is made of a filter.
+The flight of a run calls these steps between what is sensed and what is measured.
 """
 
+from lvnav_trade.engines.epoch.process import end_epoch, process_epoch
+from lvnav_trade.engines.epoch.ticks import sample_window
 from lvnav_trade.engines.simulate.redundancy import inform
 from lvnav_trade.filters.backup import advance_backup, begin_backup, predict_backup
-from lvnav_trade.filters.delayed import begin_transition, clone_formal, clone_open_loop, follow, store_estimate
+from lvnav_trade.filters.delayed import accumulate_transition, begin_transition, clone_open_loop
 from lvnav_trade.filters.ekf import clear_epoch
-from lvnav_trade.filters.feedforward import apply_feedback, process_measurements, propagate_open_loop
+from lvnav_trade.filters.feedforward import apply_feedback, propagate_open_loop
 from lvnav_trade.filters.integrity.state import begin_monitor
 from lvnav_trade.filters.late import keep
+from lvnav_trade.filters.linearise import propagate_estimate
 from lvnav_trade.filters.monitor import begin_watch
-from lvnav_trade.filters.samples import begin_motion, correct_vehicle, last_sample, sample_window
-from lvnav_trade.filters.unscented import hold_window, predict
+from lvnav_trade.filters.samples import begin_motion, correct_vehicle, last_sample
+from lvnav_trade.filters.unscented import hold_window
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import sqrt
@@ -32,39 +35,37 @@ def begin_filter(work, parts, options):
 
 
 @inlined
-def _advance(work, motion, earlier, open_loop, delayed, unit, model, vehicle, samples, first, n_tick, dt):
-    """Let the filter propagate its motion over a window: by the compensated increments, or by its model of the vehicle
-    with every sample as a measurement.
+def _advance(work, parts, case, vehicle, w):
+    """Let the filter propagate its motion over window w: by the compensated increments, or by its model of the vehicle
+    (VehicleModel) with every sample as a measurement.
     """
-    last_sample(work, motion, samples, n_tick, unit.dt)
+    n_tick, model, start = case.schedule.n_tick[w], case.model, case.tick * case.schedule.first_tick[w]
+    last_sample(work, parts.motion, case.options.samples, n_tick, case.tick)
     if vehicle is not None:
-        sample_window(work, motion, earlier, open_loop, delayed, unit, model, vehicle, first, n_tick)
+        sample_window(work, parts, case, None, None, w)
     else:
-        processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, unit.dt)
+        processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, case.tick)
         how = model.strapdown
-        mechanise(
-            work.nav, work.sums, work.previous, work.increments, n_tick // how.subsamples, dt, how, unit.dt * first
-        )
+        mechanise(work.nav, work.sums, work.previous, work.increments, n_tick // how.subsamples, case.step, how, start)
 
 
 @inlined
-def propagate(work, parts, schedule, unit, model, options, w):
+def propagate(work, parts, case, w):
     """Propagate the filter over window w by the increments that the unit has put out in it."""
-    first, n_tick, dt = schedule.first_tick[w], schedule.n_tick[w], unit.dt * model.strapdown.subsamples
-    linearise(work.rates, work.nav, schedule.linearised[w])
-    advance_backup(parts.backup, work, model, n_tick, dt, unit.dt * first)
+    schedule, model, options = case.schedule, case.model, case.options
+    length, injection, linearised = schedule.length[w], schedule.injection[w], schedule.linearised[w]
+    n_tick, start, seconds = schedule.n_tick[w], case.tick * schedule.first_tick[w], model.seconds[length]
+    linearise(work.rates, work.nav, linearised)
+    advance_backup(parts.backup, work, model, n_tick, case.step, start)
     hold_window(parts.points, work, n_tick)
-    _advance(
-        work, parts.motion, parts.earlier, parts.open_loop, options.delayed, unit, model, options.vehicle,
-        options.samples, first, n_tick, dt,
-    )  # fmt: skip
-    linearised_sums(work.rates, work.sums, model.seconds[schedule.length[w]], schedule.linearised[w])
-    predict(work, parts.points, parts.open_loop, model, unit, schedule, w, dt)
-    inform(work.P, parts.units, options.units, model, model.seconds[schedule.length[w]])
-    follow(parts.earlier, options.delayed, work.D, model, schedule.length[w], schedule.injection[w])
-    predict_backup(parts.backup, work, model, schedule.length[w], schedule.injection[w])
-    propagate_open_loop(work, parts.points, parts.open_loop, model, schedule.length[w], schedule.linearised[w])
-    keep(parts.past, work.nav, work.previous, work.x, options.late, w, dt, model.strapdown.gravity)
+    _advance(work, parts, case, options.vehicle, w)
+    linearised_sums(work.rates, work.sums, seconds, linearised)
+    propagate_estimate(work, case, parts.points, parts.open_loop, w)
+    inform(work.P, parts.units, options.units, model, seconds)
+    accumulate_transition(parts.earlier, options.delayed, work.D, work.sums, model, length, injection)
+    predict_backup(parts.backup, work, model, length, injection)
+    propagate_open_loop(work, parts.points, parts.open_loop, model, length, linearised)
+    keep(parts.past, work.nav, work.previous, work.x, options.late, w, case.step, model.strapdown.gravity)
 
 
 @jit
@@ -80,22 +81,18 @@ def _count_samples(work, motion, vehicle, model, epoch):
 
 
 @inlined
-def begin_epoch(work, parts, model, options, epoch):
+def begin_epoch(work, parts, case, epoch):
     """Begin what is counted at an epoch."""
     clear_epoch(work, epoch)
-    _count_samples(work, parts.motion, options.vehicle, model, epoch)
+    _count_samples(work, parts.motion, case.options.vehicle, case.model, epoch)
 
 
 @inlined
-def update(work, parts, unit, sensors, signals, model, options, epoch):
-    """Update the filter by what is measured at an epoch."""
-    process_measurements(
-        work, parts.points, parts.again, parts.rx, parts.past, parts.earlier, parts.watch, parts.monitor,
-        parts.open_loop, options.direct, options.iterated, options.rules, options.integrity, options.late,
-        options.delayed, options.gains, sensors, model, signals, epoch, unit.dt * model.strapdown.subsamples,
-    )  # fmt: skip
-    correct_vehicle(work, parts.motion, model, options.vehicle)
-    apply_feedback(work, parts.past, parts.open_loop, options.late, model)
-    store_estimate(work, parts.earlier, parts.past, options.late, options.delayed, model, epoch)
-    clone_formal(work.P, parts.earlier, options.delayed)
+def update(work, parts, case, epoch):
+    """Update the filter by what is measured at an epoch, and feed back what it estimates."""
+    options = case.options
+    process_epoch(work, parts, case, None, parts.open_loop, case.sensors, options.rules, epoch)
+    correct_vehicle(work, parts.motion, case.model, options.vehicle)
+    apply_feedback(work, parts.past, parts.open_loop, options.late, case.model)
+    end_epoch(work, parts, case, epoch)
     clone_open_loop(work.x, parts.past, parts.open_loop, options.late, options.delayed, epoch)

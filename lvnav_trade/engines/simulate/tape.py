@@ -1,4 +1,4 @@
-"""A tape of a run: what its filter took in and what it made of it, to replay the filter elsewhere."""
+"""Record of one run of a filter: its inputs, and its estimates before and after the measurements of every epoch."""
 
 from typing import NamedTuple
 
@@ -7,11 +7,36 @@ from lvnav_trade.kernels.lanes import zeros_of
 from lvnav_trade.records import Floats
 
 
+class Estimates(NamedTuple):
+    """Estimates of a filter at some times, (n_time, ...).
+
+    nav : (n_time, 10). Navigation state: attitude quaternion body to i, velocity (m/s), position (m), frame i.
+    x : (n_time, n_state). Error state, truth minus estimate, SI.
+    P : (n_time, n_state, n_state). Covariance of the error state, SI.
+    par : (n_time, n_par, 3). IMU parameters, SI.
+    clock : (n_time, 2) m, m/s. Clock bias and drift.
+    extra : (n_time, n_extra). Extra states, SI.
+    """
+
+    nav: Floats
+    x: Floats
+    P: Floats
+    par: Floats
+    clock: Floats
+    extra: Floats
+
+
 class Tape(NamedTuple):
-    """What is recorded of a run. start (10,) navigation state at tick 0; increments (n_imu, 6) as the unit puts them
-    out; ranges (n_epoch, n_slot, n_kind), solution (n_epoch, 6) with its own covariance (n_epoch, 6, 6) and observed
-    (n_epoch, n_sensor, 4) as they are measured; at the end of every window nav (n_window, 10), x (n_window, n_state),
-    variance (n_window, n_state), par (n_window, n_par, 3), clock (n_window, 2) and extra (n_window, n_extra) estimated.
+    """Record of a run: what its filter is given, and what it makes of that.
+
+    start : (10,). Navigation state at tick 0.
+    increments : (n_imu, 6) rad, m/s. Increments as the IMU outputs them.
+    ranges : (n_epoch, n_slot, n_kind). Measured observables of the satellites.
+    solution : (n_epoch, 6) m, m/s. Measured position and velocity, frame i.
+    covariance : (n_epoch, 6, 6). Covariance reported with the solution.
+    observed : (n_epoch, n_sensor, 4). Measurements of the other sensors.
+    before : Estimates (n_epoch). Estimates before the measurements of every epoch.
+    after : Estimates (n_epoch + 1). Estimates after them; the last row is that of the end of the run.
     """
 
     start: Floats
@@ -20,27 +45,27 @@ class Tape(NamedTuple):
     solution: Floats
     covariance: Floats
     observed: Floats
-    nav: Floats
-    x: Floats
-    variance: Floats
-    par: Floats
-    clock: Floats
-    extra: Floats
+    before: Estimates
+    after: Estimates
 
 
-MEASURED = ("ranges", "solution", "covariance", "observed")
-STATES = ("nav", "x", "variance", "par", "clock", "extra")
+def _new_estimates(work, n_time: int) -> Estimates:
+    n = work.x.size
+    shapes = {
+        "nav": (n_time, 10), "x": (n_time, n), "P": (n_time, n, n), "par": (n_time, *work.par.shape),
+        "clock": (n_time, 2), "extra": (n_time, work.extra.size),
+    }  # fmt: skip
+    return Estimates(**zeros_of(shapes))
 
 
-def new_tape(work, n_imu: int, n_epoch: int, n_window: int) -> Tape:
+def new_tape(work, n_imu: int, n_epoch: int) -> Tape:
     """Return an empty tape of a run whose arrays (Work) these are."""
     shapes = {
         "start": (10,), "increments": (n_imu, 6), "ranges": (n_epoch, *work.ranges.shape), "solution": (n_epoch, 6),
-        "covariance": (n_epoch, 6, 6), "observed": (n_epoch, *work.observed.shape), "nav": (n_window, 10),
-        "x": (n_window, work.x.size), "variance": (n_window, work.x.size), "par": (n_window, *work.par.shape),
-        "clock": (n_window, 2), "extra": (n_window, work.extra.size),
+        "covariance": (n_epoch, 6, 6), "observed": (n_epoch, *work.observed.shape),
     }  # fmt: skip
-    return Tape(**zeros_of(shapes))
+    before, after = _new_estimates(work, n_epoch), _new_estimates(work, n_epoch + 1)
+    return Tape(**zeros_of(shapes), before=before, after=after)
 
 
 @jit
@@ -54,6 +79,16 @@ def _copy_rows(to, source):
     for i in range(to.shape[0]):
         for j in range(to.shape[1]):
             to[i, j] = source[i, j]
+
+
+@jit
+def _copy_estimates(to, work, at):
+    _copy(to.nav[at], work.nav)
+    _copy(to.x[at], work.x)
+    _copy_rows(to.P[at], work.P)
+    _copy_rows(to.par[at], work.par)
+    _copy(to.clock[at], work.clock_hat)
+    _copy(to.extra[at], work.extra)
 
 
 @jit
@@ -83,13 +118,14 @@ def tape_epoch(tape, work, rx, epoch):
 
 
 @jit
-def tape_state(tape, work, w):
-    """Record the filter's estimates and variances at the end of a window."""
+def tape_before(tape, work, epoch):
+    """Record the estimates before the measurements of an epoch are processed."""
     if tape is not None:
-        _copy(tape.nav[w], work.nav)
-        _copy(tape.x[w], work.x)
-        _copy_rows(tape.par[w], work.par)
-        _copy(tape.clock[w], work.clock_hat)
-        _copy(tape.extra[w], work.extra)
-        for i in range(work.x.shape[0]):
-            tape.variance[w, i] = work.P[i, i]
+        _copy_estimates(tape.before, work, epoch)
+
+
+@jit
+def tape_after(tape, work, epoch):
+    """Record the estimates after the measurements of an epoch have been processed; -1: at the end of the run."""
+    if tape is not None:
+        _copy_estimates(tape.after, work, epoch)

@@ -1,4 +1,4 @@
-"""Several inertial units in a run, or in eight at once: what each puts out, and the triad that they are fused to.
+"""IMU arrays in a run (one run or eight lanes): output of each IMU, and the combined triad.
 
 Errors of a unit are in axes of its own: its tables (`processes.gather`) have a row per sensing axis, whose entries
 multiply increments in body axes.
@@ -147,8 +147,12 @@ def _axis_error(table, c, along, a, other, dt):
 
 
 @jit
-def _sense_triad(own, units, k, at, first_tick, n_tick, dt, k0, k1, run):
-    """Fill the increments of a triad over some ticks: ideal ones, their errors, white noise, quantisation."""
+def _sense_triad(own, units, k, at, ticks, dt, key, run):
+    """Fill the increments of a triad over some ticks: ideal ones, their errors, white noise, quantisation.
+
+    ticks : (2,) the first one and how many; key : (2,) words of the seed
+    """
+    (first_tick, n_tick), (k0, k1) = ticks, key
     out, frames, white = own.sensed[k], units.frames[k], units.white[k]
     gyro, accel = own.tables[2 * k], own.tables[2 * k + 1]
     for tick in range(first_tick, first_tick + n_tick):
@@ -247,10 +251,10 @@ def _fuse_ticks(increments, own, units, vote, at, first_tick, n_tick, dt):
 
 
 @jit
-def sense_units(work, own, units, at, first_tick, n_tick, dt, k0, k1):
+def sense_units(work, own, units, at, first_tick, n_tick, dt, key):
     """Fill rows of the window's increments with those of the fused triad; what each unit puts out stays in
     `own.sensed`.
     """
     for k in range(units.n_axis.shape[0]):
-        _sense_triad(own, units, k, at, first_tick, n_tick, dt, k0, k1, work.run[0])
+        _sense_triad(own, units, k, at, (first_tick, n_tick), dt, key, work.run[0])
     _fuse_ticks(work.increments, own, units, units.redundant, at, first_tick, n_tick, dt)

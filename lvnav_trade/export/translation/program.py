@@ -35,6 +35,7 @@ from lvnav_trade.export.translation.values import (
     literal,
     size_of,
 )
+from lvnav_trade.kernels.choice import source_of
 
 _WIDTH = 118
 
@@ -123,7 +124,7 @@ class Program:
         return self.functions[key]
 
     def _translate(self, python: Callable[..., Any], given: dict[str, Value], name: str | None) -> Translated:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(python))).body[0]
+        tree = ast.parse(textwrap.dedent(source_of(python))).body[0]
         assert isinstance(tree, ast.FunctionDef)
         names, declared = _parameters(given)
         first = self._pass(python, tree, dict(names), None)

@@ -1,4 +1,4 @@
-"""What an expression of a kernel is to the translator: known now, a C expression, an array, a record, several."""
+"""Values of a kernel's expressions in translation: a constant, a C expression, an array, a record, several."""
 
 from __future__ import annotations
 

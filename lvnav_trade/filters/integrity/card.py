@@ -11,10 +11,10 @@ from lvnav_trade.filters.integrity.state import Tests
 class IntegrityCard(units.Card):
     """Tests of innovations for faults: thresholds by chi-square of the predicted innovation."""
 
-    false_alarm: float = Field(
+    false_alarm: units.Share = Field(
         1e-3, gt=0.0, lt=1.0, description="largest probability that a flight without faults has an alarm"
     )
-    isolation: float = Field(
+    isolation: units.Share = Field(
         1e-3, gt=0.0, lt=1.0, description="level of the tests that say, of what is detected, what has failed"
     )
     window: int = Field(5, ge=2, le=50, description="epochs of a channel that are tested together")
@@ -37,6 +37,7 @@ def thresholds_of(card: IntegrityCard, n_test: int, most: int, interval: float) 
         window=card.window,
         consistent=np.concatenate([[np.inf], chdtri(freedom, card.isolation)]),
         shift=float(chdtri(3, card.isolation)),
+        joint=float(chdtri(4, card.isolation)),
         offset=float(chdtri(1, card.isolation)),
         hold=max(1.0, float(np.ceil(card.hold / interval - 1e-9))),
         exclusions=card.exclusions,

@@ -55,7 +55,7 @@ def fit(own, H, z, first, kind, n_kind, n_row):
             own.A[i, j] = zero + (1e-12 if i == j else 0.0)
     dof = zero - N_FIT
     for row in range(kind, n_row, n_kind):
-        w = own.weight[row]
+        w = where(own.weight[row] > 0.0, own.weight[row], 0.0)  # below zero: withheld
         dof = dof + where(w > 0.0, 1.0, 0.0)
         for i in range(N_FIT):
             g = _direction(H, row, first, i)
@@ -73,5 +73,5 @@ def fit(own, H, z, first, kind, n_kind, n_row):
         residual = z[row]
         for i in range(N_FIT):
             residual = residual - _direction(H, row, first, i) * own.fit[i]
-        square = square + own.weight[row] * residual * residual
+        square = square + where(own.weight[row] > 0.0, own.weight[row], 0.0) * residual * residual
     return square, dof

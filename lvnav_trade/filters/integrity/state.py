@@ -1,4 +1,4 @@
-"""What tests of innovations are in numbers, and what a run knows of its channels."""
+"""Tests for faults as numbers, and the fault monitor of a run."""
 
 from typing import Any, NamedTuple
 
@@ -6,6 +6,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
+from lvnav_trade.kernels.covariance import NOT_USED
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, where, zeros_of
 from lvnav_trade.records import Floats
@@ -14,11 +15,19 @@ N_FIT = 4
 
 
 class Tests(NamedTuple):
-    """The tests in numbers. single, windowed: largest square of a normalised innovation, and of the sum of the last
-    `window` of a channel; consistent (n_dof + 1,) largest sum of squared residuals of a fit by its degrees of freedom;
-    shift, offset: largest squares of the shift of position or velocity, and of bias or drift of the clock, over their
-    covariance; hold: epochs that a satellite stays excluded; exclusions: of an epoch at most; recovery: sigmas of
-    inflation over the shift found; interval s of epochs.
+    """Tests for faults, as numbers.
+
+    single : Largest square of one normalised innovation.
+    windowed : Largest sum of the last `window` squares of a channel.
+    window : Number of epochs in that sum.
+    consistent : (n_dof + 1,). Largest sum of squared residuals of a fit, by degrees of freedom.
+    shift : Largest square of the shift of position or velocity, relative to its covariance.
+    joint : Largest square of the shift of position or velocity and of the clock together, relative to their covariance.
+    offset : Largest square of the shift of clock bias or drift, relative to its variance.
+    hold : Epochs for which a satellite stays excluded.
+    exclusions : Largest number of exclusions in an epoch.
+    recovery : Standard deviation added after a fault, as a multiple of the shift found.
+    interval : s. Time between epochs.
     """
 
     single: float
@@ -26,6 +35,7 @@ class Tests(NamedTuple):
     window: int
     consistent: Floats
     shift: float
+    joint: float
     offset: float
     hold: float
     exclusions: int
@@ -34,13 +44,23 @@ class Tests(NamedTuple):
 
 
 class Monitor(NamedTuple):
-    """A run's monitor, updated: out (n_channel,) epochs left without the channel; past (n_channel, window) squares of
-    its last normalised innovations; weight, square (n_row,) of rows: inverse variance (0 out of use), squared
-    normalised innovation; A, inverse (4, 4), b, fit (4,) of the normal equations;
-    isolated (n_epoch,) what was isolated (records.ISOLATED); excluded (n_epoch, n_channel) what was excluded there;
-    waited (2,) epochs for which the prediction has disagreed with a solution, or, of ranges, epochs left of the hold
-    time after an inertial decision, and how many have followed each other; z (n_row,) innovations of the rows;
-    variance (n_row,) that the filter assumes of their noise.
+    """Fault monitor of a run, updated in place.
+
+    out : (n_channel,). Remaining epochs without the channel.
+    past : (n_channel, window). Squares of the last normalised innovations of the channel.
+    weight : (n_row,). Inverse variance of each scalar measurement; 0 if it is not used.
+    square : (n_row,). Square of its normalised innovation.
+    A : (4, 4). Normal matrix of the fit.
+    inverse : (4, 4). Inverse of the normal matrix.
+    spare : (4, 4). Inverse of another matrix.
+    b : (4,). Right-hand side of the normal equations.
+    fit : (4,). Solution of the normal equations.
+    isolated : (n_epoch,). Kind of fault isolated, as in `records.ISOLATED`.
+    excluded : (n_epoch, n_channel). 1 for the channels excluded at the epoch.
+    waited : (2,). Loose: epochs of disagreement with the solution. Tight: hold epochs left after an inertial decision,
+        and how many decisions in succession.
+    z : (n_row,). Innovations.
+    variance : (n_row,). Noise variance in the filter model.
     """
 
     out: Floats
@@ -49,6 +69,7 @@ class Monitor(NamedTuple):
     square: Floats
     A: Floats
     inverse: Floats
+    spare: Floats
     b: Floats
     fit: Floats
     isolated: Floats
@@ -62,8 +83,8 @@ def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: in
     """Return the arrays of a monitor: one run, or `lanes` runs on the last axis."""
     shapes = {
         "out": (n_channel,), "past": (n_channel, window), "weight": (n_row,), "square": (n_row,),
-        "A": (N_FIT, N_FIT), "inverse": (N_FIT, N_FIT), "b": (N_FIT,), "fit": (N_FIT,), "isolated": (n_epoch,),
-        "excluded": (n_epoch, n_channel), "waited": (2,), "z": (n_row,), "variance": (n_row,),
+        "A": (N_FIT, N_FIT), "inverse": (N_FIT, N_FIT), "spare": (N_FIT, N_FIT), "b": (N_FIT,), "fit": (N_FIT,),
+        "isolated": (n_epoch,), "excluded": (n_epoch, n_channel), "waited": (2,), "z": (n_row,), "variance": (n_row,),
     }  # fmt: skip
     return Monitor(**zeros_of(shapes, lanes))
 
@@ -80,9 +101,9 @@ def begin_monitor(own):
 
 
 @jit
-def forget(own, wanted):
-    """Forget past innovations in the runs that want it (1): they were of what has been corrected, or of a filter that
-    starts again (Monitor, or None).
+def clear_innovations(own, wanted):
+    """Clear the past innovations of the runs that want it (1): they were of what has been corrected, or of a filter
+    that starts again (Monitor, or None).
     """
     if own is not None:
         for c in range(own.past.shape[0]):
@@ -91,15 +112,15 @@ def forget(own, wanted):
 
 
 def permitted(own: Any, channel: Any, gate_squared: Any) -> Any:
-    """Return the gate of a channel's row: below zero in the runs that exclude it (Monitor, or None)."""
-    return gate_squared if own is None else where(own.out[channel] > 0.0, -1.0, gate_squared)
+    """Return the gate of a channel's row: NOT_USED in the runs that exclude it (Monitor, or None)."""
+    return gate_squared if own is None else where(own.out[channel] > 0.0, NOT_USED, gate_squared)
 
 
 @overload(permitted)
 def _permitted(own, channel, gate_squared):
     if own == types.none:
         return lambda own, channel, gate_squared: gate_squared
-    return lambda own, channel, gate_squared: where(own.out[channel] > 0.0, -1.0, gate_squared)
+    return lambda own, channel, gate_squared: where(own.out[channel] > 0.0, NOT_USED, gate_squared)
 
 
 def decisions_of(isolated: Floats, excluded: Floats, t_epoch: Floats, first_run: int) -> Floats:

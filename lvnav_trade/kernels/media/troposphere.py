@@ -12,7 +12,7 @@ _ISOTHERMAL_SCALE = 6341.6  # m: 287.05287 x 216.65 / 9.80665, so that pressure 
 # --- models of one formula --------------------------------------------------------------------------------------------
 
 
-def conae(
+def any_elevation(
     elevation: ArrayLike,
     height: ArrayLike,
     earth_radius: ArrayLike,

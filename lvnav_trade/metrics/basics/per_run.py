@@ -1,15 +1,16 @@
 """A number of a case at an event or during a phase: its rows of the history, and the same of every run by itself."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from lvnav_trade.layout import split_metric
+from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.basics.select import (
     SAME_TIME,
-    errors_at,
     errors_by_axis,
     instant,
     phase,
@@ -19,6 +20,9 @@ from lvnav_trade.metrics.basics.select import (
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column, rms_column
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def within(tables: Tables, case: str, rows: pd.DataFrame, stated: Mapping[str, Any]) -> pd.DataFrame:
@@ -32,12 +36,12 @@ def within(tables: Tables, case: str, rows: pd.DataFrame, stated: Mapping[str, A
     return rows.iloc[nearest : nearest + 1]
 
 
-def of_each(tables: Tables, case: str, stated: Mapping[str, Any], rows: pd.DataFrame) -> Floats:
+def of_each(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Floats:
     """Return the number of every run by itself, SI, in the order of the runs; empty where it is not stored."""
+    quantity, axis = split_metric(str(stated["metric"]))
     if stated.get("during"):
-        return per_run(tables, case, stated, rms_column(*split_metric(str(stated["metric"])), rows.unit.iloc[0]))
-    errors = errors_at(tables, case, str(stated.get("at") or "injection"), str(stated["metric"]))
-    return np.empty(0) if errors is None else errors.size
+        return per_run(tables, case, stated, rms_column(quantity, axis, unit))
+    return CaseTables(tables, case).sizes(str(stated.get("at") or "injection"), quantity, axis)
 
 
 def per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) -> Floats:

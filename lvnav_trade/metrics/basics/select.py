@@ -1,15 +1,15 @@
 """Picking what a metric needs out of the tables: series, events, instants and phases, names of metrics, run errors."""
 
-import re
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
-from lvnav_trade.layout import MISSION, split_metric
-from lvnav_trade.metrics.mechanics.mission import sizes_at
+from lvnav_trade.metrics.basics.case import SAME_TIME as SAME_TIME
+from lvnav_trade.metrics.basics.case import instant_in, phase_in
 from lvnav_trade.records import Floats
 from lvnav_trade.store.lookup import once as once
 from lvnav_trade.store.lookup import pick as pick
@@ -18,10 +18,10 @@ from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column
 from lvnav_trade.units import parse
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 NAVIGATION = ("attitude", "velocity", "position")
-# Seconds: one instant.
-SAME_TIME = 1e-6
-_INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset>\S.*))?$")
 
 
 def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame:
@@ -40,47 +40,13 @@ def in_units(tables: Tables, units: Mapping[str, str]) -> Tables:
     return tables.with_frames(outputs=outputs)
 
 
-class Errors(NamedTuple):
-    """|error| of every run (n_run,), in the SI `unit`, infinite for a failed run; unit for people and its factor."""
-
-    size: Floats
-    unit: str
-    label_unit: str
-    label_factor: float
-
-
-def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | None:
-    """Return the size of a metric's error at an event in every run, in the order of the runs; None where unknown.
-
-    An error that is not finite, in a run that did not fail, counts as infinite too.
-    """
-    if metric in MISSION:
-        size = sizes_at(tables, case, event, metric)
-        return None if size is None else Errors(size, *MISSION[metric][2:])
-    if (known := errors_named(tables, case, metric)) is None:
-        return None
-    (units, column), chosen = known, pick(tables.runs, case=case, event=event)
-    return units._replace(size=error_sizes(chosen, column)) if column in chosen.columns else units
-
-
-def errors_named(tables: Tables, case: str, metric: str) -> tuple[Errors, str] | None:
-    """Return the units of a metric, without errors, and the column of its errors; None where it is unknown."""
-    quantity, axis = split_metric(metric)
-    for row in pick(tables.outputs, case=case, quantity=quantity, axis=axis).itertuples():
-        units = Errors(np.empty(0), row.unit, row.label_unit, float(row.label_factor_ratio))
-        return units, error_column(quantity, axis, row.unit)
-    return None
-
-
-def number_in(value: Any, unit: str) -> float:
-    """Return a quantity in a unit: text with a unit of its own, or a number that is in it."""
-    return parse(value, unit) if isinstance(value, str) else float(value)
-
-
-def error_sizes(runs: pd.DataFrame, column: str) -> Floats:
-    """Return |error| in a column, infinite where a run failed or the error is not finite."""
-    values = runs[column].to_numpy(dtype=float)
-    return np.where((runs.failure.to_numpy() != "") | ~np.isfinite(values), np.inf, np.abs(values))
+def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
+    """Return the digests of the cases whose axes have the levels wanted."""
+    return [
+        case
+        for case, levels in tables.levels.items()
+        if all(levels.get(axis) == str(level) for axis, level in wanted.items())
+    ]
 
 
 def errors_by_axis(tables: Tables, case: str, event: str, quantity: str) -> pd.DataFrame:
@@ -167,13 +133,7 @@ def instant(tables: Tables, case: str, text: str, ends: tuple[float, float] | No
 
     ``start`` and ``end`` are the ends of the history unless they are given.
     """
-    known = dict(zip(("start", "end"), ends or ends_of(tables, case), strict=True))
-    known |= flight_events(tables, case).set_index("event").t_s.to_dict()
-    match = _INSTANT.match(text)
-    if match is None or match["event"] not in known:
-        return float("nan")
-    offset = parse(match["offset"].strip(), "s") if match["offset"] else 0.0
-    return float(known[match["event"]]) + (-offset if match["sign"] == "-" else offset)
+    return instant_in(text, _events(tables, case), ends or ends_of(tables, case))
 
 
 def phase(tables: Tables, case: str, text: str, ends: tuple[float, float] | None = None) -> tuple[float, float]:
@@ -181,10 +141,12 @@ def phase(tables: Tables, case: str, text: str, ends: tuple[float, float] | None
 
     NaN where an event is not in the flight.
     """
-    if text == "flight":
-        return max(instant(tables, case, "start", ends), 0.0), instant(tables, case, "end", ends)
-    first, _, last = text.partition(" to ")
-    return instant(tables, case, first, ends), instant(tables, case, last, ends)
+    return phase_in(text, _events(tables, case), ends or ends_of(tables, case))
+
+
+def _events(tables: Tables, case: str) -> dict[str, float]:
+    found: dict[str, float] = flight_events(tables, case).set_index("event").t_s.to_dict()
+    return found
 
 
 def rows_between(rows: pd.DataFrame, first: float, last: float, end: str = "t_s") -> pd.DataFrame:

@@ -12,21 +12,21 @@ import pandas as pd
 from lvnav_trade import units
 from lvnav_trade.errors import InputError
 from lvnav_trade.layout import split_metric
+from lvnav_trade.metrics.basics.case import Errors, number_in
 from lvnav_trade.metrics.basics.select import (
-    Errors,
     at_time,
-    errors_at,
     final_event,
     flight_events,
     history_of,
     lincov_rms,
-    number_in,
     pick,
 )
 from lvnav_trade.metrics.comparison import paired
 from lvnav_trade.metrics.comparison.matching import Pair, left_out, match
+from lvnav_trade.metrics.evaluate import errors_at
+from lvnav_trade.metrics.metric import where
 from lvnav_trade.metrics.requirements.improvements import expected
-from lvnav_trade.metrics.requirements.requirements import errors_of, where
+from lvnav_trade.metrics.requirements.requirements import errors_of
 from lvnav_trade.store.read import Tables, load
 
 COLUMNS = [
@@ -39,7 +39,10 @@ DEFAULT = "5 %"
 DEFAULT_METRICS = ("velocity_error_3d", "position_error_3d", "attitude_error_3d")
 FAILED_RUNS = "failed runs"
 FAILED_EFFECT = "1 %"
-_EFFECT = re.compile(r"^(?P<metric>[^@:=]+)(@(?P<at>[^@:=]+))?(:(?P<statistic>rms|q\d{1,2}(\.\d+)?))?$")
+# Statistic of a requirement for which no effect is stated: runs beyond its limit, or the quantile that it names
+BY_RUNS = "required"
+FITTED = "quantile of a fitted distribution: too few runs lie beyond it"
+_EFFECT = re.compile(r"^(?P<metric>[^@:=]+)(@(?P<at>[^@:=]+))?(:(?P<statistic>rms|q[0-9]{1,2}(\.[0-9]+)?))?$")
 
 
 class Effect(NamedTuple):
@@ -79,7 +82,7 @@ def parse_effect(key: str, amount: str) -> Effect:
     effect = Effect(found["metric"].strip(), (found["at"] or "").strip(), found["statistic"] or "rms", text)
     if _is_relative(text):
         _amount(effect, "")
-    elif text != "none" and not re.match(r"^[-+]?[\d.]", text):
+    elif text != "none" and not re.match(r"^[-+]?[0-9.]", text):
         raise InputError(f"effect {key!r}: {amount!r} is neither a percentage, nor a quantity with a unit, nor none")
     return effect
 
@@ -140,12 +143,14 @@ def _laid_over(base: Tables, given: Sequence[Effect]) -> list[Effect]:
     known = {str(requirement["name"]) for requirement in _stated(base)}
     found: dict[tuple[str, str, str], Effect] = {}
     for effect in (*(Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS), *given):
-        statistic = "beyond" if effect.metric in known or effect.metric == FAILED_RUNS else effect.statistic
+        is_counted = effect.metric == FAILED_RUNS or (effect.metric in known and effect.statistic == "rms")
+        statistic = "beyond" if is_counted else effect.statistic
         found[effect.metric, effect.at, statistic] = effect._replace(statistic=statistic)
     for requirement in _stated(base):
         allowed = f"{100.0 * (1.0 - float(requirement['probability'])):.12g} %"
         name = str(requirement["name"])
-        found.setdefault((name, "", "beyond"), Effect(name, "", "beyond", allowed))
+        if not any(metric == name for metric, _, _ in found):
+            found[name, "", BY_RUNS] = Effect(name, "", BY_RUNS, allowed)
     found.setdefault((FAILED_RUNS, "", "beyond"), Effect(FAILED_RUNS, "", "beyond", FAILED_EFFECT))
     return [effect for effect in found.values() if effect.amount != "none"]
 
@@ -175,6 +180,7 @@ def _amount(effect: Effect, unit: str) -> float:
 class _Task(NamedTuple):
     """One row to be: what of which pair of cases; size of the error of each run, the unit, for fractions the bound."""
 
+    kind: str
     pair: Pair
     effect: Effect
     event: str
@@ -200,6 +206,7 @@ class _Task(NamedTuple):
             moved = sides[1] / sides[0] - 1.0 if self.relative and sides[0] else sides[1] - sides[0]
             change = paired.Change(sides[0], sides[1], moved, moved, moved, float("nan"))
             return self._filled(change, 0, "by linear covariance")
+        is_fitted = False
         first, second = self.first.size[:n], self.second.size[:n]
         both = np.isfinite(first) & np.isfinite(second)
         if self.counted:
@@ -210,21 +217,27 @@ class _Task(NamedTuple):
             change = paired.rms_change(first[both], second[both], self.relative, alpha_low, alpha_high)
         else:
             part = float(self.effect.statistic[1:]) / 100.0
-            change = paired.quantile_change(first[both], second[both], part, self.relative, alpha_low, alpha_high)
+            is_fitted = not paired.supports(int(both.sum()), part)
+            of_quantile = paired.fitted_quantile_change if is_fitted else paired.quantile_change
+            change = of_quantile(first[both], second[both], part, self.relative, alpha_low, alpha_high)
         if np.array_equal(first, second):
             same = change._replace(change=0.0, low=0.0, high=0.0, effective_runs=float("inf"))
             return self._filled(same, n, "the same in every run") | {"verdict": "not worse"}
-        few = "" if np.isfinite(change.low + change.high) else "too few runs for a bound"
-        return self._filled(change, n, few or ("better" if change.high < 0.0 else ""))
+        return self._filled(change, n, self._remark(change, is_fitted))
+
+    def _remark(self, change: paired.Change, is_fitted: bool) -> str:
+        if not np.isfinite(change.low + change.high):
+            return "too few runs for a bound"
+        remarks = [FITTED] * is_fitted + ["better"] * (change.high < 0.0)
+        return "; ".join(remarks)
 
     def _filled(self, change: paired.Change, runs: int, remark: str) -> dict[str, Any]:
         size, unit = (1.0, "") if self.counted else (self.first.label_factor, self.first.label_unit)
         factor = 1.0 if self.relative else size
         amount = _amount(self.effect, self.first.unit)
-        kind = "failures" if self.effect.metric == FAILED_RUNS else "requirement"
         return {
             "case": self.pair.label,
-            "kind": kind if self.counted else "error",
+            "kind": self.kind,
             "metric": self.effect.metric,
             "event": self.event,
             "statistic": "fraction beyond" if self.counted else self.effect.statistic,
@@ -250,12 +263,13 @@ def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect
     for effect in effects:
         first: Errors | None
         second: Errors | None
-        bound, event, known = np.inf, "", True
+        kind, bound, event, known = "error", np.inf, "", True
         if effect.metric == FAILED_RUNS:
+            kind = "failures"
             first, second = failures = [_failures(tables, case) for tables, case in sides]
             bound, known = 0.5, any(side.size.any() for side in failures)
         elif effect.metric in requirements:
-            stated = requirements[effect.metric]
+            kind, stated = "requirement", requirements[effect.metric]
             first, second = (errors_of(tables, case, stated) for tables, case in sides)
             event, bound = where(stated), number_in(stated["below"], first.unit) if first is not None else bound
         else:
@@ -266,8 +280,23 @@ def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect
             if missing and (effect.at or effect.metric not in DEFAULT_METRICS):
                 raise InputError(_unknown(base, pair, effect, event))
         if first is not None and second is not None and known:
-            found.append(_Task(pair, effect, event, first, second, bound))
+            one = _of_requirement(effect, requirements, min(len(first.size), len(second.size)))
+            found.append(_Task(kind, pair, one, event, first, second, bound))
     return found
+
+
+def _of_requirement(effect: Effect, requirements: Mapping[str, Mapping[str, Any]], runs: int) -> Effect:
+    """Return what of a requirement is compared where its effect is not stated.
+
+    That is the fraction of runs beyond the limit. With so few runs that hardly any may be beyond, no change of that
+    fraction can be shown to be small: then it is the quantile that the requirement names.
+    """
+    if effect.statistic != BY_RUNS:
+        return effect
+    probability = float(requirements[effect.metric]["probability"])
+    if runs and not paired.supports(runs, probability):
+        return effect._replace(statistic=f"q{100.0 * probability:.12g}", amount=DEFAULT)
+    return effect._replace(statistic="beyond")
 
 
 def _unknown(base: Tables, pair: Pair, effect: Effect, event: str) -> str:

@@ -1,8 +1,6 @@
-"""What linear covariance says of an error, where it applies, whether Monte Carlo agrees, and what is behind it."""
+"""Metrics of linear covariance: errors, range of validity, agreement with Monte Carlo, diagnostics."""
 
 import math
-from collections.abc import Iterable
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -16,7 +14,6 @@ from lvnav_trade.metrics.basics.select import (
     names_of_series,
     once,
     pick,
-    pick_columns,
 )
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
@@ -38,51 +35,11 @@ ALPHA = 0.01
 LEAST_SHARE = 1e-9
 # Of the largest singular value: what is below is lost to rounding.
 NUMERICAL = 1e-10
+NOT_APPLICABLE = "not applicable"
 OBSERVED = [
     "case", "stretches", "states", "least_rank", "least_rank_with_information", "smallest_ratio",
     "position_against_bias_ratio", "weakest",
 ]  # fmt: skip
-
-
-class Gaussian(NamedTuple):
-    """Mean (k,), covariance (k, k) of a metric's components, SI; sources: covariance of each source that is known."""
-
-    mean: Floats
-    covariance: Floats
-    sources: dict[str, Floats]
-
-
-def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) -> Gaussian | None:
-    """Return linear covariance's Gaussian of a metric (axis "3d": three components) at an event; None if unknown."""
-    names = ("t_s", "source", "axis", "other_axis", "true_si2")
-    times, source, *elements = pick_columns(tables.covariances, names, case=case, event=event, quantity=quantity)
-    axes = list(dict.fromkeys(elements[0]))
-    wanted = axes if axis == "3d" else [axis]
-    if not axes or not set(wanted) <= set(axes):
-        return None
-    parts = {str(name): source == name for name in dict.fromkeys(source)}
-    found = {name: _matrix(axes, wanted, *(column[part] for column in elements)) for name, part in parts.items()}
-    mean = []
-    for name in wanted:
-        t, size = history_columns(tables, case, quantity, name, "t_s", "lincov_mean_si")
-        mean.append(float(size[np.argmin(np.abs(t - times[0]))]))
-    return Gaussian(np.array(mean), found.pop(""), found)
-
-
-def formal_covariance(tables: Tables, case: str, event: str, quantity: str) -> Floats | None:
-    """Return the filter's own covariance (3, 3) of a quantity at an event, of the nominal flight; None if unknown."""
-    rows = pick(tables.covariances, case=case, event=event, quantity=quantity, source="")
-    axes = list(dict.fromkeys(rows.axis))
-    return _matrix(axes, axes, rows.axis, rows.other_axis, rows.formal_si2.to_numpy()) if axes else None
-
-
-def _matrix(axes: list[str], wanted: list[str], row: Iterable[str], column: Iterable[str], values: Floats) -> Floats:
-    """Return the symmetric matrix (k, k) of the axes wanted from its elements (n,) and the axes (n,) of each."""
-    matrix = np.zeros((len(axes), len(axes)))
-    i, j = ([axes.index(name) for name in names] for names in (row, column))
-    matrix[i, j] = matrix[j, i] = values
-    chosen = [axes.index(name) for name in wanted]
-    return matrix[np.ix_(chosen, chosen)]
 
 
 def beyond_linear(attitude: float, when: str = "") -> str:
@@ -94,7 +51,11 @@ def beyond_linear(attitude: float, when: str = "") -> str:
 def beyond_at_start(tables: Tables, case: str) -> str:
     """Say that the attitude of a case at or before lift-off is no small angle; empty where it is."""
     largest, t = _first_tilts(tables).get(case, (0.0, 0.0))
-    return beyond_linear(largest, f" at {t:.0f} s") if largest > LINEAR_ATTITUDE else ""
+    return _beyond_at(largest, t) if largest > LINEAR_ATTITUDE else ""
+
+
+def _beyond_at(attitude: float, t: float) -> str:
+    return beyond_linear(attitude, f" at {t:.0f} s")
 
 
 @once
@@ -118,29 +79,55 @@ def _why_not(tables: Tables, case: str) -> list[str]:
 
 
 def _why_not_applicable(tables: Tables, case: str) -> str:
-    if bool(pick(tables.cases, case=case).logic.any()):
-        return "the filter starts, leaves out and stops by a logic of its own, run by run"
     checked = (tables.campaign.get("covariance") or {}).get("spot_check")  # then that tells, by runs
-    if not checked and (beyond := beyond_at_start(tables, case)):
-        return beyond
     rows = pick(tables.innovations, case=case)
-    rejected = rows.false_rejection_ratio.max()
-    if not rejected > REJECTS_TOO_MUCH:
+    return why_outside(
+        bool(pick(tables.cases, case=case).logic.any()),
+        (0.0, 0.0) if checked else _first_tilts(tables).get(case, (0.0, 0.0)),
+        rows.t_s.to_numpy(dtype=float),
+        rows.false_rejection_ratio.to_numpy(dtype=float),
+    )
+
+
+def why_outside(has_logic: bool, first_tilt: tuple[float, float], t: Floats, rejected: Floats) -> str:
+    """Say why linear covariance does not describe a case at every epoch; empty where it does.
+
+    has_logic : Whether a mode logic decides run by run what the filter uses.
+    first_tilt : Largest sigma of attitude (rad) of an axis at or before lift-off, and its time (s).
+    t : (n_epoch,) s since lift-off.
+    rejected : (n_epoch,). Largest probability that the gate rejects a good scalar measurement.
+    """
+    if has_logic:
+        return "the filter starts, leaves out and stops by a logic of its own, run by run"
+    if first_tilt[0] > LINEAR_ATTITUDE:
+        return _beyond_at(*first_tilt)
+    largest = np.nanmax(rejected, initial=0.0)
+    if not largest > REJECTS_TOO_MUCH:
         return ""
-    at = rows.t_s[rows.false_rejection_ratio.idxmax()]
-    return f"the gate rejects {100 * rejected:.2g} % of good rows at {at:.0f} s"
+    return f"the gate rejects {100 * largest:.2g} % of good rows at {t[np.nanargmax(rejected)]:.0f} s"
 
 
 def why_second_order(tables: Tables, case: str) -> str:
     """Say what of a case is too large for a first order, where engines disagree: attitude in flight, or a mean that
     the runs hardly spread about; empty where neither is.
     """
-    rows = pick(tables.history, case=case)
-    rows = rows[rows.quantity.isin(NAVIGATION) & (rows.axis != "3d") & (rows.lincov_true_si > 0.0)]
+    rows = _navigation_history(tables, case)
     tilted = rows[rows.quantity == "attitude"]
     if len(tilted) and tilted.lincov_true_si.max() > LINEAR_ATTITUDE:
         at = tilted.loc[tilted.lincov_true_si.idxmax()]
         return beyond_linear(float(at.lincov_true_si), f" at {at.t_s:.0f} s")
+    return why_large_mean(tables, case)
+
+
+def _navigation_history(tables: Tables, case: str) -> pd.DataFrame:
+    """Return the history of the navigation errors by axis, where they have a spread."""
+    rows = pick(tables.history, case=case)
+    return rows[rows.quantity.isin(NAVIGATION) & (rows.axis != "3d") & (rows.lincov_true_si > 0.0)]
+
+
+def why_large_mean(tables: Tables, case: str) -> str:
+    """Say that runs of a case hardly spread about their mean error at some time; empty where they do at all times."""
+    rows = _navigation_history(tables, case)
     ratio = rows.lincov_mean_si.abs() / rows.lincov_true_si
     if not ratio.max() > LARGE_MEAN:
         return ""
@@ -184,7 +171,7 @@ def agreement(tables: Tables) -> pd.DataFrame:
         if why_not_applicable(tables, case) or (label in differ and why_second_order(tables, case))
     ]
     tested = found.agree.isin(["agree", "disagree"])
-    return found.assign(agree=found.agree.mask(tested & found.case.isin(outside), "not applicable"))
+    return found.assign(agree=found.agree.mask(tested & found.case.isin(outside), NOT_APPLICABLE))
 
 
 def _moments(tables: Tables, case: str) -> tuple[list[str], Floats]:
@@ -216,7 +203,7 @@ def by_case(tables: Tables) -> pd.DataFrame:
     found = []
     for label, group in agreement(tables).groupby("case", sort=False):
         case = digests[label]
-        verdict = next((v for v in ("no runs", "not applicable", "disagree") if (group.agree == v).any()), "agree")
+        verdict = next((v for v in ("no runs", NOT_APPLICABLE, "disagree") if (group.agree == v).any()), "agree")
         # in units of the half-width on a logarithmic scale: 1 is the bound itself
         distance = np.abs(np.log(group.ratio)) / np.where(group.ratio > 1, np.log(group.high), -np.log(group.low))
         worst = group.iloc[0 if verdict == "no runs" else int(np.nanargmax(distance.to_numpy()))]
@@ -226,7 +213,7 @@ def by_case(tables: Tables) -> pd.DataFrame:
         share = sources.set_index("source").share_ratio
         largest = (share.idxmax(), float(share.max())) if len(share) else ("", float("nan"))
         reason = why_not_applicable(tables, case)
-        if verdict == "not applicable" and not reason:
+        if verdict == NOT_APPLICABLE and not reason:
             reason = why_second_order(tables, case)
         head = (label, verdict, reason, ALPHA, len(group), outside)
         found.append((*head, *worst[["state", "event", "ratio", "low", "high"]], *largest))
@@ -310,9 +297,13 @@ def observability(tables: Tables) -> pd.DataFrame:
 
 
 def nonlinearity(tables: Tables) -> pd.DataFrame:
-    """Return the nonlinearity at every event: case, event, t_s, motion_ratio, state, transition_ratio, row_ratio."""
+    """Return the nonlinearity at every event: case, event, t_s, motion_ratio, state, transition_ratio, row_ratio,
+    remark: where the measure does not apply, since it is that of the spread about the mean.
+    """
     rows = tables.nonlinearity
-    return rows.assign(case=rows.case.map(tables.labels)).reset_index(drop=True)
+    means = {case: why_large_mean(tables, case) for case in tables.labels}
+    remark = [f"does not apply: {means[case]}" if means.get(case) else "" for case in rows.case]
+    return rows.assign(case=rows.case.map(tables.labels), remark=remark).reset_index(drop=True)
 
 
 def observed(tables: Tables) -> pd.DataFrame:

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade import units
+from lvnav_trade.metrics.basics.gaussian import formal_covariance, gaussian
 from lvnav_trade.metrics.basics.probability import box_probability, success_bounds
 from lvnav_trade.metrics.basics.select import (
     NAVIGATION,
@@ -15,7 +16,6 @@ from lvnav_trade.metrics.basics.select import (
     history_of,
     pick,
 )
-from lvnav_trade.metrics.errors.covariances import formal_covariance, gaussian
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.store.read import Tables
 

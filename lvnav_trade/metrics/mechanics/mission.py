@@ -5,15 +5,15 @@ guidance steers by the estimate, the estimate is brought to the aim, so the same
 error of the injection.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 from scipy import special
-from scipy.stats import qmc
 
 from lvnav_trade import frames
 from lvnav_trade.metrics.mechanics import impulses, meanorbit
@@ -71,16 +71,21 @@ def state_at(tables: Tables, case: str, event: str) -> State | None:
 def laws(tables: Tables, case: str) -> list[Law]:
     """Return LinCov of velocity and position at each of `states`."""
     rows = pick(tables.joint, case=case)
-    n = len(rows) // 21
+    return laws_in(*(rows[name].to_numpy(dtype=float) for name in ("mean_si", "true_si2", "formal_si2")))
+
+
+def laws_in(mean: Floats, true: Floats, formal: Floats) -> list[Law]:
+    """Return the laws of columns (21 n_state,): upper triangles of the covariances, and the mean on the diagonal."""
+    n = len(mean) // 21
     i, j = np.triu_indices(6)
 
-    def matrices(column: pd.Series) -> Floats:
+    def matrices(column: Floats) -> Floats:
         found = np.zeros((n, 6, 6))
-        found[:, i, j] = found[:, j, i] = column.to_numpy(dtype=float).reshape(n, 21)
+        found[:, i, j] = found[:, j, i] = column.reshape(n, 21)
         return found
 
-    mean = rows.mean_si.to_numpy(dtype=float).reshape(n, 21)[:, i == j]
-    return [Law(*parts) for parts in zip(mean, matrices(rows.true_si2), matrices(rows.formal_si2), strict=True)]
+    means = mean.reshape(n, 21)[:, i == j]
+    return [Law(*parts) for parts in zip(means, matrices(true), matrices(formal), strict=True)]
 
 
 def resolved(bias: Floats, sigma: ArrayLike) -> Floats:
@@ -102,12 +107,20 @@ def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, Bools]:
     """Return the errors (n_run, 6) of velocity and position, frame i, at the state's event, and which runs failed."""
     chosen, outputs = pick(tables.runs, case=case, event=state.event), pick(tables.outputs, case=case)
     outputs = outputs[outputs.axis != "3d"]
-    columns = [
-        [f"{quantity}_{axis}_error_{suffix}" for axis in outputs.axis[outputs.quantity == quantity]]
+    velocity, position = (
+        chosen[[f"{quantity}_{axis}_error_{suffix}" for axis in outputs.axis[outputs.quantity == quantity]]]
         for quantity, suffix in (("velocity", "m_per_s"), ("position", "m"))
-    ]
-    error = np.concatenate([chosen[names].to_numpy(dtype=float) @ state.turn.T for names in columns], axis=1)
-    return error, (chosen.failure.to_numpy() != "") | ~np.isfinite(error).all(axis=1)
+    )
+    failed = chosen.failure.to_numpy() != ""
+    return turned(state, velocity.to_numpy(dtype=float), position.to_numpy(dtype=float), failed)
+
+
+def turned(state: State, velocity: Floats, position: Floats, failed: Bools) -> tuple[Floats, Bools]:
+    """Return errors (n_run, 6) of velocity and position in frame i, from (n_run, 3) each in the reporting axes, and
+    which runs failed (n_run,): also those whose error is not finite.
+    """
+    error = np.concatenate([part @ state.turn.T for part in (velocity, position)], axis=1)
+    return error, failed | ~np.isfinite(error).all(axis=1)
 
 
 def good_errors(tables: Tables, case: str, state: State) -> Floats:
@@ -180,20 +193,6 @@ def signed(state: State, error: Floats, metric: str) -> Floats:
     return orbit_errors(state, error)[metric]
 
 
-def sizes_at(tables: Tables, case: str, event: str, metric: str) -> Floats | None:
-    """Return |error| (n_run,) of a mission metric at an event in every run, SI; infinite where the run failed or the
-    number is not defined. None where the state at the event is not stored.
-    """
-    state = state_at(tables, case, event)
-    if state is None:
-        return None
-    error, failed = run_errors(tables, case, state)
-    size = np.full(len(error), np.inf)
-    if not failed.all():
-        size[~failed] = np.linalg.norm(signed(state, error[~failed], metric), axis=1)
-    return np.where(np.isfinite(size), size, np.inf)
-
-
 # --- by linear covariance ---------------------------------------------------------------------------------------------
 
 
@@ -201,10 +200,19 @@ def jacobian(state: State, metric: str) -> Floats:
     """Return the derivative (k, 6) of a metric's error by that of velocity and position, by central differences."""
     if metric in _OF_ORBIT:
         return _orbit_slopes(state.r_i.tobytes(), state.v_i.tobytes())[metric]
-    return derivative(lambda error: signed(state, error, metric))
+    return _slope(state.r_i.tobytes(), state.v_i.tobytes(), state.earth_angle, metric)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
+def _slope(r_i: bytes, v_i: bytes, earth_angle: float, metric: str) -> Floats:
+    """Return the derivative (k, 6) of one error at a state, found once for all cases that fly alike."""
+    state = State("", 0.0, np.frombuffer(r_i), np.frombuffer(v_i), earth_angle, np.eye(3))
+    slope = derivative(lambda error: signed(state, error, metric))
+    slope.flags.writeable = False
+    return slope
+
+
+@lru_cache(maxsize=256)
 def _orbit_slopes(r_i: bytes, v_i: bytes) -> dict[str, Floats]:
     """Return the derivatives (k, 6) of all errors of the orbit at a state of which the numbers are given."""
     state = State("", 0.0, np.frombuffer(r_i), np.frombuffer(v_i), 0.0, np.eye(3))
@@ -230,6 +238,8 @@ def draws(mean: Floats, covariance: Floats, count: int = DRAWS) -> Floats:
     """Return `count` (a power of two) errors (count, 6) that fill the Gaussian evenly (Sobol's points), always the
     same.
     """
+    from scipy.stats import qmc  # takes half a second, which only the draws need
+
     points = qmc.Sobol(6, scramble=False).random_base2(round(np.log2(count))) + 0.5 / count
     variance, axes = np.linalg.eigh(covariance / np.outer(STEP, STEP))
     roots = STEP[:, None] * axes * np.sqrt(np.maximum(variance, 0.0))
@@ -260,32 +270,26 @@ def applies(state: State, metric: str, covariance: Floats) -> str:
     return "" if np.isfinite(jacobian(state, metric)).all() else "not defined there"
 
 
-def drawn_at(tables: Tables, case: str, event: str, metric: str) -> Floats | None:
+def drawn_of(state: State, law: Law, metric: str) -> Floats | None:
     """Return the sizes (n,) of perigee, apogee or eccentricity errors, growing, of draws of linear covariance's
     Gaussian of velocity and position through the map itself, SI.
 
-    They stand where `near_circular` says that the first order does not. None for other metrics, where the state at the
-    event is not stored, and for an orbit that is not closed.
+    They stand where `near_circular` says that the first order does not. None for other metrics, and for an orbit that
+    is not closed.
     """
-    state = state_at(tables, case, event)
-    if state is None or metric not in ("perigee_error", "apogee_error", "eccentricity_error"):
+    if metric not in ("perigee_error", "apogee_error", "eccentricity_error"):
         return None
-    law = law_at(tables, case, event)
     if not np.isfinite(jacobian(state, "eccentricity_vector_error")).all():
         return None
     size = np.sort(np.abs(orbit_errors(state, draws(law.mean, law.true, QUANTILE_DRAWS))[metric][:, 0]))
     return size if np.isfinite(size).all() else None
 
 
-def expected_at(tables: Tables, case: str, event: str, metric: str) -> tuple[Floats, Floats] | str | None:
+def expected_of(state: State, law: Law, metric: str) -> tuple[Floats, Floats] | str:
     """Return mean (k,) and covariance (k, k) of a mission metric by linear covariance, SI, or why it does not apply.
 
-    None where the state at the event is not stored. k is 2 for the point of impact and the eccentricity vector.
+    k is 2 for the point of impact and the eccentricity vector.
     """
-    state = state_at(tables, case, event)
-    if state is None:
-        return None
-    law = law_at(tables, case, event)
     reason = applies(state, metric, law.true)
     if reason:
         return reason

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
+from lvnav_trade.metrics.basics.case import number_in
 from lvnav_trade.metrics.basics.probability import success_verdict
-from lvnav_trade.metrics.basics.select import number_in, once, pick
+from lvnav_trade.metrics.basics.select import once, pick
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.mechanics import freefall, mission
 from lvnav_trade.records import Bools, Floats

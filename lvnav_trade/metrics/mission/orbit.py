@@ -4,9 +4,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
-from lvnav_trade.layout import MISSION
+from lvnav_trade.metrics.basics.probability import holm
 from lvnav_trade.metrics.basics.select import final_event, flight_events, once
+from lvnav_trade.metrics.families.mission import MISSION
 from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
@@ -18,6 +20,10 @@ COLUMNS = [
 CORRECTION = [
     "case", "event", "unit", "by", "draw_count", "mean_delta_v", "q50", "q95", "q99", "velocity_q99", "position_q99",
 ]  # fmt: skip
+NORMALITY = ["case", "event", "quantity", "runs", "skewness", "excess_kurtosis", "p_ratio", "gaussian"]
+NORMALITY_ALPHA = 0.01  # probability that a Gaussian element of a case is called otherwise
+_PAIR = ("perigee height", "apogee height")  # the two of the ellipse in the figure of the orbit
+_LEAST_RUNS = 20  # from which on the test is accurate
 _DRAWS = 2**10
 # Quantities of an orbit, and the component of the error metric that belongs to each.
 QUANTITIES = {
@@ -87,7 +93,7 @@ def _rows(tables: Tables, case: str, state: mission.State) -> list[dict[str, Any
     flown, drawn = (mission.orbit_errors(state, some) for some in (good, mission.draws(law.mean, law.true)))
     rows: list[dict[str, Any]] = []
     for name, (metric, component) in QUANTITIES.items():
-        *_, unit, factor = MISSION[metric]
+        unit, factor = MISSION[metric].label_unit, MISSION[metric].label_factor
         given = {"osculating": now[name] * factor, "averaged": average[name] * factor}
         given = {column: value if abs(value) >= LEAST else 0.0 for column, value in given.items()}
         row = {"quantity": name, "unit": unit, **given}
@@ -106,6 +112,49 @@ def _rows(tables: Tables, case: str, state: mission.State) -> list[dict[str, Any
     heights = zip(("lowest height", "highest height"), meanorbit.extremes(state.r_i, state.v_i), strict=True)
     end = {"unit": "km", "runs": len(good), "remark": ""}
     return rows + [{"quantity": name, "averaged": float(height) * 1e-3} | end for name, height in heights]
+
+
+@once
+def normality(tables: Tables) -> pd.DataFrame:
+    """Return whether the errors of orbital elements of the runs are Gaussian, at the final event of each case.
+
+    Columns: case, event, quantity, runs, skewness, excess_kurtosis (both 0 of a Gaussian), p_ratio: chance of as large
+    a departure under D'Agostino and Pearson's test, of perigee and apogee together under Mardia's, adjusted by Holm for
+    the tests of a case; gaussian: p_ratio is 1 % or more. No rows of cases with fewer than 20 good runs.
+    """
+    rows = []
+    for case, label in tables.labels.items():
+        for state in orbital_states(tables, case)[-1:]:
+            good = mission.good_errors(tables, case, state)
+            if len(good) < _LEAST_RUNS:
+                continue
+            errors = mission.orbit_errors(state, good)
+            each = {name: errors[metric][:, component] for name, (metric, component) in QUANTITIES.items()}
+            each = {name: error for name, error in each.items() if np.isfinite(error).all() and np.ptp(error) > 0.0}
+            found = {
+                name: (float(stats.skew(error)), float(stats.kurtosis(error)), float(stats.normaltest(error).pvalue))
+                for name, error in each.items()
+            }
+            if {*_PAIR} <= set(each):
+                found[" with ".join(_PAIR)] = mardia(np.stack([each[name] for name in _PAIR], axis=1))
+            for (name, shape), p in zip(found.items(), holm([one[-1] for one in found.values()]), strict=True):
+                rows.append((label, state.event, name, len(good), *shape[:2], float(p), bool(p >= NORMALITY_ALPHA)))
+    return pd.DataFrame(rows, columns=NORMALITY)
+
+
+def mardia(sample: Floats) -> tuple[float, float, float]:
+    """Return Mardia's skewness and excess kurtosis of a sample (n, k), and the chance of as large a departure of either
+    for a Gaussian vector (both are 0 for it; Mardia 1970).
+    """
+    n, k = sample.shape
+    centred = sample - sample.mean(axis=0)
+    products = centred @ np.linalg.solve(centred.T @ centred / n, centred.T)
+    skewness, kurtosis = float(np.mean(products**3)), float(np.mean(np.diagonal(products) ** 2)) - k * (k + 2)
+    chances = (
+        float(stats.chi2.sf(n * skewness / 6.0, k * (k + 1) * (k + 2) // 6)),
+        2.0 * float(stats.norm.sf(abs(kurtosis) / np.sqrt(8.0 * k * (k + 2) / n))),
+    )
+    return skewness, kurtosis, min(1.0, 2.0 * min(chances))
 
 
 def _quantile(error: Floats) -> float:

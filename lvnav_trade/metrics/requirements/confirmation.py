@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binom, ncx2
 
-from lvnav_trade.metrics.basics.select import NAVIGATION, errors_at, history_of, once, pick
+from lvnav_trade.metrics.basics.select import NAVIGATION, history_of, once, pick
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
+from lvnav_trade.metrics.metric import where
 from lvnav_trade.metrics.requirements import improvements as by_covariance
 from lvnav_trade.metrics.requirements import requirements as by_runs
 from lvnav_trade.records import Floats
@@ -78,8 +79,8 @@ def _tails(flown: Tables, case: str) -> list[tuple[Any, ...]]:
     """Return the rows of the requirements of a case; none of the worst error of a phase, which is only bounded."""
     found = []
     for requirement in flown.campaign.get("requirements") or ():
-        law, event = by_covariance.asked(flown, requirement, case), by_runs.where(requirement)
-        runs = None if requirement.get("during") else errors_at(flown, case, event, str(requirement["metric"]))
+        law, event = by_covariance.asked(flown, requirement, case), where(requirement)
+        runs = None if requirement.get("during") else by_runs.errors_of(flown, case, requirement)
         if isinstance(law, str) or runs is None or not runs.size.size:
             continue
         n, limit = runs.size.size, law.quantile(1.0 - TAIL)
@@ -107,13 +108,24 @@ def _in_words(row: Any) -> str:
     return f"spot check of {row.runs} runs, {moment}: {what}"
 
 
+@once
 def verdicts(tables: Tables) -> pd.DataFrame:
-    """Return the verdict of `requirements.verdicts`, "not confirmed" where the runs have not decided and linear
-    covariance would decide although the spot check disagrees with it.
+    """Return the verdict on every requirement in every case, with the column `by`: what it rests on.
+
+    by: "runs": as of `requirements.verdicts`, and "not confirmed" where the runs have not decided and linear covariance
+    would decide although the spot check disagrees with it. "LinCov": verdict, estimate, limit and unit are those of
+    `expected`, for cases without runs, and for cases that the campaign does not select for a demonstration
+    (``monte_carlo.selected``) and whose runs leave it undecided.
     """
-    frame, why = by_runs.verdicts(tables), unconfirmed(tables)
+    frame, alone, why = by_runs.verdicts(tables), expected(tables), unconfirmed(tables)
     open_ones = (frame.verdict == "undecided") & frame.case.isin(why)
-    return frame.assign(verdict=frame.verdict.mask(open_ones, NOT_CONFIRMED))
+    frame = frame.assign(verdict=frame.verdict.mask(open_ones, NOT_CONFIRMED), by="runs")
+    both = frame[["requirement", "case"]].merge(alone, on=["requirement", "case"], how="left").set_index(frame.index)
+    others = frame.case.isin(by_runs.unselected(tables)) & (frame.verdict == "undecided")
+    taken = both.verdict.notna() & ((frame.runs == 0) | (others & both.verdict.isin(["met", "violated"])))
+    for name in ("verdict", "estimate", "limit", "unit"):
+        frame[name] = frame[name].mask(taken, both[name])
+    return frame.assign(unit=frame.unit.fillna(""), by=frame.by.mask(taken, "LinCov"))
 
 
 def expected(tables: Tables) -> pd.DataFrame:
@@ -127,6 +139,10 @@ def expected(tables: Tables) -> pd.DataFrame:
 
 
 def improvements(tables: Tables) -> pd.DataFrame:
-    """Return the improvements by linear covariance, of the cases where the spot check agrees with it."""
-    frame = by_covariance.improvements(tables)
-    return frame[~frame.case.isin(unconfirmed(tables))].reset_index(drop=True)
+    """Return the improvements by linear covariance, of the cases where the spot check agrees with it and that do not
+    meet the requirement.
+    """
+    frame, found = by_covariance.improvements(tables), verdicts(tables)
+    met = set(found[found.verdict == "met"][["requirement", "case"]].itertuples(index=False, name=None))
+    done = [(row.requirement, row.case) in met for row in frame.itertuples()]
+    return frame[~frame.case.isin(unconfirmed(tables)) & ~np.array(done, dtype=bool)].reset_index(drop=True)

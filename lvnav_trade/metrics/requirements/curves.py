@@ -53,6 +53,20 @@ def numeric_axes(tables: Tables) -> list[NumericAxis]:
     return found
 
 
+def si_axes(tables: Tables) -> list[NumericAxis]:
+    """Return the axes of which every level is a number, or a quantity of one dimension, in SI units."""
+    names = list(next(iter(tables.levels.values()), {}))
+    found = []
+    for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):
+        read = _in_si(list(axis["values"]))
+        if read is not None:
+            unit, numbers = read
+            values = dict(zip([str(label) for label in axis["labels"]], numbers, strict=True))
+            base = _base_value(tables, axis["path"], unit)
+            found.append(NumericAxis(name, unit, values | ({} if base is None else {BASE: base})))
+    return found
+
+
 def _in_si(values: list[Any]) -> tuple[str, list[float]] | None:
     """Return the unit and the numbers of resolved values; None where they are not all numbers of one unit."""
     read = [None if isinstance(value, bool) else _QUANTITY.fullmatch(str(value)) for value in values]

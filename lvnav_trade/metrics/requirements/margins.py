@@ -24,17 +24,11 @@ def margins(tables: Tables) -> pd.DataFrame:
     is the error that the asked fraction of flights stays below; margin_ratio = 1 - estimate / limit, NaN where there
     is no estimate and -inf where so many runs failed.
     """
-    return _ordered(confirmation.verdicts(tables), confirmation.expected(tables))
+    return _ordered(confirmation.verdicts(tables))
 
 
-def _ordered(frame: pd.DataFrame, alone: pd.DataFrame) -> pd.DataFrame:
-    """Return `margins` from the verdicts of runs and those of linear covariance."""
-    alone = alone.reindex(columns=["requirement", "case", *_OF_EITHER])
-    both = frame.merge(alone, on=["requirement", "case"], how="left", suffixes=("", "_lincov"))
-    flown = (both.runs > 0) | both.verdict_lincov.isna()
-    for name in _OF_EITHER:
-        both[name] = both[name].where(flown, both[f"{name}_lincov"])
-    both["by"] = np.where(flown, "runs", "LinCov")
+def _ordered(both: pd.DataFrame) -> pd.DataFrame:
+    """Return `margins` from verdicts with what they rest on."""
     both["margin_ratio"] = (1.0 - both.estimate / both.limit).astype(float)  # without requirements it is of no type
     cases, finite = both.case, both.margin_ratio.where(np.isfinite(both.margin_ratio))
     both["least"], both["finite"] = (one.groupby(cases).transform("min") for one in (both.margin_ratio, finite))
@@ -49,7 +43,15 @@ def worst(verdicts: pd.Series) -> str:
 @once
 def _unchecked(tables: Tables) -> pd.DataFrame:
     """Return `margins` without the spot check, which changes no margin and takes longer than all else here."""
-    return _ordered(by_runs.verdicts(tables), by_covariance.expected(tables))
+    frame, alone = by_runs.verdicts(tables), by_covariance.expected(tables)
+    alone = alone.reindex(columns=["requirement", "case", *_OF_EITHER])
+    both = frame.merge(alone, on=["requirement", "case"], how="left", suffixes=("", "_lincov"))
+    others = both.case.isin(by_runs.unselected(tables)) & (both.verdict == "undecided")
+    taken = (both.runs == 0) | (others & both.verdict_lincov.isin(["met", "violated"]))
+    simulated = ~taken | both.verdict_lincov.isna()
+    for name in _OF_EITHER:
+        both[name] = both[name].where(simulated, both[f"{name}_lincov"])
+    return _ordered(both.assign(by=np.where(simulated, "runs", "LinCov")))
 
 
 def key_cases(tables: Tables) -> dict[str, str]:

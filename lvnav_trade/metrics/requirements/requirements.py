@@ -1,4 +1,4 @@
-"""Which requirements are met, at the confidence asked for, and how many more runs would decide the others."""
+"""Verdicts on requirements at the required confidence, and the further runs that would decide the others."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -9,20 +9,11 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from lvnav_trade.metrics.basics.case import Errors, number_in
+from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.basics.probability import runs_needed, success_verdict
-from lvnav_trade.metrics.basics.select import (
-    Errors,
-    ends_of,
-    error_sizes,
-    errors_at,
-    errors_named,
-    number_in,
-    once,
-    phase,
-    pick,
-    rows_between,
-)
-from lvnav_trade.metrics.protection import is_of_protection, required
+from lvnav_trade.metrics.basics.select import once
+from lvnav_trade.metrics.evaluate import metric_in
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
@@ -54,6 +45,18 @@ def verdicts(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
+def unselected(tables: Tables) -> list[str]:
+    """Return the labels of the cases that the campaign's ``monte_carlo.selected`` leaves out; none where it selects
+    none.
+    """
+    chosen = (tables.campaign.get("monte_carlo") or {}).get("selected") or {}
+    return [
+        tables.labels[case]
+        for case, levels in tables.levels.items()
+        if not all(str(levels.get(axis)) == str(level) for axis, level in chosen.items())
+    ]
+
+
 def decide_fixed(runs: int, failures: int, probability: float, confidence: float) -> tuple[str, int]:
     """Return the verdict and how many further runs, all of them good, would show that the requirement is met."""
     verdict = success_verdict(runs, failures, probability, confidence)
@@ -61,19 +64,13 @@ def decide_fixed(runs: int, failures: int, probability: float, confidence: float
 
 
 def decide_in_order(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
-    """Return the same of a campaign that stops once all is decided: by boundaries that allow a look after every block.
+    """Return verdict and further runs of a group-sequential test with one look per block of runs.
 
     failed (n_run,) truth values in the order of the runs; runs after the last whole block are not looked at.
     """
     counts = np.cumsum(np.asarray(failed, dtype=int))[block - 1 :: block].tolist()
     verdict, _ = decide(counts, probability, confidence, block)
     return verdict, further_runs(counts, probability, confidence, block) if verdict == "undecided" else 0
-
-
-def beyond(tables: Tables, case: str, requirement: Mapping[str, Any]) -> int | None:
-    """Return how many runs do not keep a requirement; None where its metric is unknown."""
-    found = errors_of(tables, case, requirement)
-    return None if found is None else int((found.size >= number_in(requirement["below"], found.unit)).sum())
 
 
 def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[Any, ...]:
@@ -96,31 +93,7 @@ def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Erro
 
     Of a phase that is the largest error of each run at the times of the history within it, both ends included.
     """
-    metric, during = str(requirement["metric"]), requirement.get("during")
-    if is_of_protection(metric):
-        return required(tables, case, requirement)
-    if not during:
-        return errors_at(tables, case, where(requirement), metric)
-    known = errors_named(tables, case, metric)
-    if known is None:
-        return None
-    inside = rows_between(pick(tables.worst, case=case), *phase_of(tables, case, str(during)), end="t_end_s")
-    size = pd.Series(error_sizes(inside, known[1]))
-    return known[0]._replace(size=size.groupby(inside.run_number.to_numpy(), sort=True).max().to_numpy())
-
-
-def phase_of(tables: Tables, case: str, text: str) -> tuple[float, float]:
-    """Return first and last time (s) of a phase: ``liftoff to injection``, ``flight`` (lift-off to the end), or with
-    ``start`` and ``end`` for the ends of the history. NaN for an event that the flight does not have.
-    """
-    worst = pick(tables.worst, case=case)
-    ends = (float(worst.t_s.min()), float(worst.t_end_s.max())) if len(worst) else ends_of(tables, case)
-    return phase(tables, case, text, ends)
-
-
-def where(requirement: Mapping[str, Any]) -> str:
-    """Return where in the flight a requirement holds: its event, or its phase."""
-    return str(requirement.get("during") or requirement.get("at") or "injection")
+    return metric_in(requirement).errors(CaseTables(tables, case), requirement)
 
 
 def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:

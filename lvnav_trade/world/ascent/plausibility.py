@@ -1,13 +1,13 @@
 """Limits of a flight that comes from a file: beyond them it is refused, unless its card raises them."""
 
 import math
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.units import Acceleration, AngularRate
+from lvnav_trade.units import AccelerationLimit, AngularRateLimit
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, FlightCard
 from lvnav_trade.world.truth import BEYOND, WARNING, Trajectory, motion
 
@@ -34,15 +34,15 @@ class OutsideFlight(FlightCard):
     the usual one, which is the default.
     """
 
-    highest_load: Annotated[Acceleration, Field(gt=0.0)] = Field(
+    highest_load: AccelerationLimit = Field(
         245.16625,  # 25 g: of the sounding rockets in use those with the strongest first motor reach some 20 g
         description="greatest specific force; beyond it the flight is refused",
     )
-    highest_rate: Annotated[AngularRate, Field(gt=0.0)] = Field(
+    highest_rate: AngularRateLimit = Field(
         1.0471975511965976,  # 60 deg/s: ascents turn at a few deg/s, at some 30 where attitude follows noisy rows
         description="greatest body rate across the roll axis; beyond it the flight is refused",
     )
-    highest_spin: Annotated[AngularRate, Field(gt=0.0)] = Field(
+    highest_spin: AngularRateLimit = Field(
         37.69911184307752,  # 6 turns a second: sounding rockets and spun-up stages make 1 to 5
         description="greatest body rate about the roll axis; beyond it the flight is refused",
     )

@@ -15,7 +15,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_along
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Acceleration, Angle, AngularRate, Duration, Length, Pause, Speed, TimeConstant
+from lvnav_trade.units import AccelerationLimit, Angle, AngularRateLimit, Duration, Length, Pause, Speed, TimeConstant
 from lvnav_trade.world.ascent.dynamics import Drag, accelerations, fly
 from lvnav_trade.world.ascent.launch import achieved, pad_knots, site_phase
 from lvnav_trade.world.ascent.legs import COASTING, site_axes
@@ -57,23 +57,23 @@ class RecordedAscent(OutsideFlight):
     """
 
     kind: Literal["profile"] = "profile"
-    site: Site
+    site: Site  # launch site
     azimuth: Angle | None = Field(None, description="of the ground track at the site, from north over east")
     inclination: Angle | None = Field(None, description="of the final orbit; gives the azimuth where that is not set")
-    direction: Literal["ascending", "descending"] = "ascending"
+    direction: Literal["ascending", "descending"] = "ascending"  # of the ground track at the site, by inclination
     file: str = Field(description="the record", json_schema_extra={"path": True})
     events: dict[str, Duration] = Field(description="times of the named events, from lift-off")
     speed_noise: Annotated[Speed, Field(gt=0.0)] = Field(description="one-sigma error of a recorded speed")
     altitude_noise: Annotated[Length, Field(gt=0.0)] = Field(description="one-sigma error of a recorded altitude")
-    pad_hold: Pause = 60.0
-    roll: Roll = Roll()
-    coast_after_injection: TimeConstant = 20.0
+    pad_hold: Pause = 60.0  # rest on the pad before lift-off
+    roll: Roll = Roll()  # roll angle on the pad and in flight
+    coast_after_injection: TimeConstant = 20.0  # time from injection to the end of the flight
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
-    highest_load: Annotated[Acceleration, Field(gt=0.0)] = Field(
+    highest_load: AccelerationLimit = Field(
         147.09975,  # 15 g: launchers end a burn with 4 to 7 g, the lightest of solid motors with 13 g
         description="greatest specific force; beyond it the flight is refused",
     )
-    highest_spin: Annotated[AngularRate, Field(gt=0.0)] = Field(
+    highest_spin: AngularRateLimit = Field(
         0.5235987755982988,  # 30 deg/s: a record holds no attitude, so that it cannot show a spin
         description="greatest body rate about the roll axis; beyond it the flight is refused",
     )

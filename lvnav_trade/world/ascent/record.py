@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 from scipy.sparse import block_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
+from lvnav_trade.decimals import decimal_or_endless
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.input_files import text_lines
@@ -61,7 +62,7 @@ def _row(fields: list[str], before: list[float] | None, where: str) -> list[floa
     row = []
     for name, field in zip(HEADER, fields, strict=True):
         try:
-            value = float(field)
+            value = decimal_or_endless(field)
         except ValueError:
             raise InputError(f"{where}: {name} is {quoted(field)}, not a number") from None
         if not math.isfinite(value):
@@ -133,10 +134,21 @@ class Climb(NamedTuple):
 
 
 class _Problem(NamedTuple):
-    """Rows of the fit over the free coefficients: of altitude (suffix h) and of level speed (suffix u).
+    """Least-squares fit of splines to a recorded ascent: altitude (suffix h) and horizontal speed (suffix u).
 
-    At the data: height, climb, level; roughness times the root of its weight: jerk_h, jerk_u; in free fall: second and
-    first derivative of altitude, level speed and its derivative, gravity.
+    The matrices multiply the free spline coefficients.
+
+    record : Recorded times, speeds and altitudes.
+    noise : Standard deviations of speed (m/s) and altitude (m).
+    knots_h : Knots of the altitude spline (s).
+    knots_u : Knots of the horizontal-speed spline (s).
+    height : Altitude at the recorded times.
+    climb : Rate of altitude at the recorded times.
+    level : Horizontal speed at the recorded times.
+    jerk_h : Third derivative of altitude, times the root of its weight.
+    jerk_u : Second derivative of horizontal speed, times the root of its weight.
+    fall : In free fall: second and first derivative of altitude, derivative of horizontal speed, horizontal speed;
+        gravity (m/s^2).
     """
 
     record: Record

@@ -1,4 +1,4 @@
-"""Where thrust and body point: laws of steering blended without a jump, and the attitude spline with its roll."""
+"""Directions of thrust and body: steering laws blended smoothly, and the attitude spline with its roll."""
 
 import math
 from collections.abc import Sequence
@@ -21,12 +21,23 @@ _PEAK = 1.875  # peak slope of the quintic smoothstep
 
 
 class Steering(NamedTuple):
-    """The steering of one ascent. Times in s since lift-off, angles in rad, vectors of length one.
+    """Steering of one ascent. Directions are unit vectors.
 
-    up_e, downrange_e (3,) in frame e at the site; theta0 Earth angle at lift-off; the kick tilts from up to downrange;
-    `follow_start` begins the blend to the Earth-relative velocity. Linear-tangent laws, each (n_law,) and normal_i
-    (n_law, 3): from `law_start` the thrust turns within `slew` to elevation atan(tangent + rate (t - law_start)) above
-    the local horizontal, in the plane of normal_i. A law that is not in use starts at infinity.
+    In a linear-tangent law the thrust turns within `slew` to elevation atan(tangent + rate (t - law_start)) above the
+    local horizontal. A law that is not in use starts at infinity.
+
+    up_e : (3,). Local vertical at the site, frame e.
+    downrange_e : (3,). Horizontal launch direction at the site, frame e.
+    theta0 : rad. Earth rotation angle at lift-off.
+    kick_start : s since lift-off. Start of the tilt from up to downrange.
+    kick_duration : s. Duration of the tilt.
+    kick_angle : rad. Angle of the tilt.
+    follow_start : s since lift-off. Start of the transition to the direction of the Earth-relative velocity.
+    slew : s. Duration of the transition to a linear-tangent law.
+    law_start : (n_law,) s since lift-off. Start of each law.
+    normal_i : (n_law, 3). Normal of the plane of the thrust, frame i.
+    tangent : (n_law,). Tangent of the elevation at the start.
+    rate : (n_law,) 1/s. Rate of that tangent.
     """
 
     up_e: Floats

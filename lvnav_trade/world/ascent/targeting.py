@@ -15,6 +15,7 @@ from lvnav_trade.world.ascent.legs import Aim, Flight, engine, fly_ascent, impul
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent
 
 _CLIMB_AT_SEPARATION = math.radians(30.0)  # where the search for the kick starts
+_LOST = 1e6  # residual of an aim that is no number
 _SMALL = 1e-6  # norm of the scaled residuals that counts as solved: 10 mm, 1e-5 m/s, 1e-9 rad
 _RESIDUAL = np.array([1e4, 10.0, 1e-2, 1e-3])  # m, m/s, rad, rad: residuals of one are about alike
 _LONGEST = 3.0  # times a whole burn: more is not flown
@@ -126,6 +127,8 @@ def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> 
     longest = _LONGEST * card.vehicle.stages[card.inserting - 1].full_burn
 
     def miss(z: Floats) -> Floats:
+        if not np.all(np.isfinite(z)):  # a solver that lost its way
+            return np.full(z.size, _LOST)
         aim = _aim(card, guess + z * _UNKNOWN, kick)
         astray = max(0.0, aim.burn - longest)  # a solver astray may ask for a burn of days
         flight = fly_ascent(card, aim._replace(burn=aim.burn - astray), final_coast=False)
@@ -198,6 +201,8 @@ def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
         return changed._replace(coast=start.coast + 10.0 * z[4], burn_2=start.burn_2 + z[5])
 
     def miss(z: Floats) -> Floats:
+        if not np.all(np.isfinite(z)):
+            return np.full(z.size, _LOST)
         flight = fly_ascent(card, full(z), final_coast=False)
         y = _state_at(flight, flight.events[f"stage{card.inserting}_cutoff"])
         last = _residuals(flight.legs[-1].y[-1], high, card.target.inclination) / _RESIDUAL

@@ -11,6 +11,7 @@ from lvnav_trade import units
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
 from lvnav_trade.units import Card, parse, require_rising
 from lvnav_trade.world.control_cards import SteeredCard
+from lvnav_trade.world.events import Instant
 from lvnav_trade.world.oscillation import OscillationCard
 
 Factor = Annotated[float, Field(gt=0.5, lt=2.0)]
@@ -30,7 +31,7 @@ class Profile(Card):
     Only the shape counts: the mean over the burn is that of propellant, specific impulse and burn time.
     """
 
-    part: tuple[float, ...] = Field(min_length=2, description="parts of the burn time, from 0 to 1, rising")
+    part: tuple[units.Share, ...] = Field(min_length=2, description="parts of the burn time, from 0 to 1, rising")
     thrust: tuple[Annotated[float, Field(gt=0.0)], ...] = Field(description="vacuum thrust there, in any measure")
 
     def _faults(self) -> Iterator[str]:
@@ -47,13 +48,13 @@ class Motor(Card):
     throttled, at a constant specific impulse; one known by its burn time burns just so long.
     """
 
-    name: str
+    name: str  # of the stage or booster
     propellant: Annotated[units.Mass, Field(gt=0.0)] = Field(description="usable propellant")
     dry: Annotated[units.Mass, Field(gt=0.0)] = Field(description="mass that stays behind when it is dropped")
     thrust: units.Force | None = Field(None, description="vacuum thrust at full throttle")
     burn_time: units.TimeConstant | None = Field(None, description="of all the propellant")
     specific_impulse: units.TimeConstant = Field(description="vacuum specific impulse")
-    exit_area: units.Area = 0.0
+    exit_area: units.Area = 0.0  # of the nozzle
     profile: Profile | None = Field(None, description="none: constant thrust")
     separation_delay: units.Pause = Field(0.0, description="coast between cut-off and separation")
 
@@ -119,12 +120,14 @@ class VehicleCard(units.NamedCard):
     reference_area: Annotated[units.Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
     mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, rising")
     drag_coefficient: tuple[float, ...] = Field(min_length=2)
-    max_load: Annotated[units.Acceleration, Field(gt=0.0)] | None = Field(
+    max_load: units.AccelerationLimit | None = Field(
         None, description="what can be throttled is, to stay below this specific force; none: no throttling"
     )
 
     def _faults(self) -> Iterator[str]:
         refuse_drag_table(self.mach, self.drag_coefficient)
+        if self.stages[0].ignition_delay > 0.0:
+            yield "ignition_delay of the first stage has no effect: it ignites at lift-off; leave it out"
         if self.fairing is not None and self.fairing.stage > len(self.stages):
             yield f"the fairing is released in stage {self.fairing.stage} of {len(self.stages)}"
         if self.fairing is not None and self.fairing.stage < len(self.stages):
@@ -223,6 +226,11 @@ class Roll(Card):
     start: units.Duration = 5.0
     rate: units.AngularRate = Field(0.05235987755982988, gt=0.0, description="greatest roll rate")  # 3 deg/s
 
+    def _faults(self) -> Iterator[str]:
+        idle = [name for name in ("start", "rate") if getattr(self, name) != type(self).model_fields[name].default]
+        if self.pad == self.flight and idle:
+            yield f"{' and '.join(idle)}: no effect: pad and flight have the same roll angle; change one, or leave out"
+
 
 class Dispersion(Card):
     """How the vehicle that is flown differs from the one that the steering is solved for: an off-nominal mission.
@@ -243,14 +251,12 @@ class Dispersion(Card):
             yield "changes nothing: give thrust, specific_impulse, mass or pitch_program, or leave it out"
 
 
-class FlightCard(Card):
+class FlightCard(units.NamedCard):
     """What the cards of all trajectories begin with."""
 
     kind: str
-    name: str
-    source: str
     epoch: units.Epoch = Field(description="lift-off, ISO 8601 UTC")
-    named_times: dict[str, str] = Field(
+    named_times: dict[str, Instant] = Field(
         {},
         description="further events by names of your own: '60 s', or 'stage1_cutoff + 20 s'; faults and statements can "
         "name them, and every run is stored there",
@@ -261,9 +267,9 @@ class VehicleAscent(FlightCard):
     """A trajectory flown by a vehicle card: from the pad to a target orbit, its steering solved for."""
 
     kind: Literal["vehicle"] = "vehicle"
-    vehicle: VehicleCard
-    site: Site
-    target: Orbit
+    vehicle: VehicleCard  # stages, boosters, fairing and payload
+    site: Site  # launch site
+    target: Orbit  # orbit at injection
     parking: Parking | None = Field(None, description="none: one burn of the last stage straight into the target")
     azimuth: units.Angle | None = Field(
         None, description="of the launch, where it is prescribed; the steered stages then turn the plane"
@@ -272,16 +278,14 @@ class VehicleAscent(FlightCard):
         None, description="the vehicle flown differs from the card's, its steering is solved for that of the card"
     )
     recorded: Recorded | None = Field(None, description="a flight to compare with")
-    pad_hold: units.Pause = 60.0
-    vertical_rise: units.TimeConstant = 8.0
-    kick_duration: units.TimeConstant = 8.0
-    kick_angle: Annotated[units.Angle, Field(gt=0.0)] | None = Field(
-        None, description="none: chosen for the least propellant"
-    )
+    pad_hold: units.Pause = 60.0  # rest on the pad before lift-off
+    vertical_rise: units.TimeConstant = 8.0  # time from lift-off to the kick
+    kick_duration: units.TimeConstant = 8.0  # time of the tilt from vertical
+    kick_angle: units.AngleLimit | None = Field(None, description="none: chosen for the least propellant")
     steered_from: int = Field(2, ge=2, description="number of the first stage that follows the linear-tangent law")
     slew: units.TimeConstant = Field(12.0, description="time to turn from one steering law to the next")
-    roll: Roll = Roll()
-    coast_after_injection: units.TimeConstant = 20.0
+    roll: Roll = Roll()  # roll angle on the pad and in flight
+    coast_after_injection: units.TimeConstant = 20.0  # time from injection to the end of the flight
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
     control: SteeredCard | None = Field(None, description="flown under wind and attitude control; none: as steered")
 
@@ -303,6 +307,10 @@ class VehicleAscent(FlightCard):
         last = self.vehicle.stages[-1]
         if self.control is not None:
             yield from self.control.misfits(n_stage)
+        if last.separation_delay != 0.0:
+            yield f"separation_delay of stage {last.name!r} has no effect: the last stage does not separate; omit it"
+        if self.target.anomaly != 0.0 and self.target.perigee == self.target.apogee:
+            yield "anomaly has no effect: a circular target has no perigee to count it from; leave it out"
         if self.parking is not None and last.profile is not None:
             yield f"stage {last.name!r} burns as long as guidance asks: it cannot have a thrust profile"
 

@@ -1,4 +1,4 @@
-"""An ascent as the turning vehicle meets it: effectiveness, aerodynamic moment, wind and rate on every tick."""
+"""A controlled vehicle along its ascent: control effectiveness, aerodynamic moment, wind and rate on every tick."""
 
 import re
 from typing import NamedTuple
@@ -26,14 +26,26 @@ _CHANGE = re.compile(r"stage\d+_(ignition|cutoff|separation)")
 
 
 class Body(NamedTuple):
-    """The vehicle and its surroundings at ticks (n,); axes are pitch and yaw, lateral is the way the nose goes.
+    """The vehicle under control and its surroundings at n ticks. The axes are pitch and yaw.
 
-    t s; motor number of the stage that burns, 0 in coasts; stack number of the lowest stage; effectiveness nozzle's
-    angular acceleration per angle (1/s^2); thrust_load thrust over mass (m/s^2); moment, force angular and lateral
-    acceleration per lateral airspeed (rad/s/m, 1/s); airspeed m/s; slip (n, 2) nominal lateral airspeed; wind (n, 2, 2)
-    lateral wind by axis, of the profile along and across its direction; gust sigma m/s; gust_rate airspeed over its
-    length (1/s); thruster angular acceleration of a thruster pair (rad/s^2); rate (n, 2) of the nominal attitude
-    (rad/s); turn, turn_rate (n, 2) manoeuvres commanded besides (rad, rad/s).
+    Lateral is the direction in which the nose moves: up for pitch, right for yaw.
+
+    t : (n,) s since lift-off.
+    motor : (n,). Number of the burning stage, 0 in coasts.
+    stack : (n,). Number of the lowest stage.
+    effectiveness : (n,) 1/s^2. Angular acceleration per nozzle angle.
+    thrust_load : (n,) m/s^2. Thrust over mass.
+    moment : (n,) rad/(s m). Angular acceleration per lateral airspeed.
+    force : (n,) 1/s. Lateral acceleration per lateral airspeed.
+    airspeed : (n,) m/s.
+    slip : (n, 2) m/s. Lateral airspeed on the nominal flight.
+    wind : (n, 2, 2) m/s. Lateral wind by axis: of the profile along, and across, its direction.
+    gust : (n,) m/s. Sigma of gusts.
+    gust_rate : (n,) 1/s. Airspeed over the gust length.
+    thruster : (n,) rad/s^2. Angular acceleration of a thruster pair.
+    rate : (n, 2) rad/s. Body rate on the nominal flight.
+    turn : (n, 2) rad. Additional commanded angle.
+    turn_rate : (n, 2) rad/s. Additional commanded rate.
     """
 
     t: Floats

@@ -83,7 +83,7 @@ class Feed(NamedTuple):
 
 
 class CommandedEnvelope(NamedTuple):
-    """CommandedEnvelope of `EnvelopeCard` that depend on commands."""
+    """The part of the motion envelope that depends on commanded rate and nozzle angle, see `EnvelopeCard`."""
 
     burn: float
     coast: float

@@ -38,6 +38,7 @@ _COAST, _POWERED, _CANOPY = 2.0, 0.25, 0.05  # s between knots: where forces are
 _AIR = 200e3  # m; below, knots stand as close as in a burn
 _WIDEST = 2.5  # rad; of a turn in a burn: near half a circle either way round is as good, and thrust must not choose
 _ENTRY = 100e3  # m; where the way down counts as entry
+_SLEW = 60.0  # s
 _LONGEST = 20000.0  # s of a coast down: three orbits
 
 
@@ -54,6 +55,8 @@ class Start(Card):
     def _faults(self) -> Iterator[str]:
         if self.apogee < self.perigee:
             yield "apogee lies below perigee"
+        if self.perigee <= -SEMI_MAJOR:
+            yield f"perigee: {self.perigee * 1e-3:.6g} km is below the Earth's centre; it counts from the surface"
 
 
 class Leg(Card):
@@ -71,7 +74,7 @@ class Leg(Card):
     attitude: Pointing = "inertial"
     pitch: Angle = 0.0
     yaw: Angle = 0.0
-    slew: TimeConstant = Field(60.0, description="time of the turn to the law")
+    slew: TimeConstant = Field(_SLEW, description="time of the turn to the law")
 
     @property
     def flow(self) -> float:
@@ -117,13 +120,13 @@ class OrbitalFlight(FlightCard):
 
     kind: Literal["orbital"] = "orbital"
     epoch: Epoch = Field(description="t = 0, ISO 8601 UTC")
-    orbit: Start
-    mass: Annotated[Mass, Field(gt=0.0)]
-    reference_area: Area = 0.0
+    orbit: Start  # at t = 0
+    mass: Annotated[Mass, Field(gt=0.0)]  # at t = 0
+    reference_area: Area = 0.0  # area that the drag coefficients refer to
     mach: tuple[float, ...] = Field((0.0, 1.0), min_length=2, description="Mach numbers of the drag table, rising")
-    drag_coefficient: tuple[float, ...] = Field((2.2, 2.2), min_length=2)
-    legs: tuple[Leg, ...] = Field(min_length=1)
-    descent: Descent | None = None
+    drag_coefficient: tuple[float, ...] = Field((2.2, 2.2), min_length=2)  # at the Mach numbers
+    legs: tuple[Leg, ...] = Field(min_length=1)  # coasts and burns in order
+    descent: Descent | None = None  # to the end altitude; none: the flight ends with its last leg
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
     pad_hold: ClassVar[float] = 0.0  # the flight begins with its first event
@@ -134,6 +137,7 @@ class OrbitalFlight(FlightCard):
         burnt = sum(leg.flow * leg.duration for leg in self.legs)
         rules = {
             "two legs have the same name": len({leg.name for leg in self.legs}) < len(self.legs),
+            "slew of the first leg has no effect: no leg comes before it; leave it out": self.legs[0].slew != _SLEW,
             f"the burns use {burnt:g} kg, the mass is {self.mass:g} kg": burnt >= self.mass,
         }
         return [fault for fault, found in rules.items() if found]

@@ -19,7 +19,7 @@ from lvnav_trade.world.ascent.dynamics import Drag
 from lvnav_trade.world.ascent.launch import pad_knots, site_phase
 from lvnav_trade.world.ascent.legs import pad_state, site_axes
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, FlightCard, Site, refuse_drag_table
-from lvnav_trade.world.events import resolve
+from lvnav_trade.world.events import Instant, resolve
 from lvnav_trade.world.flight.free_flight import (
     Flown,
     Mode,
@@ -45,19 +45,19 @@ _LONGEST = 3600.0  # s of a coast; a rocket that is not down again by then has l
 def _turns(value: Any) -> Any:
     """Refuse an angle per time: as a frequency it would be taken for turns, 6 times too fast."""
     if isinstance(value, str) and ("rad" in value or "deg" in value):
-        raise ValueError(f"{value!r}: turns per second are asked for, in Hz")
+        raise ValueError(f"{value!r}: give the turns per second, in Hz")
     return value
 
 
 class SolidMotor(Card):
     """A stage of a sounding rocket: constant mass flow over its burn, and the pauses around it."""
 
-    name: str
-    propellant: Annotated[Mass, Field(gt=0.0)]
+    name: str  # of the stage
+    propellant: Annotated[Mass, Field(gt=0.0)]  # mass that burns
     dry: Annotated[Mass, Field(gt=0.0)] = Field(description="mass that falls away with it")
-    burn_time: TimeConstant
+    burn_time: TimeConstant  # of all the propellant
     specific_impulse: TimeConstant = Field(description="vacuum specific impulse")
-    exit_area: Area = 0.0
+    exit_area: Area = 0.0  # of the nozzle
     ignition_delay: Pause = Field(0.0, description="coast between separation of the stage below and ignition")
     separation_delay: Pause | None = Field(None, description="coast between cut-off and separation; none: it stays")
     elevation: Angle | None = Field(
@@ -79,7 +79,7 @@ class Rail(Card):
 class SpinStep(Card):
     """A change of the spin, such as canted fins or a yo-yo bring about: smooth, over a time."""
 
-    at: str = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
+    at: Instant = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
     frequency: Annotated[TurnRate, BeforeValidator(_turns)] = Field(
         description="turns per second about the x axis from then on"
     )
@@ -94,22 +94,22 @@ class SoundingFlight(FlightCard):
     """
 
     kind: Literal["sounding"] = "sounding"
-    site: Site
-    rail: Rail
-    stages: tuple[SolidMotor, ...] = Field(min_length=1)
-    payload: Annotated[Mass, Field(gt=0.0)]
+    site: Site  # launch site
+    rail: Rail  # launcher that guides the first metres
+    stages: tuple[SolidMotor, ...] = Field(min_length=1)  # in order of ignition
+    payload: Annotated[Mass, Field(gt=0.0)]  # mass above the last stage
     reference_area: Annotated[Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
     mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, rising")
-    drag_coefficient: tuple[float, ...] = Field(min_length=2)
-    apogee: Annotated[Length, Field(gt=0.0)] | None = None
+    drag_coefficient: tuple[float, ...] = Field(min_length=2)  # at the Mach numbers
+    apogee: Annotated[Length, Field(gt=0.0)] | None = None  # altitude over the ellipsoid; none: elevations stated
     weathercock: TimeConstant = Field(
         10.0, description="time after the rail in which the air takes hold of the body and turns it into the wind"
     )
     held_above: Length = Field(60e3, description="height above which spin, not air, holds the attitude")
     turn_time: TimeConstant = Field(6.0, description="time to turn from one law of attitude to the next")
-    spin: tuple[SpinStep, ...] = ()
+    spin: tuple[SpinStep, ...] = ()  # changes of the spin, in order
     end_altitude: Length = Field(100e3, description="of the descent, where the flight ends, at a whole second before")
-    pad_hold: Pause = 60.0
+    pad_hold: Pause = 60.0  # rest on the rail before lift-off
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
     coast_after_injection: ClassVar[float] = 0.0  # the last event is the end
@@ -123,6 +123,8 @@ class SoundingFlight(FlightCard):
             yield "the rail's elevation and the last stage's are stated: nothing is left for the apogee"
         if self.stages[0].elevation is not None:
             yield "the first stage starts from the rail: its elevation is that of the rail"
+        if self.stages[0].ignition_delay > 0.0:
+            yield "ignition_delay of the first stage has no effect: it ignites at lift-off; leave it out"
         for stage in self.stages[:-1]:
             if stage.separation_delay is None:
                 yield f"stage {stage.name!r} stays, but another burns above it: give its separation_delay"

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.marks import without_marks
 from lvnav_trade.world.ascent.profile import RecordedAscent, rebuild
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.flown import flown_ascent
@@ -76,7 +77,8 @@ def content(card: TrajectoryCard) -> str:
 
 def identity(card: TrajectoryCard) -> str:
     """Return 16 hex digits of a flight: every number of its card and the content of the file that it names."""
-    data = card.model_dump(mode="json", exclude_defaults=True, exclude={"name", "source", "file", "named_times"})
+    unread = {"name", "source", "file", "named_times"}
+    data = without_marks(card.model_dump(mode="json", exclude_defaults=True, exclude=unread))
     text = json.dumps([type(card).__name__, data, content(card)], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

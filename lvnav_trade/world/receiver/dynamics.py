@@ -1,4 +1,4 @@
-"""What a receiver's noise may depend on along the nominal flight: altitude, specific force, jerk."""
+"""Variables that a receiver's noise may depend on: altitude, specific force, jerk."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Signals of others in the receiver's band: noise that a jammer adds, and the place that a spoofer feigns."""
+"""Interference in the receiver's band: noise of a jammer, false position of a spoofer."""
 
 import math
 from collections.abc import Sequence
@@ -7,6 +7,7 @@ import numpy as np
 
 from lvnav_trade import frames
 from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.line_of_sight import Sight, sight
 from lvnav_trade.records import Floats, Motion
 from lvnav_trade.world.fault_cards import AnyFault, Jamming, Spoofing
 from lvnav_trade.world.faults import active
@@ -30,11 +31,11 @@ def jamming_density(
     rate = LoopsCard.model_fields["code_rate"].default if receiver.loops is None else receiver.loops.code_rate
     for _, card, within, *_ in active(faults, Jamming, trajectory.course, t):
         line, up = _towards(card, trajectory.theta0, t, at.r_i)
-        distance = np.linalg.norm(line, axis=1)
-        level = card.power - path_loss(link, distance)
+        seen = sight(line, np.zeros_like(line))
+        level = card.power - path_loss(link, seen.distance)
         if card.pattern is not None:
             level = level + pattern_gain(card.pattern, _off_boresight(card, trajectory.theta0, t, -line))
-        direction_b = np.einsum("nij,ni->nj", frames.matrices(at.q_b_i), line / distance[:, None])
+        direction_b = np.einsum("nij,ni->nj", frames.matrices(at.q_b_i), seen.direction)
         heard = (within & up)[:, None]
         power = 10.0 ** (0.1 * (level[:, None] + gains(receiver.antennas, direction_b)))
         found += np.where(heard, power / (card.quality * rate), 0.0)
@@ -74,24 +75,20 @@ def effective(cn0: Floats, carrier: Floats, density: Floats) -> Floats:
     return found
 
 
-def feigned(
-    faults: Sequence[AnyFault], trajectory: Trajectory, t: Floats, r_i: Floats, line: Floats, rate: Floats
-) -> Floats:
+def feigned(faults: Sequence[AnyFault], trajectory: Trajectory, t: Floats, r_i: Floats, true: Sight) -> Floats:
     """Return what spoofers add to ranges (m) and range rates (m/s), (n_epoch, n_sat, 2), so that they are those of a
     place that moves away.
 
-    r_i (n_epoch, 3) m of the antenna; line (n_epoch, n_sat, 3) m from it to the satellites and its derivative, rate;
-    frame i. The place moves in axes north, east, down of the antenna, which turn with the Earth.
+    r_i (n_epoch, 3) m of the antenna, frame i; true (n_epoch, n_sat) lines of sight from it. The place moves in axes
+    north, east, down of the antenna, which turn with the Earth.
     """
-    added = np.zeros((*line.shape[:2], 2))
+    added = np.zeros((*true.distance.shape, 2))
     for _, card, within, start, _ in active(faults, Spoofing, trajectory.course, t):
         theta = frames.earth_angle(trajectory.theta0, t)
         velocity = np.einsum("nij,i->nj", frames.rotation_i_n(r_i, theta), np.array(card.velocity))
         offset = velocity * (t - start)[:, None]
         moving = velocity + np.cross([0.0, 0.0, OMEGA], offset)
-        shifted, changing = line - offset[:, None], rate - moving[:, None]
-        true, false = np.linalg.norm(line, axis=2), np.linalg.norm(shifted, axis=2)
-        of_range = false - true
-        of_rate = np.sum(shifted * changing, axis=2) / false - np.sum(line * rate, axis=2) / true
-        added += np.where(within[:, None, None], np.stack([of_range, of_rate], axis=2), 0.0)
+        false = sight(true.line - offset[:, None], true.moving - moving[:, None])
+        of_both = np.stack([false.distance - true.distance, false.rate - true.rate], axis=2)
+        added += np.where(within[:, None, None], of_both, 0.0)
     return added

@@ -2,33 +2,41 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Angle, Card, Decibels, Frequency, Gain, Length, Level, Temperature, require_rising
+from lvnav_trade.units import (
+    Angle,
+    AngleLimit,
+    Card,
+    Decibels,
+    Frequency,
+    Gain,
+    Length,
+    Level,
+    NamedCard,
+    Temperature,
+    require_rising,
+)
 from lvnav_trade.world.patterns import Pattern, pattern_gain
 
 BOLTZMANN_DB = -228.599167  # dBW/K/Hz: 10 log10 of 1.380649e-23 J/K, exact since 2019
 ROOM = 290.0  # K; the temperature that noise figures refer to
 
 
-class AntennaCard(Card):
+class AntennaCard(NamedCard):
     """An antenna on the body: where its phase centre is, which way it looks, its gain around that axis."""
 
-    name: str
     source: str = ""
     lever_b: tuple[Length, Length, Length] = Field(
         (0.0, 0.0, 0.0), description="phase centre from the inertial unit, body axes"
     )
     boresight: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")
     pattern: Pattern
-    cutoff: Annotated[Angle, Field(gt=0.0)] = Field(
-        math.pi, description="off boresight; what lies further off is hidden by the body"
-    )
+    cutoff: AngleLimit = Field(math.pi, description="off boresight; what lies further off is hidden by the body")
 
     def _faults(self) -> Iterator[str]:
         if not 0.0 < math.hypot(*self.boresight) < math.inf:
@@ -111,12 +119,3 @@ def received_power(card: LinkCard, distance: Floats, off_nadir: Floats) -> Float
 def carrier_to_noise(card: LinkCard, power: Floats) -> Floats:
     """Return C/N0 (dB-Hz) of a signal whose power at the antenna's output is given in dBW."""
     return np.asarray(power - (BOLTZMANN_DB + 10.0 * math.log10(card.system_temperature)) - card.implementation_loss)
-
-
-def off_nadir(r_sat: Floats, direction: Floats) -> Floats:
-    """Return the angle (rad) at the satellite between its nadir and the antenna.
-
-    r_sat (..., 3) from the Earth's centre; direction (..., 3) unit vector from antenna to satellite, same axes.
-    """
-    along = np.sum(r_sat * direction, axis=-1) / np.linalg.norm(r_sat, axis=-1)
-    return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))

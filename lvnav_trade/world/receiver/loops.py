@@ -27,7 +27,7 @@ class LoopsCard(Card):
     discriminator can tell.
     """
 
-    carrier: Literal["pll", "fll"] = "pll"
+    carrier: Literal["pll", "fll"] = "pll"  # phase or frequency lock loop
     carrier_order: int = Field(3, ge=1, le=3, description="2 or 3 of a phase loop, 1 or 2 of a frequency loop")
     carrier_bandwidth: Frequency = Field(18.0, description="one-sided noise bandwidth")
     integration: TimeConstant = Field(0.02, description="coherent, before the discriminators")
@@ -38,7 +38,7 @@ class LoopsCard(Card):
     code_aided: bool = Field(True, description="the carrier loop moves the code; else the code loop is of second order")
     spacing: float = Field(1.0, gt=0, lt=2, description="of early and late correlator, chips")
     front_end: Frequency = Field(4e6, description="double-sided bandwidth")
-    code_rate: Frequency = 1.023e6
+    code_rate: Frequency = 1.023e6  # chips per second
     jitter: AngleSigma = Field(0.0, description="phase jitter of the oscillator, always there")
     vibration: JitterPerForce = Field(
         0.0, description="phase jitter of the oscillator per specific force beyond one g: it shakes as the motor pushes"

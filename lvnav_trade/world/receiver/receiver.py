@@ -48,7 +48,9 @@ RateSigma = Annotated[units.SpeedSigma, Field(gt=0.0, description="and of its ra
 class SmoothingCard(units.Card):
     """Pseudoranges smoothed by carrier phase before they are solved (Hatch filter), satellite by satellite.
 
-    It begins anew where a satellite is tracked again, and at another antenna. Phase noise is `carrier_phase_sigma`.
+    It starts again wherever the receiver has lost the phase: when the signal is lost, at another antenna, and at a slip
+    that the receiver notices (`cycle_slips`). A slip that it does not notice (the fault `cycle_slip`) stays in the
+    average. Phase noise is `carrier_phase_sigma`.
     """
 
     time: units.TimeConstant = Field(100.0, description="window: mean of so long, then a gain of interval over this")
@@ -98,20 +100,20 @@ class BancroftSolution(_Solver):
     """A point solution of every epoch with four satellites or more, which knows nothing of the epoch before."""
 
     kind: Literal["bancroft"]
-    range_sigma: RangeSigma
-    rate_sigma: RateSigma
+    range_sigma: RangeSigma  # modelled noise of a pseudorange
+    rate_sigma: RateSigma  # modelled noise of a range rate
     refinements: int = Field(
         2, ge=0, le=5, description="Newton steps to least squares after the closed form; 0: closed form alone"
     )
-    false_alarm: float = Field(
+    false_alarm: units.Share = Field(
         1e-3, gt=0.0, lt=1.0, description="probability that residuals of good measurements are called inconsistent"
     )
     least_quality: Literal[1, 2, 3] = Field(
         1, description="output from: 1 inconsistent residuals, 2 four satellites (no test), 3 consistent residuals"
     )
-    smoothing: Smoothing = None
-    reported_covariance: ReportedCovariance = OwnCovariance()
-    reported: Reported = False
+    smoothing: Smoothing = None  # of the ranges by carrier phase; none: code alone
+    reported_covariance: ReportedCovariance = OwnCovariance()  # covariance reported with the solution
+    reported: Reported = False  # whether errors of the solution are reported too
 
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the point solver, SI, by the names of its arguments."""
@@ -127,24 +129,24 @@ class FilteredSolution(_Solver):
     """
 
     kind: Literal["filtered"]
-    range_sigma: RangeSigma
-    rate_sigma: RateSigma
+    range_sigma: RangeSigma  # modelled noise of a pseudorange
+    rate_sigma: RateSigma  # modelled noise of a range rate
     jerk: units.JerkSigma | None = Field(None, description="constant over an interval, per axis")
-    jerk_gain: units.JerkGain = 0.0
+    jerk_gain: units.JerkGain = 0.0  # of the jerk's variance, per squared acceleration
     acceleration_noise: units.AccelerationSigma | None = Field(None, description="constant over an interval, per axis")
-    acceleration_gain: units.Fraction = 0.0
+    acceleration_gain: units.Fraction = 0.0  # of the acceleration noise's variance, per squared acceleration
     acceleration_time: units.TimeConstant | None = Field(
         None, description="in which the acceleration decays; none: a random walk"
     )
-    range_gain: units.RangeGain = 0.0
-    rate_gain: units.LengthSigma = 0.0
+    range_gain: units.RangeGain = 0.0  # of the range variance, per acceleration
+    rate_gain: units.LengthSigma = 0.0  # of the range-rate variance, per acceleration
     clock_noise: units.AccelerationSigma = Field(
         description="derivative of the clock's drift, constant over an interval"
     )
     start_acceleration: units.AccelerationSigma = Field(10.0, description="one-sigma when the filter starts")
     gate: float | None = Field(None, gt=0.0, description="innovations beyond so many sigma are rejected")
     range_limit: Annotated[units.Length, Field(gt=0.0)] | None = Field(None, description="and beyond so many metres")
-    rate_limit: Annotated[units.Speed, Field(gt=0.0)] | None = None
+    rate_limit: Annotated[units.Speed, Field(gt=0.0)] | None = None  # the same for range rates
     restart_after: int | None = Field(
         None, ge=1, description="epochs in a row with most rows rejected; it starts again from a point solution"
     )
@@ -152,9 +154,9 @@ class FilteredSolution(_Solver):
         None, description="no solution goes out when no measurement has been accepted for longer; none: it always does"
     )
     point: BancroftSolution | None = Field(None, description="that starts it; none: the default with its sigmas")
-    smoothing: Smoothing = None
-    reported_covariance: ReportedCovariance = OwnCovariance()
-    reported: Reported = False
+    smoothing: Smoothing = None  # of the ranges by carrier phase; none: code alone
+    reported_covariance: ReportedCovariance = OwnCovariance()  # covariance reported with the solution
+    reported: Reported = False  # whether errors of the solution are reported too
 
     def _faults(self) -> Iterator[str]:
         if (self.jerk is None) == (self.acceleration_noise is None):
@@ -165,7 +167,7 @@ class FilteredSolution(_Solver):
             yield "acceleration_time: there is no acceleration to decay, state jerk for it"
 
     def numbers(self) -> dict[str, Any]:
-        """Return the settings of the filter, SI, by the names of its arguments."""
+        """Return the settings of the filter, SI, by the names of `FilterSettings`."""
         driven = {"jerk", "jerk_gain", "acceleration_noise", "acceleration_gain"}
         found = _values(self, {"kind", "reported_covariance", "point", "reported", "smoothing", *driven})
         drive = (self.acceleration_noise, self.acceleration_gain) if self.jerk is None else (self.jerk, self.jerk_gain)
@@ -204,7 +206,7 @@ class ReceiverCard(units.NamedCard):
     lock of C/N0 and of the motion; tracking makes searching and pulling in take their time.
     """
 
-    rate: units.Frequency = Field(1.0, description="of its measurements; a filter uses all of them or every n-th")
+    rate: units.StepRate = Field(1.0, description="of its measurements; a filter uses all of them or every n-th")
     resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")
     latency: units.Pause = Field(
         0.0, description="age of a measurement when the filter takes it for present; not compensated"
@@ -213,12 +215,12 @@ class ReceiverCard(units.NamedCard):
     latency_error: units.Pause = Field(0.0, description="one-sigma of what the latency differs by over a flight")
     latency_sigma: units.Pause = Field(0.0, description="one-sigma of what is added to it at random, epoch by epoch")
     multipath: units.LengthSigma = Field(0.0, description="Gauss-Markov error of every pseudorange of its own")
-    multipath_time: units.TimeConstant = 60.0
+    multipath_time: units.TimeConstant = 60.0  # correlation time of multipath
     range_rate_offset: units.SpeedSigma = Field(
         0.0, description="of all range rates alike, constant in a run: what is not the drift of the ranges' clock"
     )
     range_rate_instability: units.SpeedSigma = Field(0.0, description="the same, but a Gauss-Markov error")
-    range_rate_instability_time: units.TimeConstant = 60.0
+    range_rate_instability_time: units.TimeConstant = 60.0  # its correlation time
     frequencies: Literal["L1", "L1_L2", "L1_L5"] = Field(
         "L1", description="two: combined so that the ionosphere of first order is gone and noise is amplified"
     )
@@ -233,9 +235,13 @@ class ReceiverCard(units.NamedCard):
         (0.0, 0.0, 0.0), description="from the inertial unit to the point that the solution is for"
     )
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
-    pseudorange_sigma: units.LengthSigma = Field(description="with loops: what is there beside their thermal noise")
-    range_rate_sigma: units.SpeedSigma = Field(description="with loops: what is there beside their thermal noise")
-    noise_by: NoiseBy = ()
+    pseudorange_sigma: Annotated[units.LengthSigma, Field(le=1e6)] = Field(
+        description="with loops: what is there beside their thermal noise"
+    )
+    range_rate_sigma: Annotated[units.SpeedSigma, Field(le=1e5)] = Field(
+        description="with loops: what is there beside their thermal noise"
+    )
+    noise_by: NoiseBy = ()  # factors on the sigmas over altitude, specific force or jerk
     carrier_phase_sigma: units.LengthSigma = Field(
         0.002, description="white noise of a carrier phase; with loops what is there beside their thermal noise"
     )
@@ -243,8 +249,8 @@ class ReceiverCard(units.NamedCard):
         10.0, description="one-sigma of the constant that a carrier phase begins with at every acquisition or slip"
     )
     cycle_slips: CycleSlipCard | None = Field(None, description="none: a phase goes on while its signal is held")
-    solution: SolutionCard
-    clock: ClockCard
+    solution: SolutionCard  # how position and velocity are computed
+    clock: ClockCard  # oscillator
     antennas: tuple[AntennaCard, ...] = Field((), description="none: one at lever_b that hears all directions alike")
     link: LinkCard | None = Field(None, description="none: no C/N0")
     loops: LoopsCard | None = Field(None, description="none: constant noise, no loss of lock; they need a link")

@@ -1,4 +1,4 @@
-"""What a receiver makes of the signals over a flight: best antenna, C/N0, noise, and which satellites it tracks."""
+"""Reception of the signals over a flight: best antenna, C/N0, noise, tracked satellites."""
 
 import math
 from collections.abc import Sequence
@@ -45,11 +45,17 @@ SAMPLES = 1.0
 
 
 class Arrival(NamedTuple):
-    """Signals at the lever arm of the receiver, at the epochs t (n_epoch,) s.
+    """Signals that arrive at the receiver's lever arm.
 
-    names (n_sat,); direction_i (n_epoch, n_sat, 3) unit vectors to the satellites, frame i; (n_epoch, n_sat) each:
-    distance m, off_nadir rad at the satellite, elevation rad, pull m/s^2 (acceleration of the range apart from the
-    antenna's own), expected and faulty bool (above the mask and not behind the Earth; taken away by a fault).
+    t : (n_epoch,) s since lift-off. Epochs.
+    names : (n_sat,). Satellites.
+    direction_i : (n_epoch, n_sat, 3). Unit vector to the satellite, frame i.
+    distance : (n_epoch, n_sat) m. Distance to the satellite.
+    off_nadir : (n_epoch, n_sat) rad. Angle from the satellite's nadir to the vehicle.
+    elevation : (n_epoch, n_sat) rad. Elevation of the satellite.
+    pull : (n_epoch, n_sat) m/s^2. Acceleration of the range without that of the antenna itself.
+    expected : (n_epoch, n_sat). Whether it is above the mask and not behind the Earth.
+    faulty : (n_epoch, n_sat). Whether a fault removes it.
     """
 
     t: Floats
@@ -64,17 +70,17 @@ class Arrival(NamedTuple):
 
 
 class Reception(NamedTuple):
-    """What becomes of the signals, (n_epoch, n_sat) each; see records.Sky."""
+    """Signals as the receiver processes them; see records.Sky."""
 
-    tracked: Bools
-    antenna: Ints
-    cn0: Floats
-    range_sigma: Floats
-    rate_sigma: Floats
-    phase_sigma: Floats
-    continuous: Bools
-    state: NDArray[np.int8]
-    transitions: tuple[Transition, ...]
+    tracked: Bools  # (n_epoch, n_sat), whether it is measured
+    antenna: Ints  # (n_epoch, n_sat), antenna that receives it best
+    cn0: Floats  # (n_epoch, n_sat) dB-Hz, C/N0 in the tracking loops
+    range_sigma: Floats  # (n_epoch, n_sat) m, white noise of the pseudorange
+    rate_sigma: Floats  # (n_epoch, n_sat) m/s, white noise of the range rate
+    phase_sigma: Floats  # (n_epoch, n_sat) m, white noise of the carrier phase
+    continuous: Bools  # (n_epoch, n_sat), whether the carrier was tracked since the epoch before
+    state: NDArray[np.int8]  # (n_epoch, n_sat), state of the receiver's channel
+    transitions: tuple[Transition, ...]  # state changes of the channels in order of time
 
 
 class _Steps(NamedTuple):

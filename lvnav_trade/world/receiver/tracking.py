@@ -9,7 +9,7 @@ from pydantic import Field
 
 from lvnav_trade.kernels.random import philox, seed_words, source_word
 from lvnav_trade.records import ACQUIRE, IDLE, LOST, SEARCH, TRACK, TRACKING, Bools, Floats, Transition
-from lvnav_trade.units import Card, CarrierToNoise, Pause
+from lvnav_trade.units import Card, CarrierToNoise, Pause, Share
 
 # Why a signal is not held, in the order in which one hides the other; the first holds it.
 HELD, DYNAMICS, WEAK, DEAF, FAULT, HIDDEN = range(6)
@@ -34,7 +34,7 @@ class TrackingCard(Card):
         "own",
         description="what narrows the search: the receiver's own solution while it tracks four, or the fused state",
     )
-    aided_factor: float = Field(0.25, gt=0, le=1, description="of every pass, while aided")
+    aided_factor: Share = Field(0.25, gt=0, le=1, description="of every pass, while aided")
     searchers: int = Field(1, ge=1, description="satellites searched for at a time; 1: one after the other")
     pull_in: Pause = Field(2.0, description="from found to measured: loops closed, bits and frames in step")
     coast: Pause = Field(

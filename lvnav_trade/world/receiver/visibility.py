@@ -1,18 +1,18 @@
 """Satellites over a flight: where each was when it sent what the antenna receives, and whether it is tracked."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lvnav_trade import frames
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
-from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, SEMI_MINOR
-from lvnav_trade.records import Floats, Motion, Sky
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.line_of_sight import falling, look_angles, occluded, off_nadir, point_of, range_rate, sight
+from lvnav_trade.records import Floats, Sky
 from lvnav_trade.world.fault_cards import AntennaFailure, AnyFault
 from lvnav_trade.world.faults import Mask, antennas_alive, lost
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
-from lvnav_trade.world.receiver.link import off_nadir
 from lvnav_trade.world.receiver.receiver import ReceiverCard
 from lvnav_trade.world.receiver.reception import Arrival, receive
 from lvnav_trade.world.sky.constellation import GM_GPS, Constellation
@@ -52,17 +52,15 @@ def sky(
     above = satellites(constellation, trajectory.epoch)
     antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
     sent = transmission(above, trajectory.theta0, t_epoch, antenna_r)
-    line = sent.r_i - antenna_r[:, None, :]
-    distance = np.linalg.norm(line, axis=-1)
-    direction = line / distance[..., None]
-    received = 1.0 - range_rate(direction, sent.v_i, antenna_v[:, None, :]) / SPEED_OF_LIGHT
-    azimuth, elevation = look_angles(trajectory.theta0, t_epoch, antenna_r, direction)
+    seen = sight(sent.r_i - antenna_r[:, None, :], sent.v_i - antenna_v[:, None, :])
+    received = 1.0 - range_rate(seen.direction, sent.v_i, antenna_v[:, None, :]) / SPEED_OF_LIGHT
+    azimuth, elevation = look_angles(trajectory.theta0, t_epoch, antenna_r, seen.direction)
     lowest = mask(receiver, trajectory.theta0, t_epoch, antenna_r)
-    visible = (elevation >= lowest) & ~occluded(antenna_r[:, None, :], sent.r_i)
+    visible = (elevation >= lowest) & ~occluded(antenna_r[:, None, :], sent.r_i, GRAZING_HEIGHT)
     faulty = np.asarray(lost(faults, trajectory.course, t_epoch, elevation, visible))
-    pull = range_pull(direction, distance, sent, antenna_v)
-    angle = off_nadir(sent.r_i, direction)
-    arrival = Arrival(t_epoch, above.names, direction, distance, angle, elevation, pull, visible, faulty)
+    pull = seen.acceleration(falling(sent.r_i, GM_GPS))  # few m/s^2, for loops that trail behind acceleration
+    angle = off_nadir(sent.r_i, seen.direction)
+    arrival = Arrival(t_epoch, above.names, seen.direction, seen.distance, angle, elevation, pull, visible, faulty)
     if antenna_alive is None and any(isinstance(fault, AntennaFailure) for fault in faults):
         antenna_alive = antennas_alive(faults, trajectory.course, t_epoch, len(receiver.antennas))
     return Sky(
@@ -93,29 +91,10 @@ def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) ->
     return np.asarray(np.where(height > shell, dip, receiver.mask * (1.0 - height / shell)))[:, None]
 
 
-def range_pull(direction: Floats, distance: Floats, sent: Transmission, antenna_v: Floats) -> Floats:
-    """Return the acceleration of the range (m/s^2) apart from the antenna's own, (n_epoch, n_sat).
-
-    Gravity on the satellite along the line, and the square of the speed across it over the distance: few m/s^2, for
-    loops that trail behind acceleration.
-    """
-    falling = -GM_GPS * np.sum(direction * sent.r_i, axis=-1) / np.linalg.norm(sent.r_i, axis=-1) ** 3
-    speed = sent.v_i - antenna_v[:, None, :]
-    across = np.sum(speed * speed, axis=-1) - np.sum(direction * speed, axis=-1) ** 2
-    return np.asarray(falling + across / distance)
-
-
 def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
     """Return true position (m) and velocity (m/s) of the antenna in frame i, (n_epoch, 3) each, lever arm included."""
     at = motion(trajectory, t)
     return point_of(at, frames.matrices(at.q_b_i), np.array(receiver.lever_b))
-
-
-def point_of(at: Motion, C_b_i: Floats, lever_b: Floats) -> tuple[Floats, Floats]:
-    """Return position (m) and velocity (m/s), (n_epoch, 3) each, frame i, of a point (3,) m of a vehicle whose motion
-    is `at` and whose attitude C_b_i (n_epoch, 3, 3).
-    """
-    return at.r_i + C_b_i @ lever_b, at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
 
 
 def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:
@@ -137,45 +116,3 @@ def satellite_inertial(above: Satellites, theta0: float, t: Floats) -> tuple[Flo
     theta = frames.earth_angle(theta0, t)
     turning = OMEGA * np.stack([-r_e[..., 1], r_e[..., 0], np.zeros_like(r_e[..., 0])], axis=-1)
     return frames.eci_from_ecef(r_e, theta), frames.eci_from_ecef(v_e + turning, theta)
-
-
-def range_rate(direction: Floats, v_sat: Floats, v_antenna: Floats) -> Floats:
-    """Return the derivative (m/s) of the distance travelled by the signal, with respect to reception time.
-
-    direction (..., 3) unit vector from antenna to satellite; v_sat at transmission, with respect to transmission time,
-    and v_antenna (..., 3) m/s, all in frame i. From differentiating the light-time equation: the satellite's
-    motion counts only as fast as transmission time passes, dt_tx/dt_rx = 1 - rate/c.
-    """
-    towards = np.sum(direction * v_sat, axis=-1)
-    return np.asarray((towards - np.sum(direction * v_antenna, axis=-1)) / (1.0 + towards / SPEED_OF_LIGHT))
-
-
-def look_angles(theta0: float, t: Floats, antenna_r: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """Return azimuth (from north over east, 0 to 2 pi) and elevation (rad), (n_epoch, n_sat) each.
-
-    The angles are those of the geodetic north-east-down axes below the antenna; direction (n_epoch, n_sat, 3), frame i.
-    """
-    theta = frames.earth_angle(theta0, t)
-    latitude, longitude, _ = frames.geodetic_from_ecef(frames.ecef_from_eci(antenna_r, theta))
-    direction_e = frames.ecef_from_eci(direction, theta[:, None])
-    north, east, down = np.moveaxis(
-        np.einsum("nij,nsj->nsi", frames.rotation_e_n(latitude, longitude), direction_e), -1, 0
-    )
-    return np.mod(np.arctan2(east, north), 2.0 * np.pi), np.arcsin(np.clip(-down, -1.0, 1.0))
-
-
-def occluded(antenna_r: Floats, satellite_r: Floats, grazing: float = GRAZING_HEIGHT) -> Mask:
-    """Return whether the straight ray from antenna to satellite meets the Earth, (...,) bool.
-
-    antenna_r, satellite_r: (..., 3) m, any axes with z along the pole; grazing: height (m) by which the ray must clear
-    the ellipsoid at its lowest point between the two. An antenna below that height loses what it would see by looking
-    downwards, and nothing else.
-    """
-    # stretching z turns the ellipsoid into a sphere and keeps straight lines straight
-    stretch = np.array([1.0, 1.0, SEMI_MAJOR / SEMI_MINOR])
-    near, far = antenna_r * stretch, satellite_r * stretch
-    ray: Any = far - near
-    along = -np.sum(near * ray, axis=-1) / np.sum(ray * ray, axis=-1)
-    lowest = near + along[..., None] * ray
-    ahead = (along > 0.0) & (along < 1.0)
-    return np.asarray(ahead & (np.sum(lowest * lowest, axis=-1) < (SEMI_MAJOR + grazing) ** 2))

@@ -1,4 +1,4 @@
-"""Sensing elements of an inertial unit: what they put out beyond full scale, and where one of them is dead."""
+"""Sensing elements of an IMU: output beyond full scale, and dead elements."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,18 +1,19 @@
-"""IMU error card: what an inertial unit's datasheet says, one sigma per axis."""
+"""IMU error card: the numbers of a datasheet, one sigma per axis."""
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
 from lvnav_trade import per_axis, units
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
-from lvnav_trade.per_axis import PerAxis, axes, each_axis
+from lvnav_trade.layout import ErrorTerm
+from lvnav_trade.per_axis import PerAxis, each_axis
 from lvnav_trade.records import Floats
 from lvnav_trade.resources import Resources
-from lvnav_trade.units import Card
-from lvnav_trade.world.sensors.allan import Process, fit_floor
+from lvnav_trade.units import Card, NamedCard
+from lvnav_trade.world.sensors.allan import FLOOR, Process, fit_floor
 
 
 class Ramp(Card):
@@ -39,8 +40,8 @@ class AccelRamp(Ramp):
 
 
 _FIT = (
-    "bias_instability is that of the Allan deviation, whose floor is 0.664 of it, by fitted processes; none: it is "
-    "sigma of one process of instability_time"
+    "flicker noise of bias_instability by fitted processes, see convention; none: bias_instability is sigma of one "
+    "process of instability_time, whose Allan deviation is at most 0.618 of it"
 )
 
 
@@ -55,6 +56,11 @@ class InstabilityFit(Card):
     processes: int = Field(ge=1, le=6)
     shortest: units.TimeConstant = Field(1.0, description="averaging times between which the Allan deviation is flat")
     longest: units.TimeConstant = 1000.0
+    convention: Literal["coefficient", "floor"] = Field(
+        "coefficient",
+        description="bias_instability is the coefficient B of IEEE 952, whose Allan deviation has the floor 0.664 B; "
+        "or it is that floor, the minimum of the curve, which most datasheets print",
+    )
 
     def _faults(self) -> Iterator[str]:
         if self.longest < 10.0 * self.shortest:
@@ -78,10 +84,16 @@ class SensorCard(Card):
         size = per_axis.rms(self.bias_instability)
         if size <= 0.0:
             return ()
-        if self.instability_fit is None:
-            return (Process(size, self.instability_time),)
         fit = self.instability_fit
-        return fit_floor(size, fit.processes, fit.shortest, fit.longest)
+        if fit is None:
+            return (Process(size, self.instability_time),)
+        return fit_floor(self.flicker, fit.processes, fit.shortest, fit.longest)
+
+    @property
+    def flicker(self) -> float:
+        """Coefficient B (SI, IEEE 952) of the bias instability by fitted processes, root mean square of the axes."""
+        size, fit = per_axis.rms(self.bias_instability), self.instability_fit
+        return size / FLOOR if fit is not None and fit.convention == "floor" else size
 
     @property
     def instability(self) -> Process:
@@ -114,90 +126,61 @@ class GyroCard(SensorCard):
     """Errors of the gyro triad, one sigma per axis (rows of table 1 of Trigo and Theil), alike or a list of three."""
 
     bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
-    misalignment: per_axis.Angle = 0.0
-    random_walk: per_axis.AngleRandomWalk = 0.0
-    rate_random_walk: per_axis.RateRandomWalk = 0.0
-    bias_repeatability: per_axis.AngularRate = 0.0
-    bias_instability: per_axis.AngularRate = 0.0
-    instability_time: units.TimeConstant = 100.0
+    misalignment: per_axis.Angle = 0.0  # of each axis towards the two others
+    random_walk: per_axis.AngleRandomWalk = 0.0  # angle random walk, white noise of the rate
+    rate_random_walk: per_axis.RateRandomWalk = 0.0  # random walk of the bias
+    bias_repeatability: per_axis.AngularRate = 0.0  # turn-on bias
+    bias_instability: per_axis.AngularRate = 0.0  # Gauss-Markov part of the bias
+    instability_time: units.TimeConstant = 100.0  # its correlation time
     instability_fit: InstabilityFit | None = Field(None, description=_FIT)
-    g_sensitivity: per_axis.GSensitivity = 0.0
+    g_sensitivity: per_axis.GSensitivity = 0.0  # rate error per specific force
     scale_factor: per_axis.Fraction = Field(0.0, description="repeatability")
-    scale_factor_drift: per_axis.ScaleDrift = 0.0
+    scale_factor_drift: per_axis.ScaleDrift = 0.0  # random walk of the scale factor
     nonlinearity: per_axis.Fraction = Field(0.0, description="scale-factor error at full scale, growing with the rate")
-    full_scale: Annotated[units.AngularRate, Field(gt=0.0)] | None = Field(
-        None, description=_FULL_SCALE.format("500 deg/s")
-    )
-    quantisation: units.AngleSigma = 0.0
-    temperature: GyroRamp | None = None
+    full_scale: units.AngularRateLimit | None = Field(None, description=_FULL_SCALE.format("500 deg/s"))
+    quantisation: units.AngleSigma = 0.0  # step of an angle increment
+    temperature: GyroRamp | None = None  # bias that grows as the IMU warms; none: no such error
 
 
 class AccelCard(SensorCard):
     """Errors of the accelerometer triad, one sigma per axis, alike or a list of three."""
 
     bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
-    misalignment: per_axis.Angle = 0.0
-    random_walk: per_axis.VelocityRandomWalk = 0.0
-    rate_random_walk: per_axis.AccelerationRandomWalk = 0.0
-    bias_repeatability: per_axis.Acceleration = 0.0
-    bias_instability: per_axis.Acceleration = 0.0
-    instability_time: units.TimeConstant = 100.0
+    misalignment: per_axis.Angle = 0.0  # of each axis towards the two others
+    random_walk: per_axis.VelocityRandomWalk = 0.0  # velocity random walk, white noise of the specific force
+    rate_random_walk: per_axis.AccelerationRandomWalk = 0.0  # random walk of the bias
+    bias_repeatability: per_axis.Acceleration = 0.0  # turn-on bias
+    bias_instability: per_axis.Acceleration = 0.0  # Gauss-Markov part of the bias
+    instability_time: units.TimeConstant = 100.0  # its correlation time
     instability_fit: InstabilityFit | None = Field(None, description=_FIT)
     scale_factor: per_axis.Fraction = Field(0.0, description="repeatability")
-    scale_factor_drift: per_axis.ScaleDrift = 0.0
+    scale_factor_drift: per_axis.ScaleDrift = 0.0  # random walk of the scale factor
     nonlinearity: per_axis.Fraction = Field(
         0.0, description="scale-factor error at full scale, growing with specific force"
     )
-    full_scale: Annotated[units.Acceleration, Field(gt=0.0)] | None = Field(
-        None, description=_FULL_SCALE.format("30 g")
-    )
-    quantisation: units.SpeedSigma = 0.0
-    temperature: AccelRamp | None = None
+    full_scale: units.AccelerationLimit | None = Field(None, description=_FULL_SCALE.format("30 g"))
+    quantisation: units.SpeedSigma = 0.0  # step of a velocity increment
+    temperature: AccelRamp | None = None  # bias that grows as the IMU warms; none: no such error
 
 
-class ImuCard(Card):
+class ImuCard(NamedCard):
     """An inertial unit."""
 
-    name: str
-    source: str = Field(description="where each number is from")
-    rate: units.Frequency = 200.0
-    process_rate: units.Frequency = Field(10.0, description="how often time-varying errors take a step")
+    rate: units.StepRate = 200.0
+    process_rate: units.StepRate = Field(10.0, description="how often time-varying errors take a step")
     gyro: GyroCard
     accel: AccelCard
     resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")
 
 
-class ErrorBlock(NamedTuple):
-    """One true error parameter on the three axes of a sensor: what it multiplies, how it starts and varies.
-
-    source: physical cause; part: of causes that need several blocks; sigma at the start (SI), walk root PSD of a random
-    walk, each of all axes or by axis, time_constant s of a Gauss-Markov process that holds sigma (inf: none); triad of
-    a set that has it.
-    """
-
-    source: str
-    part: int
-    sensor: int
-    driver: int
-    sigma: PerAxis
-    walk: PerAxis = 0.0
-    time_constant: float = math.inf
-    triad: int = 0
-
-    @property
-    def varies(self) -> bool:
-        """Whether it has a size on any axis."""
-        return max(*axes(self.sigma), *axes(self.walk)) > 0.0
-
-
-def error_blocks(card: ImuCard) -> list[ErrorBlock]:
+def error_terms(card: ImuCard) -> list[ErrorTerm]:
     """Return the true error parameters that a card names, those that are zero left out."""
-    blocks: list[ErrorBlock] = []
+    terms: list[ErrorTerm] = []
     for name, sensor, of in (("gyro", GYRO, card.gyro), ("accelerometer", ACCEL, card.accel)):
-        blocks += [
-            ErrorBlock(f"{name} bias repeatability", 0, sensor, CONSTANT, of.bias_repeatability),
+        terms += [
+            ErrorTerm(f"{name} bias repeatability", 0, sensor, CONSTANT, of.bias_repeatability),
             *(
-                ErrorBlock(
+                ErrorTerm(
                     f"{name} bias instability",
                     part,
                     sensor,
@@ -208,12 +191,12 @@ def error_blocks(card: ImuCard) -> list[ErrorBlock]:
                 )
                 for part, one in enumerate(of.instability_processes)
             ),
-            ErrorBlock(f"{name} rate random walk", 0, sensor, CONSTANT, 0.0, of.rate_random_walk),
-            ErrorBlock(f"{name} scale factor", 0, sensor, OWN_0, of.scale_factor),
-            ErrorBlock(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, of.scale_factor_drift),
-            ErrorBlock(f"{name} misalignment", 0, sensor, OWN_1, of.misalignment),
-            ErrorBlock(f"{name} misalignment", 1, sensor, OWN_1 + 1, of.misalignment),
-            ErrorBlock(
+            ErrorTerm(f"{name} rate random walk", 0, sensor, CONSTANT, 0.0, of.rate_random_walk),
+            ErrorTerm(f"{name} scale factor", 0, sensor, OWN_0, of.scale_factor),
+            ErrorTerm(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, of.scale_factor_drift),
+            ErrorTerm(f"{name} misalignment", 0, sensor, OWN_1, of.misalignment),
+            ErrorTerm(f"{name} misalignment", 1, sensor, OWN_1 + 1, of.misalignment),
+            ErrorTerm(
                 f"{name} nonlinearity",
                 0,
                 sensor,
@@ -222,8 +205,8 @@ def error_blocks(card: ImuCard) -> list[ErrorBlock]:
             ),
         ]
         if isinstance(of, GyroCard):
-            blocks += [ErrorBlock("gyro g-sensitivity", j, GYRO, OTHER_0 + j, of.g_sensitivity) for j in range(3)]
-    return [block for block in blocks if block.varies]
+            terms += [ErrorTerm("gyro g-sensitivity", j, GYRO, OTHER_0 + j, of.g_sensitivity) for j in range(3)]
+    return [term for term in terms if term.varies]
 
 
 def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:

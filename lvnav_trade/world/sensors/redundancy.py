@@ -1,7 +1,7 @@
-"""Redundant inertial units: test against each other, and what the middle one of several readings is."""
+"""Redundant IMUs: parity test, and the middle value of several readings."""
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -16,12 +16,19 @@ _GRID = np.linspace(-8.0, 8.0, 129)
 
 
 class ParityCard(units.Card):
-    """Test of the units of a set against each other; one that has failed is left out for the rest of the flight."""
+    """Test of the units of a set against each other; one that has failed is left out for the rest of the flight, or the
+    failure is reported.
+    """
 
-    false_alarm: float = Field(
+    false_alarm: units.Share = Field(
         1e-3, gt=0.0, lt=1.0, description="largest probability that a flight without faults has an alarm"
     )
     window: units.TimeConstant = Field(1.0, description="time over which increments are summed for a test")
+    after_detection: Literal["exclude", "report"] = Field(
+        "exclude",
+        description="exclude: leave out the IMU that has failed; report: log that they disagree and exclude none, as "
+        "two IMUs do not show which has failed",
+    )
 
 
 class Middle(NamedTuple):

@@ -1,11 +1,12 @@
-"""Several inertial units that navigate as one: where each sits, along which axes it senses, and their least squares.
+"""IMU arrays: position and sensing axes of each IMU, and their least-squares combination.
 
 Every sensing axis h (unit vector, body axes) gives y = h . x + e of the same rate or specific force x. The fused triad
 is x^ = A y with A = (H' W H)^-1 H' W, so an error e of an axis enters as its column of A.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from operator import attrgetter
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -13,10 +14,11 @@ from pydantic import Discriminator, Field, Tag
 
 from lvnav_trade import units
 from lvnav_trade.kernels.transition import ACCEL, GYRO
-from lvnav_trade.per_axis import rms
+from lvnav_trade.layout import ErrorTerm
+from lvnav_trade.per_axis import PerAxis, rms, squares
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Card
-from lvnav_trade.world.sensors.imu import AccelCard, ErrorBlock, GyroCard, ImuCard, error_blocks
+from lvnav_trade.units import NamedCard
+from lvnav_trade.world.sensors.imu import AccelCard, GyroCard, ImuCard, error_terms
 from lvnav_trade.world.sensors.redundancy import ParityCard
 
 SMALLEST = 1e-6
@@ -62,7 +64,7 @@ class MountedUnit(ImuCard):
         return np.asarray(own / np.linalg.norm(own, axis=1)[:, None] @ turn)
 
 
-class ImuSet(Card):
+class ImuSet(NamedCard):
     """Inertial units whose increments are fused, sample by sample, to those of one triad at the reference point."""
 
     name: str = "several units"
@@ -127,14 +129,32 @@ def _unfit_for_redundancy(card: ImuSet) -> Iterable[str]:
             yield f"selection: mid_value: the middle of {len(card.units)} is their mean; it takes three units or more"
         if any(one.quantisation > 0.0 for unit in card.units for one in (unit.gyro, unit.accel)):
             yield "selection: mid_value: what quantisation holds back of a unit is lost where another one is selected"
-    if card.parity is not None and not any(_tested_without(card, number) for number in range(len(card.units))):
-        yield "parity: without a unit the others have no axis more than they need: none can be isolated"
+    if card.parity is not None:
+        yield from _untestable(card, card.parity)
     if card.parity is not None and card.parity.window * card.rate < 1.0:
         yield f"parity.window: {card.parity.window:g} s is less than a sample of {1.0 / card.rate:g} s"
     for number, unit in enumerate(card.units):
         for name, one in (("gyro", unit.gyro), ("accel", unit.accel)):
             if (card.parity is not None or card.selection == "mid_value") and rms(one.random_walk) <= 0.0:
-                yield f"units.{number}.{name}.random_walk: none; limits of redundant units follow from their noise"
+                yield f"units.{number}.{name}.random_walk: is zero; thresholds of redundant units need it, give it"
+
+
+def excludes_units(card: ImuCard | ImuSet) -> bool:
+    """Whether a failed unit no longer enters what is fused: by a test that excludes it, or by the middle reading."""
+    if isinstance(card, ImuCard):
+        return False
+    return card.selection == "mid_value" or (card.parity is not None and card.parity.after_detection == "exclude")
+
+
+def _untestable(card: ImuSet, parity: ParityCard) -> Iterable[str]:
+    """Yield why a test of the units against each other can do nothing."""
+    if sum(len(unit.directions) for unit in card.units) <= 3:
+        yield "parity: the axes are as many as the test needs to fit: no failure can be detected"
+    elif parity.after_detection == "exclude" and not any(_tested_without(card, k) for k in range(len(card.units))):
+        yield (
+            "parity: without a unit the others have no axis more than they need: none can be isolated; give a third "
+            "unit, or skewed axes, or after_detection: report"
+        )
 
 
 def _tested_without(card: ImuSet, number: int) -> bool:
@@ -215,52 +235,6 @@ def triads_of(card: ImuSet) -> tuple[Triad, ...]:
     return tuple(found)
 
 
-def difference(imu: ImuSet, first: int, second: int) -> list[Floats]:
-    """Return for every triad the columns (2, 3, 3) by which errors of its axes enter what the fused triad of one unit
-    has more than that of another (numbers from 0), each by its own least squares: of gyro and of accelerometer.
-    """
-    found, seen = [np.zeros((2, 3, 3)) for _ in triads_of(imu)], [0] * len(imu.units)
-    own = {n: (sign, least_squares(d := imu.units[n].directions, np.ones(len(d))))
-           for n, sign in ((first, 1.0), (second, -1.0))}  # fmt: skip
-    for number, triad in enumerate(triads_of(imu)):
-        if triad.unit in own:
-            sign, A = own[triad.unit]
-            here = slice(seen[triad.unit], seen[triad.unit] + triad.n_axis)
-            found[number][:, :, : triad.n_axis] = sign * A[:, here]
-            seen[triad.unit] += triad.n_axis
-    return found
-
-
-class RelativeErrors(NamedTuple):
-    """One-sigma, mean over the axes, of what two units of a set differ by: random walk; bias, its walk, and its
-    correlation with the bias of the fused triad at the start.
-    """
-
-    random_walk: float
-    bias: float
-    walk: float
-    correlation: float
-
-
-def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> RelativeErrors:
-    """Return what the gyros or accelerometers of two units (numbers from 0) differ by."""
-    noise, bias, walk, shared, own = np.zeros(5)
-    for triad, columns in zip(triads_of(imu), difference(imu, first, second), strict=True):
-        unit, D, A = imu.units[triad.unit], columns[sensor], (triad.gyro, triad.accel)[sensor]
-        card = (unit.gyro, unit.accel)[sensor]
-        instability = card.instability
-        lasting = rms(card.bias_repeatability) ** 2 + instability.sigma**2
-        drift = rms(card.rate_random_walk) ** 2 + instability.sigma**2 * 2.0 / instability.time_constant
-        size = float(np.sum(D**2)) / 3.0
-        noise, bias, walk = noise + rms(card.random_walk) ** 2 * size, bias + lasting * size, walk + drift * size
-        shared += lasting * float(np.sum(D * A)) / 3.0
-        own += lasting * float(np.sum(A**2)) / 3.0
-    both = math.sqrt(bias * own)
-    # one between like units is rounding; two units without a bias differ by none
-    correlation = shared / both if both > 0.0 and abs(shared) > 1e-12 * both else 0.0
-    return RelativeErrors(math.sqrt(noise), math.sqrt(bias), math.sqrt(walk), correlation)
-
-
 def keyed(label: str, unit: int) -> str:
     """Return the key of an error source of a unit (from 0): the first has those of a unit alone."""
     return f"unit {unit + 1} {label}" if unit else label
@@ -298,28 +272,32 @@ def mounted(imu: ImuCard | ImuSet) -> list[tuple[int, ImuCard]]:
     return [(0, imu)] if isinstance(imu, ImuCard) else [(triad.unit, imu.units[triad.unit]) for triad in triads_of(imu)]
 
 
-def blocks_of(imu: ImuCard | ImuSet) -> list[ErrorBlock]:
+def terms_of(imu: ImuCard | ImuSet) -> list[ErrorTerm]:
     """Return the true error parameters of a unit, or of all units of a set, triad by triad."""
     if isinstance(imu, ImuCard):
-        return error_blocks(imu)
+        return error_terms(imu)
     owners = mounted(imu)
     return [
-        block._replace(
-            source=keyed(block.source, unit), part=block.part + 3 * owners[:triad].count((unit, card)), triad=triad
-        )
+        term._replace(name=keyed(term.name, unit), part=term.part + 3 * owners[:triad].count((unit, card)), triad=triad)
         for triad, (unit, card) in enumerate(owners)
-        for block in error_blocks(card)
+        for term in error_terms(card)
     ]
 
 
-def _fused(imu: ImuSet, sensor: int, name: str) -> float:
-    """Return the fused one-sigma, mean over the axes, of an error that every sensing axis has of its own."""
-    total = 0.0
+def _fused(imu: ImuSet, sensor: int, value: Callable[[Any], PerAxis]) -> PerAxis:
+    """Return the fused one-sigma of an error that every sensing axis has of its own; value: its one-sigma. Of units
+    whose axes are alike it is the mean over the axes of the body, else that of each.
+    """
+    found, alike = np.zeros(3), True
     for triad in triads_of(imu):
         A, card = (triad.gyro, imu.units[triad.unit].gyro) if sensor == GYRO else (
             triad.accel, imu.units[triad.unit].accel)  # fmt: skip
-        total += rms(getattr(card, name)) ** 2 * float(np.sum(A**2))
-    return math.sqrt(total / 3.0)
+        found += A**2 @ squares(value(card))
+        alike &= not isinstance(value(card), tuple)
+    if alike:
+        return math.sqrt(float(found.sum()) / 3.0)
+    x, y, z = np.sqrt(found).tolist()
+    return x, y, z
 
 
 def _fused_matrix(imu: ImuSet, sensor: int, own: str, across: str) -> tuple[float, float]:
@@ -340,24 +318,26 @@ def _fused_matrix(imu: ImuSet, sensor: int, own: str, across: str) -> tuple[floa
 def _fused_card(imu: ImuSet, sensor: int) -> dict[str, Any]:
     cards = [unit.gyro if sensor == GYRO else unit.accel for unit in imu.units]
     names = ["random_walk", "rate_random_walk", "bias_repeatability", "quantisation"]
-    found: dict[str, Any] = {name: _fused(imu, sensor, name) for name in names}
-    found["bias_instability"] = _fused(imu, sensor, "instability_sigma")
+    found: dict[str, Any] = {name: _fused(imu, sensor, attrgetter(name)) for name in names}
+    found["bias_instability"] = _fused(imu, sensor, lambda one: one.instability_axes(one.instability_sigma))
     found["scale_factor"], found["misalignment"] = _fused_matrix(imu, sensor, "scale_factor", "misalignment")
     found["scale_factor_drift"], _ = _fused_matrix(imu, sensor, "scale_factor_drift", "")
     if sensor == GYRO:
-        found["g_sensitivity"] = _fused(imu, sensor, "g_sensitivity")
+        found["g_sensitivity"] = _fused(imu, sensor, attrgetter("g_sensitivity"))
     # the driving noise of several Gauss-Markov processes adds up: the time constant that goes with their sum
     drive = sum(
         one.sigma**2 / one.time_constant * float(np.sum((t.gyro if sensor == GYRO else t.accel) ** 2))
         for t in triads_of(imu) for one in [cards[t.unit].instability]
     ) / 3.0  # fmt: skip
-    found["instability_time"] = found["bias_instability"] ** 2 / drive if drive > 0.0 else 100.0
+    found["instability_time"] = rms(found["bias_instability"]) ** 2 / drive if drive > 0.0 else 100.0
     return found
 
 
 def equivalent(imu: ImuCard | ImuSet) -> ImuCard:
-    """Return the unit that the fused triad of a set is like: one-sigma of its errors, as mean over the three axes. Of a
-    unit alone the unit. Nonlinearity, bandwidth and warming, which do not add up to one of their kind, are left out.
+    """Return the unit that the fused triad of a set is like; of a unit alone the unit.
+
+    Its one-sigmas are means over the three axes, or those of each where the axes of a unit differ; of scale factors and
+    misalignments means. Nonlinearity, bandwidth and warming, which do not add up to one of their kind, are left out.
     """
     if isinstance(imu, ImuCard):
         return imu

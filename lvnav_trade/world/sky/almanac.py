@@ -5,40 +5,41 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from lvnav_trade.decimals import whole
 from lvnav_trade.errors import InputError
 from lvnav_trade.world.sky.numbers import Bounds, number, read_lines
 
-HIGHEST_PRN = 63  # six bits in the navigation message (IS-GPS-200, 20.3.3.5)
+HIGHEST_PRN = 63  # six bits in the navigation message (IS-GPS-200, 20.3.3.5); those of QZSS begin at 193
 SEMICIRCLE = math.pi
 REFERENCE_INCLINATION = 0.30 * SEMICIRCLE  # SEM gives inclinations as differences from it (IS-GPS-200, table 20-VI)
 
 
 class AlmanacRecord(NamedTuple):
-    """One satellite of an almanac: SI and radians, angles as broadcast (node relative to Greenwich at week start)."""
+    """One satellite of an almanac, SI and radians."""
 
-    prn: int
-    health: int
-    eccentricity: float
-    applicability: float  # s of week
-    inclination: float
+    prn: int  # number of the satellite
+    health: int  # 0: healthy
+    eccentricity: float  # of the orbit
+    applicability: float  # s of week, reference time of the elements
+    inclination: float  # rad
     node_rate: float  # rad/s, relative to inertial space
-    root_axis: float  # m^0.5
-    node: float
-    perigee: float
-    mean_anomaly: float
+    root_axis: float  # m^0.5, square root of the semi-major axis
+    node: float  # rad, longitude of the ascending node relative to Greenwich at the start of the week
+    perigee: float  # rad, argument of perigee
+    mean_anomaly: float  # rad, at the reference time
     clock_bias: float  # s
     clock_drift: float  # s/s
-    week: int
+    week: int  # number of the week, as broadcast
 
 
 class _Field(NamedTuple):
     name: str  # of the field of the record
-    label: str
+    label: str  # several beginnings of a YUMA line, by |, where writers differ
     bounds: Bounds  # refuse what no orbit can have, not what is merely unusual
     unit: float = 1.0
 
 
-_PRN, _HEALTH, _WEEK = Bounds(1, HIGHEST_PRN, int), Bounds(0, 255, int), Bounds(0, 99999, int)
+_PRN, _HEALTH, _WEEK = Bounds(1, 255, whole), Bounds(0, 255, whole), Bounds(0, 99999, whole)
 _SECONDS, _ECCENTRICITY, _ROOT_AXIS = Bounds(0.0, 604800.0), Bounds(0.0, 0.999), Bounds(2600.0, 1e5)
 _BIAS, _DRIFT = Bounds(-1.0, 1.0), Bounds(-1e-3, 1e-3)
 _TURN, _SEMICIRCLES = Bounds(-7.0, 7.0), Bounds(-2.3, 2.3)
@@ -52,7 +53,7 @@ _YUMA = (
     _Field("inclination", "orbital inclination", Bounds(-math.pi, math.pi)),
     _Field("node_rate", "rate of right ascen", Bounds(-1e-6, 1e-6)),
     _Field("root_axis", "sqrt(a)", _ROOT_AXIS),
-    _Field("node", "right ascen at week", _TURN),
+    _Field("node", "right ascen at week|right ascen at toa|right ascension at", _TURN),
     _Field("perigee", "argument of perigee", _TURN),
     _Field("mean_anomaly", "mean anom", _TURN),
     _Field("clock_bias", "af0", _BIAS),
@@ -101,19 +102,21 @@ def read_almanac(path: str | Path) -> tuple[AlmanacRecord, ...]:
 def read_yuma(path: str | Path) -> tuple[AlmanacRecord, ...]:
     """Read all satellites of a YUMA almanac, healthy or not, in the order of the file.
 
+    Satellites of other systems (PRN above 63) are passed over, and so are unhealthy ones whose record is broken.
     Records are 13 lines ``label: value``, each begun by a line of stars or by its ``ID``. InputError ``file:line:
     what`` where the file cannot be read or is empty, a record lacks a field or states one twice, a value is not a
     number or impossible, or a satellite comes twice.
     """
-    records = _distinct(path, ((block[0][0], _yuma_record(path, block)) for block in _yuma_blocks(path)))
+    records = _distinct(path, _yuma_records(path))
     if not records:
         raise InputError(f"{path}:1: no almanac record (a YUMA record begins with 'ID:')")
-    return records
+    return _of_system(path, records)
 
 
 def read_sem(path: str | Path) -> tuple[AlmanacRecord, ...]:
     """Read all satellites of a SEM almanac, healthy or not, in the order of the file.
 
+    Satellites of other systems (PRN above 63) are passed over.
     Number of records and title; week and second of applicability; then per satellite eight lines (PRN, serial number,
     accuracy, and with angles in semicircles: eccentricity, inclination offset, node rate; root of the axis, node,
     perigee; mean anomaly, clock bias and drift; health; configuration), set apart by blank lines. InputError
@@ -131,7 +134,15 @@ def read_sem(path: str | Path) -> tuple[AlmanacRecord, ...]:
     records = _distinct(path, _sem_records(path, rows, second + 1, time))
     if len(records) != stated:
         raise InputError(f"{path}:{len(rows)}: ends after {len(records)} satellites, but line 1 says {stated}")
-    return records
+    return _of_system(path, records)
+
+
+def _of_system(path: str | Path, records: tuple[AlmanacRecord, ...]) -> tuple[AlmanacRecord, ...]:
+    """Return the records of the system that the almanac is of; InputError where there are only others."""
+    found = tuple(record for record in records if record.prn <= HIGHEST_PRN)
+    if not found:
+        raise InputError(f"{path}: PRN {records[0].prn} and no other up to {HIGHEST_PRN}, so no satellite to take")
+    return found
 
 
 def _distinct(path: str | Path, found: Iterable[tuple[int, AlmanacRecord]]) -> tuple[AlmanacRecord, ...]:
@@ -161,16 +172,26 @@ def _yuma_blocks(path: str | Path) -> list[_Lines]:
     return [block for block in blocks if block]
 
 
+def _yuma_records(path: str | Path) -> Iterator[tuple[int, AlmanacRecord]]:
+    """Yield the satellites, each with its first line; unhealthy ones whose record is broken are left out."""
+    for block in _yuma_blocks(path):
+        try:
+            yield block[0][0], _yuma_record(path, block)
+        except InputError:
+            if not any(label == "health" and value.strip("0") and value.isdigit() for _, label, value in block):
+                raise
+
+
 def _yuma_record(path: str | Path, lines: _Lines) -> AlmanacRecord:
     values: dict[str, float] = {}
     for line, label, value in lines:
-        field = next((field for field in _YUMA if label.startswith(field.label)), None)
+        field = next((field for field in _YUMA if label.startswith(tuple(field.label.split("|")))), None)
         if field is None:
             raise InputError(f"{path}:{line}: {label!r} is not a field of a YUMA almanac")
         if field.name in values:
             raise InputError(f"{path}:{line}: {label!r} comes twice in one record")
         values[field.name] = number(f"{path}:{line}: {label}", value, field.bounds)
-    missing = [repr(field.label) for field in _YUMA if field.name not in values]
+    missing = [repr(field.label.partition("|")[0]) for field in _YUMA if field.name not in values]
     if missing:
         raise InputError(f"{path}:{lines[-1][0]}: the record ends without {', '.join(missing)}")
     return AlmanacRecord(**values)  # type: ignore[arg-type]
@@ -188,7 +209,7 @@ def _one(path: str | Path, row: _Row, index: int, field: _Field) -> float:
     if index >= len(words):
         raise InputError(f"{path}:{line}: {field.label} is missing")
     value = number(f"{path}:{line}: {field.label}", words[index], field.bounds)
-    return value if field.bounds.read is int else value * field.unit
+    return value if field.bounds.read is whole else value * field.unit
 
 
 def _sem_records(

@@ -35,11 +35,18 @@ STEP = 30.0  # s
 
 
 class Broadcast(NamedTuple):
-    """One ephemeris per satellite, (n_sat,) each, SI and radians; times count from a reference such as the lift-off.
+    """One broadcast ephemeris per satellite, SI and radians. Times count from a reference such as the lift-off.
 
-    elements: as broadcast, columns (n_sat,) by name as of `Ephemeris`, toe and toc counted from the reference; node
-    is the longitude of the node at toe, and node_rate its rate relative to the Earth, or, of geostationary satellites
-    of BeiDou (tilted), to axes that do not turn; earth_rate (rad/s) and letter of their system.
+    names : (n_sat,). Names of the satellites.
+    elements : (n_sat,) by name. Elements as broadcast, see `Ephemeris`; toe and toc counted from the reference.
+    semi_major_axis : (n_sat,) m.
+    mean_motion : (n_sat,) rad/s. With the broadcast correction.
+    node : (n_sat,) rad. Longitude of the ascending node at toe.
+    node_rate : (n_sat,) rad/s. Relative to the Earth; of a tilted satellite relative to axes that do not turn.
+    relativity_factor : (n_sat,) s/m^0.5. Factor of the relativistic clock term.
+    tilted : (n_sat,). Whether it is a geostationary satellite of BeiDou, whose elements refer to tilted axes.
+    earth_rate : (n_sat,) rad/s. Earth rate of its system.
+    systems : (n_sat,). Letter of its system.
     """
 
     names: tuple[str, ...]

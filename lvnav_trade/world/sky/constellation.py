@@ -10,7 +10,7 @@ from pydantic import Field, field_validator
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.earth import J2, SEMI_MAJOR
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Angle, AngularRate, Card, Epoch, Length, LengthSigma, TimeConstant
+from lvnav_trade.units import Angle, AngularRate, Card, Epoch, Length, LengthSigma, NamedCard, TimeConstant
 from lvnav_trade.world.sky.almanac import AlmanacRecord, read_almanac, read_yuma
 from lvnav_trade.world.sky.gps_time import gps_seconds, resolve_beidou_week, resolve_week
 
@@ -62,24 +62,22 @@ class SignalErrors(Card):
             yield "time_offset counts from GPS time, so a constellation of GPS has none"
 
 
-class NominalConstellation(SignalErrors):
+class NominalConstellation(SignalErrors, NamedCard):
     """Circular orbits from published slots, propagated from their epoch with secular rates."""
 
     kind: Literal["nominal"] = "nominal"
-    name: str
-    source: str
-    system: System = "GPS"
+    system: System = "GPS"  # of all its satellites
     epoch: Epoch  # ISO 8601, UTC
     greenwich: Angle = Field(description="Greenwich hour angle of the direction that nodes are counted from, at epoch")
-    semi_major_axis: Annotated[Length, Field(gt=0.0)]
-    inclination: Angle
+    semi_major_axis: Annotated[Length, Field(gt=0.0)]  # of all orbits, which are circular
+    inclination: Angle  # of all orbits
     node_rate: AngularRate | None = Field(
         default=None, description="published rate of the nodes; that of J2 on a circular orbit if absent"
     )
     latitude_rate: AngularRate | None = Field(
         default=None, description="published rate of the argument of latitude; two bodies and J2 if absent"
     )
-    slots: tuple[Slot, ...] = Field(min_length=1)
+    slots: tuple[Slot, ...] = Field(min_length=1)  # one satellite each
 
     @field_validator("slots")
     @classmethod
@@ -161,7 +159,7 @@ class PreciseConstellation(SignalErrors):
 Part = NominalConstellation | AlmanacConstellation | RinexConstellation | PreciseConstellation
 
 
-class CombinedConstellation(Card):
+class CombinedConstellation(NamedCard):
     """Several constellations seen by one receiver; each system by one part."""
 
     kind: Literal["combined"] = "combined"
@@ -179,25 +177,25 @@ def parts_of(constellation: Constellation) -> tuple[Part, ...]:
 
 
 class Orbits(NamedTuple):
-    """Keplerian elements of all satellites at a reference time, (n_sat,) each, SI and radians.
+    """Keplerian elements of all satellites at a reference time, SI and radians.
 
-    The node is counted from Greenwich at the reference time, node_rate relative to inertial space. Elements are brought
-    to the lift-off first, because seconds counted from a distant epoch would round positions by a millimetre.
+    Elements are brought to the lift-off first, because seconds counted from a distant epoch would round positions by a
+    millimetre.
     """
 
-    names: tuple[str, ...]
-    semi_major_axis: Floats
-    eccentricity: Floats
-    inclination: Floats
-    node: Floats
-    node_rate: Floats
-    perigee: Floats
-    mean_anomaly: Floats
-    mean_motion: Floats
-    clock_bias: Floats  # s
-    clock_drift: Floats  # s/s
-    systems: tuple[str, ...]
-    relativity_factor: float = RELATIVITY_GPS  # s/m^0.5
+    names: tuple[str, ...]  # (n_sat,), names of the satellites
+    semi_major_axis: Floats  # (n_sat,) m
+    eccentricity: Floats  # (n_sat,)
+    inclination: Floats  # (n_sat,) rad
+    node: Floats  # (n_sat,) rad, counted from Greenwich at the reference time
+    node_rate: Floats  # (n_sat,) rad/s, relative to inertial space
+    perigee: Floats  # (n_sat,) rad, argument of perigee
+    mean_anomaly: Floats  # (n_sat,) rad, at the reference time
+    mean_motion: Floats  # (n_sat,) rad/s
+    clock_bias: Floats  # (n_sat,) s
+    clock_drift: Floats  # (n_sat,) s/s
+    systems: tuple[str, ...]  # (n_sat,), letter of the system
+    relativity_factor: float = RELATIVITY_GPS  # s/m^0.5, factor of the relativistic clock term
 
     def ecef(self, t: Floats | float) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.

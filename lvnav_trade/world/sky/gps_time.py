@@ -1,13 +1,14 @@
 """Civil time to GPS time: leap seconds, BeiDou time, and the week that a truncated week number means."""
 
 from bisect import bisect_right
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 from lvnav_trade.errors import InputError
 
 SECONDS_PER_WEEK = 604800.0
 WEEK_ROLLOVER = 1024
 GPS_ORIGIN = datetime(1980, 1, 6, tzinfo=UTC)
+UNIX_ORIGIN = datetime(1970, 1, 1, tzinfo=UTC)
 # BeiDou time began with 2006-01-01 00:00 UTC, when GPS time was 14 s ahead of UTC, and has no leap seconds either
 # (BDS-SIS-ICD B1I 3.0, section 3.3).
 BDT_WEEKS, BDT_BEHIND = 1356, 14.0  # weeks of GPS time at its origin; s
@@ -36,14 +37,43 @@ def gps_seconds(epoch: str) -> float:
     A time without offset is UTC; a time with another offset is converted. InputError where the text is not a time, or
     lies before GPS time begins.
     """
+    utc = utc_time(epoch)
+    if utc < GPS_ORIGIN:
+        raise InputError(f"{epoch!r} lies before GPS time begins (1980-01-06)")
+    return (utc - GPS_ORIGIN).total_seconds() + leap_seconds(utc)
+
+
+def utc_of(seconds: float) -> datetime:
+    """Return the time in UTC at seconds of GPS time since 1980-01-06 00:00; during a leap second the next midnight."""
+    counted = GPS_ORIGIN + timedelta(seconds=seconds)
+    leaps = leap_seconds(counted)
+    while leaps and counted - timedelta(seconds=leaps) < LEAP_DAYS[leaps - 1]:  # its last leap second is yet to come
+        if counted - timedelta(seconds=leaps - 1) >= LEAP_DAYS[leaps - 1]:
+            return LEAP_DAYS[leaps - 1]
+        leaps -= 1
+    return counted - timedelta(seconds=leaps)
+
+
+def utc_after(epoch: str, seconds: float) -> str:
+    """Return the time in UTC (ISO 8601) so many seconds after an epoch, leap seconds among them counted.
+
+    Unix time counts none: from 1970-01-01T00:00:00Z on, each day has 86,400 s. Seconds of GPS time since 1980, and any
+    clock that runs on, count them. InputError where the epoch is not a time.
+    """
+    start = utc_time(epoch)
+    if start == UNIX_ORIGIN:
+        return (start + timedelta(seconds=seconds)).isoformat()
+    counted = (start - GPS_ORIGIN).total_seconds() + leap_seconds(start) + seconds
+    return utc_of(counted).isoformat()
+
+
+def utc_time(epoch: str) -> datetime:
+    """Return the time of an ISO 8601 text in UTC; without offset it is UTC. InputError where the text is not a time."""
     try:
         moment = datetime.fromisoformat(epoch)
     except ValueError:
         raise InputError(f"{epoch!r} is not an ISO 8601 time such as 2026-08-01T12:00:00Z") from None
-    utc = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
-    if utc < GPS_ORIGIN:
-        raise InputError(f"{epoch!r} lies before GPS time begins (1980-01-06)")
-    return (utc - GPS_ORIGIN).total_seconds() + leap_seconds(utc)
+    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
 def resolve_week(week: int, seconds: float, near: float, rollover: int = WEEK_ROLLOVER) -> float:

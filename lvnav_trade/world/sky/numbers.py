@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from lvnav_trade.decimals import decimal_or_endless, whole
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.input_files import read_bytes
 from lvnav_trade.limits import DATA_BYTES
@@ -16,11 +17,11 @@ COMPRESS_MAGIC = b"\x1f\x9d"  # of the older program `compress`, files .Z
 
 
 class Bounds(NamedTuple):
-    """What a number may be: read as int or float, from low to high, both allowed."""
+    """What a number may be: read as `decimal_or_endless` or `whole`, from low to high, both allowed."""
 
     low: float
     high: float
-    read: Callable[[str], float] = float
+    read: Callable[[str], float] = decimal_or_endless
 
 
 def number(where: str, text: str, bounds: Bounds) -> float:
@@ -31,7 +32,7 @@ def number(where: str, text: str, bounds: Bounds) -> float:
     try:
         value = bounds.read(text.strip().upper().replace("D", "E"))
     except ValueError:
-        kind = "a whole number" if bounds.read is int else "a number"
+        kind = "a whole number" if bounds.read is whole else "a number"
         raise InputError(f"{where}: {quoted(text)} is not {kind}") from None
     if not bounds.low <= value <= bounds.high:  # also refuses nan and inf
         raise InputError(f"{where}: {text.strip()} is outside {bounds.low:g} to {bounds.high:g}")

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lvnav_trade.decimals import decimal, whole
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.records import Floats
@@ -139,10 +140,10 @@ def _number(where: str, line: str, k: int) -> float:
 
 def _time(where: str, line: str) -> float:
     try:
-        year, month, day, hour, minute = (int(word) for word in line[1:].split()[:5])
-        seconds = float(line.split()[6])
+        year, month, day, hour, minute = map(whole, line[1:].split()[:5])
+        seconds = decimal(line.split()[6])
         return (datetime(year, month, day, hour, minute, tzinfo=UTC) - GPS_ORIGIN).total_seconds() + seconds
-    except (ValueError, IndexError):
+    except (ValueError, IndexError, OverflowError):
         raise InputError(f"{where}: not a time of an SP3 file") from None
 
 
@@ -160,7 +161,7 @@ def precise(files: Sequence[Positions], names: Sequence[str], reference: float) 
         raise InputError("the files do not follow one another evenly")
     at = (reference - t[0]) / steps[0]
     if not _MARGIN - 1 <= at <= t.size - _MARGIN:
-        raise InputError(f"the lift-off needs {_MARGIN} epochs before it and behind it; it stands at epoch {at:.1f}")
+        raise InputError(f"the lift-off needs {_MARGIN} epochs before it and behind it; it is at epoch {at:.1f}")
     near = slice(max(0, int(at) - NODES), int(at) + 2 * NODES)
     r_e, clocks, taken = [], [], []
     for name in names:

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
+from lvnav_trade.decimals import decimal, whole
 from lvnav_trade.errors import InputError
 from lvnav_trade.world.sky.gps_time import BDT_BEHIND, BDT_WEEKS, GPS_ORIGIN, SECONDS_PER_WEEK, leap_seconds
 from lvnav_trade.world.sky.numbers import Bounds, number, read_lines
@@ -20,6 +21,7 @@ class Ephemeris(NamedTuple):
     toe is the reference time of the orbit, toc that of the clock. elements: by the names in `_KEPLERIAN`, among them
     week_second, toe in seconds of its system's week, from which the node counts; group_delay (s), TGD, BGD E5a/E1 or
     TGD1; and data_source, the word by which a Galileo record tells the message it comes from, 0 for other systems.
+    health: the word of its system, 0 where all signals are good. accuracy (m): URA, SISA of Galileo.
     """
 
     name: str
@@ -27,6 +29,7 @@ class Ephemeris(NamedTuple):
     toe: float
     health: float
     elements: Mapping[str, float]
+    accuracy: float = 0.0
 
 
 class StateVector(NamedTuple):
@@ -45,6 +48,16 @@ class StateVector(NamedTuple):
     health: float
 
 
+class Broken(NamedTuple):
+    """A record that cannot be used: name of the satellite, what is wrong and where, and whether the record itself calls
+    the satellite unhealthy.
+    """
+
+    name: str
+    fault: str
+    is_unhealthy: bool
+
+
 class TimeOffset(NamedTuple):
     """What a system's time is ahead of GPS time, whole seconds apart: bias (s) and drift (s/s) at `time` (s of GPS
     time); system is its letter.
@@ -57,14 +70,15 @@ class TimeOffset(NamedTuple):
 
 
 class Navigation(NamedTuple):
-    """A navigation file: its records in their order, alpha and beta of the Klobuchar model where it states them, and
-    the offsets of systems' times from GPS time that it states.
+    """A navigation file: its records in their order, alpha and beta of the Klobuchar model where it states them, the
+    offsets of systems' times from GPS time that it states, and its broken records.
     """
 
     ephemerides: tuple[Ephemeris, ...]
     states: tuple[StateVector, ...]
     klobuchar: tuple[tuple[float, ...], tuple[float, ...]] | None
     offsets: tuple[TimeOffset, ...] = ()
+    broken: tuple[Broken, ...] = ()
 
 
 class _Field(NamedTuple):
@@ -100,6 +114,7 @@ _KEPLERIAN = (
     _Field("node_rate", "OMEGA dot", 4, 3, Bounds(-1e-6, 1e-6)),
     _Field("inclination_rate", "i dot", 5, 0, Bounds(-1e-6, 1e-6)),
     _Field("data_source", "data source", 5, 1, _ANY),
+    _Field("accuracy", "accuracy", 6, 0, _ANY),
     _Field("health", "health", 6, 1, _ANY),
     _Field("group_delay", "group delay", 6, 2, _ANY),
 )
@@ -112,6 +127,7 @@ _GLONASS = (
     *(_Field(f"a{axis}", f"{axis} acceleration", line, 2, _SMALL) for line, axis in enumerate("xyz", 1)),
     _Field("health", "health", 1, 3, _ANY),
 )
+_ORBIT, _SPEED = (1e7, 5e7), (5e2, 1e4)  # m from the Earth's centre, m/s: those of GLONASS are 2.55e7 and some 3.6e3
 # Differences of a system's time and GPS time in the header, and the letter of the system.
 _OFFSETS = {"GAGP": "E", "GPGA": "E", "GLGP": "R", "BDGP": "C"}
 # Lines of a record, the epoch's included; later versions of the format add lines at the end.
@@ -141,9 +157,10 @@ def read_navigation(path: str | Path) -> Navigation:
     """Read all records of GPS, Galileo, BeiDou and GLONASS of a navigation file, gzip or plain; others are passed over.
 
     RINEX 2.11, table A3 to A12; RINEX 3.04, table A5 to A14. The week of a reference time is the one that lies next to
-    the time of clock, because writers disagree about whether the stated week rolls over. InputError ``file:line: what``
-    where the file cannot be read, is not a RINEX navigation file of version 2 or 3, a record is cut short, or a value
-    is not a number or impossible.
+    the time of clock, because writers disagree about whether the stated week rolls over. A record that is cut short, or
+    has a value that is not a number or impossible, is broken: merged files hold such of satellites in test, and one of
+    them says nothing about the others. InputError ``file:line: what`` where the file cannot be read, is not a RINEX
+    navigation file of version 2 or 3, or every record is broken.
     """
     lines = read_lines(path, "RINEX navigation file")
     form = _format(path, lines)
@@ -152,15 +169,28 @@ def read_navigation(path: str | Path) -> Navigation:
         raise InputError(f"{path}:{max(1, len(lines))}: ends without 'END OF HEADER'")
     ephemerides: list[Ephemeris] = []
     states: list[StateVector] = []
+    broken: list[Broken] = []
     for record in _records(path, form, lines, end + 1):
-        if record.name[0] == "R":
-            states.append(_state(record, form))
-        else:
-            ephemerides.append(_ephemeris(record, form))
+        try:
+            if record.name[0] == "R":
+                states.append(_state(record, form))
+            else:
+                ephemerides.append(_ephemeris(record, form))
+        except InputError as error:
+            broken.append(Broken(record.name, str(error), _is_unhealthy(record, form)))
     if not ephemerides and not states:
-        raise InputError(f"{path}: no record of GPS, Galileo, BeiDou or GLONASS")
+        raise InputError(broken[0].fault if broken else f"{path}: no record of GPS, Galileo, BeiDou or GLONASS")
     alpha_beta, offsets = _klobuchar(path, lines[:end]), _offsets(path, lines[:end])
-    return Navigation(tuple(ephemerides), tuple(states), alpha_beta, tuple(offsets))
+    return Navigation(tuple(ephemerides), tuple(states), alpha_beta, tuple(offsets), tuple(broken))
+
+
+def _is_unhealthy(record: _Record, form: _Format) -> bool:
+    """Return whether a broken record has a legible word of health that is not zero."""
+    field = next(one for one in (_GLONASS if record.name[0] == "R" else _KEPLERIAN) if one.name == "health")
+    try:
+        return _values(record, form, (field,))["health"] != 0.0
+    except InputError:
+        return False
 
 
 def _format(path: str | Path, lines: list[str]) -> _Format:
@@ -229,7 +259,7 @@ def _records(path: str | Path, form: _Format, lines: list[str], start: int) -> l
 def _name(path: str | Path, at: int, form: _Format, line: str) -> str:
     text = line[: form.margin - 1]
     system, digits = (form.system, text) if form.system else (text[0], text[1:])
-    if not (system.isalpha() and digits.strip().isdigit()):
+    if not (text.isascii() and system.isalpha() and digits.strip().isdigit()):
         raise InputError(f"{path}:{at}: {text.strip()!r} is not a satellite{'' if form.system else ' such as G05'}")
     return f"{system}{int(digits):02d}"
 
@@ -249,34 +279,45 @@ def _values(record: _Record, form: _Format, wanted: tuple[_Field, ...]) -> dict[
     return values
 
 
-def _moment(record: _Record, form: _Format) -> datetime:
-    """Return the time on the first line, in the scale of its system, labelled UTC."""
+def _moment(record: _Record, form: _Format) -> tuple[datetime, float]:
+    """Return the time on the first line, in the scale of its system: the minute, labelled UTC, and seconds from there.
+
+    The second may be 60: writers that round print it for the next minute, and UTC has it where a leap second is added.
+    """
     text = record.lines[0][form.margin - 1 : form.margin + WIDTH]
     words = text.split()
     try:
-        year, month, day, hour, minute = (int(word) for word in words[:5])
-        second = float(words[5])
+        year, month, day, hour, minute = map(whole, words[:5])
+        second = decimal(words[5])
         if form.version == 2:
             year += 1900 if year >= 80 else 2000
-        whole = int(second)
-        return datetime(year, month, day, hour, minute, whole, round(1e6 * (second - whole)), tzinfo=UTC)
-    except (ValueError, IndexError):
+        if not 0.0 <= second < 61.0:
+            raise ValueError(second)
+        return datetime(year, month, day, hour, minute, tzinfo=UTC), second
+    except (ValueError, IndexError, OverflowError):
         raise InputError(f"{record.where}:{record.first}: {text.strip()!r} is not a time") from None
 
 
 def _ephemeris(record: _Record, form: _Format) -> Ephemeris:
-    toc = (_moment(record, form) - GPS_ORIGIN).total_seconds()
+    minute, second = _moment(record, form)
+    toc = (minute - GPS_ORIGIN).total_seconds() + second
     values = _values(record, form, _KEPLERIAN)
     ahead = math.remainder(values["week_second"] - toc, SECONDS_PER_WEEK)
     if record.name[0] != "E":
         values["data_source"] = 0.0  # for GPS the field tells codes on L2
+    accuracy = values.pop("accuracy")
     toc += BDT_BEHIND * (record.name[0] == "C")  # its records are in BeiDou time, whose weeks begin with those of GPS
-    return Ephemeris(record.name, toc, toc + ahead, values.pop("health"), values)
+    return Ephemeris(record.name, toc, toc + ahead, values.pop("health"), values, accuracy)
 
 
 def _state(record: _Record, form: _Format) -> StateVector:
-    utc = _moment(record, form)
+    minute, second = _moment(record, form)
     values = _values(record, form, _GLONASS)
     r_e, v_e, a_e = ((1e3 * values[f"{q}x"], 1e3 * values[f"{q}y"], 1e3 * values[f"{q}z"]) for q in "rva")
-    time = (utc - GPS_ORIGIN).total_seconds() + leap_seconds(utc)
+    for what, vector, (low, high), unit in (("position", r_e, _ORBIT, "m"), ("velocity", v_e, _SPEED, "m/s")):
+        size = math.hypot(*vector)
+        if not low <= size <= high:  # as of a state of zeros
+            where = f"{record.where}:{record.first}: {record.name} {what}"
+            raise InputError(f"{where}: its size of {size:.6g} {unit} is outside {low:g} to {high:g}")
+    time = (minute - GPS_ORIGIN).total_seconds() + leap_seconds(minute) + second
     return StateVector(record.name, time, values["clock_bias"], values["clock_drift"], r_e, v_e, a_e, values["health"])

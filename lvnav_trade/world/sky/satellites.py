@@ -34,6 +34,12 @@ LONGEST_AGE = {"G": 7200.0, "E": 14400.0, "C": 7200.0, "R": 1800.0}  # s
 _NAMES = {letter: name for name, letter in LETTERS.items()}
 # Galileo sends the same orbits in two messages; single-frequency users of E1 take the clock of I/NAV.
 _INAV_E1 = 1
+# Of its word of health, validity of data (bit 0) and status (bits 1, 2) of E1-B; the others are of E5a and E5b (RINEX
+# 3.04, table A8).
+_HEALTH_E1 = 0b111
+# Without prediction: URA of index 15, more than 6144 m (IS-GPS-200, 20.3.3.3.1.3); SISA of 255, or -1 in RINEX (Galileo
+# OS SIS ICD, section 5.1.12), whose largest value is 6 m.
+_NO_URA, _NO_SISA = 6144.0, 255.0  # m
 
 
 class Combined(NamedTuple):
@@ -147,13 +153,14 @@ def _contents(card: RinexConstellation) -> tuple[str, list[Navigation], list[Eph
 def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
     """Return the satellites of navigation files, Keplerian ones before GLONASS, in the order of their names."""
     lift_off = gps_seconds(epoch)
-    shown, _, every, letters = _contents(card)
+    shown, navigation, every, letters = _contents(card)
     taken: list[Ephemeris | StateVector] = []
     for letter in letters:
         found = nearest((item for item in every if item.name[0] == letter), lift_off)
-        healthy = {name: item for name, item in found.items() if item.health == 0.0}
+        healthy = {name: item for name, item in found.items() if is_usable(item)}
         if not healthy:
-            raise InputError(f"{shown}: no healthy satellite of {_NAMES[letter]}")
+            broken = next((one.fault for file in navigation for one in file.broken if one.name[0] == letter), "")
+            raise InputError(broken if broken and not found else f"{shown}: no healthy satellite of {_NAMES[letter]}")
         limit = LONGEST_AGE[letter] if card.longest_age is None else card.longest_age
         recent = [item for item in healthy.values() if abs(_time(item) - lift_off) <= limit]
         if not recent:
@@ -166,6 +173,35 @@ def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
     if keplerian and states:
         return Combined((broadcast(keplerian, lift_off), integrated(states, lift_off)))
     return broadcast(keplerian, lift_off) if keplerian else integrated(states, lift_off)
+
+
+def is_usable(item: Ephemeris | StateVector) -> bool:
+    """Return whether a single-frequency user of L1, E1, B1 or G1 may use a satellite: its signal there is healthy, and
+    its accuracy is predicted.
+    """
+    if isinstance(item, StateVector):
+        return item.health == 0.0
+    if item.name[0] == "E":
+        return not int(item.health) & _HEALTH_E1 and 0.0 <= item.accuracy < _NO_SISA
+    return item.health == 0.0 and 0.0 <= item.accuracy <= _NO_URA
+
+
+def left_out(constellation: Constellation) -> list[str]:
+    """Return a line for each navigation file of a constellation that has broken records of satellites which it takes,
+    those that the file itself calls unhealthy apart; InputError where a file cannot be read.
+    """
+    lines = []
+    for card in parts_of(constellation):
+        if not isinstance(card, RinexConstellation):
+            continue
+        letters = LETTERS.values() if card.systems is None else [LETTERS[system] for system in card.systems]
+        for file in _files(card):
+            broken = [one for one in read_navigation(file).broken if one.name[0] in letters and not one.is_unhealthy]
+            if broken:
+                names = ", ".join(sorted({one.name for one in broken}))
+                count = f"{len(broken)} broken record{'s' * (len(broken) > 1)} of {names}"
+                lines.append(f"{file}: {count} left out, the first at line {broken[0].fault.removeprefix(f'{file}:')}")
+    return lines
 
 
 _Item = TypeVar("_Item", bound=Ephemeris | StateVector)

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from lvnav_trade.units import Angle, AngleSigma, Card, Duration, LengthSigma, Pause, SpeedSigma, parse
+from lvnav_trade.units import Angle, AngleLimit, AngleSigma, Card, Duration, LengthSigma, Pause, SpeedSigma, parse
 from lvnav_trade.world.ascent.plausibility import OutsideFlight
 from lvnav_trade.world.ascent.vehicle import Roll
 from lvnav_trade.world.oscillation import OscillationCard
@@ -39,9 +39,13 @@ class TimeColumn(Card):
 
 
 class PositionColumns(Card):
-    """Three columns of position: latitude, longitude and ellipsoidal height (WGS-84), or x, y and z."""
+    """Three columns of position: latitude, longitude and ellipsoidal height (WGS-84), or x, y and z.
 
-    frame: Literal["geodetic", "ecef", "eci"]
+    Frame eci has the true equator of date (TEME where `greenwich` is left out). Frame j2000 is EME2000; GCRF and ICRF
+    agree with it to 1 m on the ground.
+    """
+
+    frame: Literal["geodetic", "ecef", "eci", "j2000"]
     columns: Three = Field(description="latitude, longitude, height; or x, y, z")
     unit: str = Field(description="of the angles where the frame is geodetic, else of x, y and z")
     height_unit: LengthUnit | None = Field(None, description="of the height where the frame is geodetic")
@@ -57,9 +61,9 @@ class PositionColumns(Card):
 
 
 class VelocityColumns(Card):
-    """Three columns of velocity: relative to the Earth in frame ecef or ned, inertial in frame eci."""
+    """Three columns of velocity: relative to the Earth in frame ecef or ned, inertial in frames eci and j2000."""
 
-    frame: Literal["ecef", "eci", "ned"]
+    frame: Literal["ecef", "eci", "j2000", "ned"]
     columns: Three = Field(description="x, y, z; or north, east, down")
     unit: SpeedUnit
 
@@ -72,7 +76,7 @@ class AttitudeColumns(Card):
     """
 
     form: Literal["quaternion", "matrix", "euler"]
-    frame: Literal["ecef", "eci", "ned"] = Field(description="that the attitude is against")
+    frame: Literal["ecef", "eci", "j2000", "ned"] = Field(description="that the attitude is against")
     columns: tuple[str, ...] = Field(description="4 of a quaternion, 9 of a matrix by rows, or yaw, pitch, roll")
     scalar: Literal["first", "last"] | None = Field(None, description="where the quaternion has its scalar")
     turns: Literal["body_to_frame", "frame_to_body"] | None = Field(
@@ -103,10 +107,10 @@ class TableTrajectory(OutsideFlight):
     kind: Literal["table"] = "table"
     file: str = Field(description="the rows: CSV, or Parquet by its ending", json_schema_extra={"path": True})
     delimiter: str = Field(",", min_length=1, max_length=1, description="between the fields of a CSV file")
-    time: TimeColumn
-    position: PositionColumns
-    velocity: VelocityColumns | None = None
-    attitude: AttitudeColumns | None = None
+    time: TimeColumn  # column of time
+    position: PositionColumns  # columns of position
+    velocity: VelocityColumns | None = None  # columns of velocity; none: derivative of the position
+    attitude: AttitudeColumns | None = None  # columns of attitude; none: from the motion
     greenwich: Angle | None = Field(
         None,
         description="angle from the x axis of the file's frame eci to Greenwich at lift-off; none: sidereal time of "
@@ -122,7 +126,7 @@ class TableTrajectory(OutsideFlight):
     moving_reference: tuple[tuple[str, str], ...] = Field(
         (), description="pairs of events between which the point that the rows of position refer to moves in the body"
     )
-    largest_force_angle: Annotated[Angle, Field(gt=0.0)] = Field(
+    largest_force_angle: AngleLimit = Field(
         0.5235987755982988,  # 30 deg
         description="median angle of forces above 1 g from the body's x axis; beyond it the attitude is refused",
     )
@@ -136,6 +140,10 @@ class TableTrajectory(OutsideFlight):
     coast_after_injection: ClassVar[float] = 0.0  # nothing is added behind the last row
 
     def _faults(self) -> Iterator[str]:
+        parts = [part for part in (self.position, self.velocity, self.attitude) if part is not None]
+        if self.greenwich is not None and all(part.frame != "eci" for part in parts):
+            yield "greenwich is the angle of frame eci, and no columns are in it"
+        yield from self._without_effect()
         for name in self.events:
             if not _NAME.match(name) or name in OWN_EVENTS:
                 yield f"{name!r} cannot name an event" + (": it is one already" * (name in OWN_EVENTS))
@@ -145,3 +153,18 @@ class TableTrajectory(OutsideFlight):
                 raise ValueError(f"moving_reference names {name!r}, which is no event (there are {known})")
         if self.moving_reference and self.velocity is None:
             yield "moving_reference needs a velocity: without it nothing tells how the point moves"
+
+    def _without_effect(self) -> Iterator[str]:
+        """Yield the settings that differ from the default and have no effect, as columns are stated or missing."""
+        missing = {
+            "largest_force_angle": self.attitude is None,
+            "attitude_noise": self.attitude is None,
+            "velocity_noise": self.velocity is None,
+            "pointing": self.attitude is not None,
+            "roll": self.attitude is not None,
+        }
+        fields = type(self).model_fields
+        for name in (name for name, idle in missing.items() if idle and getattr(self, name) != fields[name].default):
+            of = "velocity" if name.startswith("velocity") else "attitude"
+            has = "states" if name in ("pointing", "roll") else "does not state"
+            yield f"{name} has no effect: the card {has} columns of {of}; leave it out"

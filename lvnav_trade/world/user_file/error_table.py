@@ -13,7 +13,8 @@ from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Card, Fraction, Pause
 from lvnav_trade.world.user_file.columns import LengthUnit, SpeedUnit, Three, TimeColumn
-from lvnav_trade.world.user_file.rows import read_columns, refuse_first, refuse_unordered, si
+from lvnav_trade.world.user_file.data_file import read_columns, refuse_first, refuse_unordered
+from lvnav_trade.world.user_file.rows import si
 from lvnav_trade.world.user_file.table import content_of
 
 FEWEST = 2
@@ -72,9 +73,9 @@ class ErrorTable(Card):
 
     file: str = Field(description="the rows: CSV, or Parquet by its ending", json_schema_extra={"path": True})
     delimiter: str = Field(",", min_length=1, max_length=1, description="between the fields of a CSV file")
-    frame: Literal["ned", "ecef", "eci"]
-    time: TimeColumn
-    position: PositionErrorColumns
+    frame: Literal["ned", "ecef", "eci"]  # axes of the error columns
+    time: TimeColumn  # column of time
+    position: PositionErrorColumns  # columns of the position error
     velocity: VelocityErrorColumns | None = Field(None, description="none: the velocity has no recorded error")
     truth_minus_solution: bool = Field(False, description="sign of the columns; false: solution minus truth")
     factor: Fraction = Field(1.0, description="that all errors are multiplied by")

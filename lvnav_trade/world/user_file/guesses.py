@@ -1,8 +1,7 @@
-"""What the columns of a user's file probably hold: by their names first, else by the size of their numbers."""
+"""Guesses of a user's columns: by their names first, else by the size of their numbers."""
 
 import re
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,10 +9,21 @@ import numpy as np
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import Floats
-from lvnav_trade.world.user_file.rows import column_names, read_columns
+from lvnav_trade.units import parse
+from lvnav_trade.world.sky.gps_time import (
+    SECONDS_PER_WEEK,
+    UNIX_ORIGIN,
+    WEEK_ROLLOVER,
+    gps_seconds,
+    resolve_week,
+    utc_after,
+    utc_of,
+)
+from lvnav_trade.world.user_file.data_file import column_names, read_columns
 
 _UNITS = {
     "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "deg": "deg", "degrees": "deg", "rad": "rad",
+    "°": "deg",
     "m": "m", "km": "km", "ft": "ft", "m_s": "m/s", "m/s": "m/s", "mps": "m/s", "km_s": "km/s", "km/s": "km/s",
     "kmps": "km/s", "ft_s": "ft/s", "ft/s": "ft/s", "fps": "ft/s",
 }  # fmt: skip
@@ -21,6 +31,22 @@ _WITH_UNIT = re.compile(
     rf"(.+?)[\s_]*[\[(_ ](?:{'|'.join(sorted(map(re.escape, _UNITS), key=len, reverse=True))})[\])]?"
 )
 _TIME = ("t", "time", "met", "elapsed", "elapsed_time", "mission_time", "flight_time", "timestamp")
+_CLOCKS = (  # columns that count from something else than lift-off
+    "tow",
+    "gps_tow",
+    "time_of_week",
+    "gps_time_of_week",
+    "seconds_of_week",
+    "sow",
+    "gps_sow",
+    "itow",
+    "gps_time",
+    "gps_seconds",
+    "unix_time",
+    "unix",
+    "posix_time",
+    "epoch_time",
+)
 _GEODETIC = (
     ("lat", "latitude", "geodetic_latitude", "phi"), ("lon", "long", "longitude", "lambda"),
     ("alt", "altitude", "height", "h", "ellipsoidal_height"),
@@ -32,14 +58,23 @@ _NED = (
 )  # fmt: skip
 _AXIS = "{x}", "pos_{x}", "position_{x}", "r{x}", "r_{x}", "p{x}"
 _RATE = "v{x}", "v_{x}", "vel_{x}", "velocity_{x}", "{x}dot", "{x}_dot", "d{x}"
-_FRAMES = {"ecef": "ecef", "ecr": "ecef", "itrf": "ecef", "eci": "eci", "j2000": "eci", "gcrf": "eci", "icrf": "eci"}
+_FRAMES = (
+    dict.fromkeys(("ecef", "ecr", "ecf", "itrf", "itrs"), "ecef")
+    | dict.fromkeys(("eci", "teme"), "eci")
+    | dict.fromkeys(("j2000", "eme2000", "mj2000", "mj2000eq", "gcrf", "gcrs", "icrf", "icrs"), "j2000")
+)
 _QUATERNIONS = (
     (("q0", "q1", "q2", "q3"), "first"),
     (("qw", "qx", "qy", "qz"), "first"),
     (("q1", "q2", "q3", "q4"), "last"),
 )
 _EULER = (("yaw", "psi", "heading", "azimuth"), ("pitch", "theta"), ("roll", "phi", "bank"))
-_REST = 1.0  # m/s
+_WEEKS = ("gps_week", "week", "week_number", "wn", "gps_wn", "gpsweek")
+_OF_WEEK = ("tow", "gps_tow", "time_of_week", "gps_time_of_week", "seconds_of_week", "sow", "gps_sow", "itow")
+_SINCE_GPS, _SINCE_UNIX = ("gps_time", "gps_seconds"), ("unix_time", "unix", "posix_time", "epoch_time")
+_LAST_WEEK = 8192.0  # numbers of a GPS week have ten or thirteen bits
+_HIGHEST_PAD, _HIGHEST_KM = 9.0, 3e3  # km
+_QUIET, _SPANS = 0.3, 20  # in units/s^2: a flight in m is faster over so many parts of it, in km slower
 
 
 class Guess(NamedTuple):
@@ -57,15 +92,54 @@ class _Column(NamedTuple):
     frame: str
 
 
-def guess(file: str) -> list[Guess]:
+def epoch_of(file: str, found: Sequence[Guess], near: str) -> tuple[str, str] | None:
+    """Return lift-off in UTC and why, from a clock that the column of time is: of GPS weeks, of GPS or of Unix time.
+
+    None where it is another clock, or no column numbers the weeks. near: a time in UTC; a week number of ten bits is of
+    the era nearest to it.
+    """
+    content = {one.part: one.content for one in found}
+    time, delimiter = content["time"], content.get("delimiter", ",")
+    liftoff = time.get("liftoff", 0.0) * parse(f"1 {time['unit']}", "s")
+    name = _column(time["column"]).name
+    if name in _SINCE_UNIX and liftoff > 0.0:
+        return utc_after(UNIX_ORIGIN.isoformat(), liftoff), "from Unix time at lift-off"
+    if name in _SINCE_GPS and liftoff > SECONDS_PER_WEEK:
+        return utc_of(liftoff).isoformat(), "from GPS time at lift-off"
+    week = _named([_column(title) for title in column_names(file, delimiter)], [_WEEKS])
+    if name not in _OF_WEEK or week is None:
+        return None
+    number = float(read_columns(file, [week[0].title], delimiter)[0][0, 0])
+    if not 0.0 <= number < _LAST_WEEK or number != round(number):
+        return None
+    why = f"from {week[0].title} and {time['column']} at lift-off"
+    era = "; the week number has ten bits: confirm the year" * (number < WEEK_ROLLOVER)
+    return utc_of(resolve_week(int(number), liftoff, gps_seconds(near))).isoformat(), why + era
+
+
+def left_out(file: str, found: Sequence[Guess]) -> list[str]:
+    """Return the titles of the columns of a file that no guess takes."""
+    content = {one.part: one.content for one in found}
+    taken = {content["time"]["column"]}
+    for part in ("position", "velocity", "attitude"):
+        taken |= {*content.get(part, {}).get("columns", ())}
+    return [title for title in column_names(file, content.get("delimiter", ",")) if title not in taken]
+
+
+def guess(file: str, time_column: str | None = None) -> list[Guess]:
     """Return what a trajectory card says of a file's columns; InputError where time or position are not found.
 
-    The file is CSV, with commas, semicolons or tabs between its fields, or Parquet.
+    time_column: title of the column of time, where it is not to be guessed. The file is CSV, with commas, semicolons or
+    tabs between its fields, or Parquet.
     """
     delimiter = max((",", ";", "\t"), key=lambda one: len(column_names(file, one)))
     columns = [_column(title) for title in column_names(file, delimiter)]
     found = [Guess("delimiter", delimiter, "the header has more fields with it")] * (delimiter != ",")
-    time = _named(columns, [_TIME])
+    time = _named(columns, [_TIME + _CLOCKS])
+    if time_column is not None:
+        time = [one for one in columns if one.title == time_column]
+        if not time:
+            raise InputError(f"{file}: no column {time_column!r}; it has {_titles(columns)}")
     if time is None:
         raise InputError(f"{file}: no column of time (one of {', '.join(_TIME)}); it has {_titles(columns)}")
 
@@ -73,9 +147,15 @@ def guess(file: str) -> list[Guess]:
         return read_columns(file, [one.title for one in of], delimiter)[0]
 
     t = values(time)[:, 0]
-    unit = time[0].unit or "s"
-    found.append(Guess("time", {"column": time[0].title, "unit": unit}, _why(time[0].unit, "seconds assumed")))
-    position, place = _position(file, columns, values)
+    unit = time[0].unit or ("ms" if time[0].name == "itow" else "s")
+    found.append(
+        Guess(
+            "time",
+            {"column": time[0].title, "unit": unit},
+            _why(time[0].unit, f"{unit} assumed"),
+        )
+    )
+    position, place = _position(file, columns, values, t * parse(f"1 {unit}", "s"))
     velocity = _velocity(columns, values)
     if position.content["frame"] == "unknown":
         frame, why = _frame(place, t)
@@ -86,15 +166,9 @@ def guess(file: str) -> list[Guess]:
     return [*found, position, *moving, *_attitude(columns, values)]
 
 
-def readings(attitude: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the readings of columns of attitude, the one that was guessed first: frames, scalar and sense."""
-    frames = dict.fromkeys([attitude["frame"], "eci", "ecef", "ned"])
-    if attitude["form"] == "euler":
-        yield from (attitude | {"frame": frame} for frame in frames)
-        return
-    scalars = dict.fromkeys([attitude["scalar"], "first", "last"])
-    for scalar, frame, turns in product(scalars, frames, ("body_to_frame", "frame_to_body")):
-        yield attitude | {"frame": frame, "turns": turns, "scalar": scalar}
+def is_clock(title: str) -> bool:
+    """Return whether a column of time counts from something else than lift-off, by its name."""
+    return _column(title).name in _CLOCKS
 
 
 def _column(title: str) -> _Column:
@@ -131,13 +205,24 @@ def _three(columns: Sequence[_Column], forms: Sequence[str]) -> list[_Column] | 
     return None
 
 
-def _position(file: str, columns: Sequence[_Column], values: Any) -> tuple[Guess, Floats]:
-    """Return position, frame "unknown" where x, y and z do not say theirs, and its rows (n, 3), m or as they are."""
+def _height_unit(t: Floats, height: Floats) -> str:
+    """Return the unit of heights (n,) at times t (n,) in s: km where no flight could be so slow in m."""
+    even = np.linspace(t[0], t[-1], _SPANS + 1)
+    step = max(float(even[1] - even[0]), 1e-9)
+    quickest = float(np.max(np.abs(np.diff(np.interp(even, t, height), 2)))) / step**2
+    is_high_pad = height[0] == height[1] and abs(height[0]) > _HIGHEST_PAD
+    return "m" if quickest > _QUIET or np.max(height) > _HIGHEST_KM or is_high_pad else "km"
+
+
+def _position(file: str, columns: Sequence[_Column], values: Any, t: Floats) -> tuple[Guess, Floats]:
+    """Return position, frame "unknown" where x, y and z do not say theirs, and its rows (n, 3), m or as they are; at
+    times t (n,) in s.
+    """
     geodetic = _named(columns, _GEODETIC)
     if geodetic is not None:
         rows = values(geodetic)
         unit = geodetic[0].unit or ("deg" if np.max(np.abs(rows[:, :2])) > 2.0 * np.pi else "rad")
-        height = geodetic[2].unit or ("m" if np.max(rows[:, 2]) > 3e3 else "km")
+        height = geodetic[2].unit or _height_unit(t, rows[:, 2])
         content = {"frame": "geodetic", "columns": [one.title for one in geodetic], "unit": unit, "height_unit": height}
         why = _why(geodetic[0].unit and geodetic[2].unit, "units by size of the numbers")
         return Guess("position", content, why), rows

@@ -16,15 +16,15 @@ import numpy as np
 from pydantic import Field
 
 from lvnav_trade.errors import InputError
+from lvnav_trade.limits import YEARS
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Angle, Card, Duration, Epoch, NamedCard, Pause
-from lvnav_trade.world.user_file.imu_log import read_log, time_column
-from lvnav_trade.world.user_file.rows import column_names, read_columns, read_texts, refuse_first, refuse_unordered
+from lvnav_trade.world.sky.gps_time import GPS_ORIGIN, UNIX_ORIGIN, utc_after, utc_time
+from lvnav_trade.world.user_file.imu_log import read_log
+from lvnav_trade.world.user_file.ranges_file import Ranges, RangesFile, read_ranges
+from lvnav_trade.world.user_file.solutions import ReceiverFile, read_solutions
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
-_SOLUTION = ("latitude_deg", "longitude_deg", "height_m", "v_north_m_s", "v_east_m_s", "v_down_m_s")
-_SIGMAS = tuple(f"sigma_{part}" for part in ("north_m", "east_m", "down_m", "v_north_m_s", "v_east_m_s", "v_down_m_s"))
-_RANGES = ("pseudorange_m", "range_rate_m_s")
 _GAP = 0.1  # s without rows of the unit that increments may bridge
 
 
@@ -43,30 +43,18 @@ class UnitFile(Card):
             yield f"axes: {', '.join(self.axes)} is no right-handed triad of three axes"
 
 
-class ReceiverFile(Card):
-    """The file of the receiver's solutions."""
-
-    file: str
-    delimiter: str = Field(",", min_length=1, max_length=1)
-    noise: Literal["filter", "log"] = Field(
-        "filter", description="what the filter assumes of a solution: its card, or the sigmas of the file"
-    )
-
-
-class RangesFile(Card):
-    """The file of pseudoranges and range rates, for filters that take them."""
-
-    file: str
-    delimiter: str = Field(",", min_length=1, max_length=1)
-
-
 class NavigationLog(NamedCard):
     """A recorded log, and how it is aligned."""
 
     epoch: Epoch = Field(description="UTC when the columns of time are zero")
-    imu: UnitFile
-    gnss: ReceiverFile
-    ranges: RangesFile | None = None
+    time_scale: Literal["gps", "unix"] | None = Field(
+        None,
+        description="whether the columns of time count leap seconds (gps) or skip them (unix); none: gps with epoch "
+        "1980-01-06, unix with 1970-01-01, and no leap second between another epoch and the log",
+    )
+    imu: UnitFile  # file of IMU data and its columns
+    gnss: ReceiverFile  # file of the receiver's solutions and its columns
+    ranges: RangesFile | None = None  # file of ranges; none: solutions alone
     still: tuple[Duration, Duration] = Field(description="where the vehicle rests, from the receiver's first row")
     heading: Angle | None = Field(
         None, description="of the body's x axis, or of its z axis where x stands upright; none: from the motion"
@@ -77,24 +65,25 @@ class NavigationLog(NamedCard):
     def _faults(self) -> Iterator[str]:
         if not 0.0 <= self.still[0] < self.still[1]:
             yield "still: should begin at the first row or later, and end after it begins"
-
-
-class Ranges(NamedTuple):
-    """Rows of ranges: t (n,) s from the receiver's first solution; satellites (n,) names; values (n, 2) pseudorange (m)
-    and range rate (m/s), as measured.
-    """
-
-    t: Floats
-    satellites: tuple[str, ...]
-    values: Floats
+        if self.time_scale == "gps" and utc_time(self.epoch) < GPS_ORIGIN:
+            yield "time_scale: gps: GPS time begins 1980-01-06, the epoch is before it"
 
 
 class Recording(NamedTuple):
-    """Rows of a log, times (s) from the receiver's first row.
+    """Recorded IMU and receiver data; times in s from the receiver's first row of the file.
 
-    t (n,) s bounds of the unit's intervals; turned, pushed (n, 3) sums of its increments up to there, rad and m/s, body
-    axes; t_fix (m,) s; place (m, 3) latitude, longitude (rad) and height (m); moving (m, 3) m/s north, east, down;
-    sigma (m, 6) of both, NaN without columns; epoch: UTC of time zero; ranges: None without a file of them.
+    t : (n,) s. Start of the first sampling interval of the IMU, then the end of each.
+    turned : (n, 3) rad. Sum of the angle increments up to t, body axes.
+    pushed : (n, 3) m/s. Sum of the velocity increments up to t, body axes.
+    t_fix : (m,) s. Times of the receiver's solutions.
+    place : (m, 3) rad, rad, m. Latitude, longitude, height.
+    moving : (m, 3) m/s. Velocity north, east, down.
+    sigma : (m, 6). Sigma of position and velocity; NaN without columns of it.
+    epoch : UTC of time zero.
+    ranges : Recorded ranges; None without a file of them.
+    lines : (m,). Lines of the solutions in their file.
+    fixes : Name of the file of the solutions.
+    notes : Remarks on rows of the files that are omitted.
     """
 
     t: Floats
@@ -106,6 +95,9 @@ class Recording(NamedTuple):
     sigma: Floats
     epoch: str
     ranges: Ranges | None = None
+    lines: tuple[str, ...] = ()
+    fixes: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def turning(axes: tuple[str, ...]) -> Floats:
@@ -117,44 +109,46 @@ def turning(axes: tuple[str, ...]) -> Floats:
 
 
 def read_recording(card: NavigationLog, folder: Path) -> Recording:
-    """Return the rows of a log whose files are named from a folder; InputError names file, row and fault."""
-    unit_file, fix_file = (os.fspath(folder / part.file) for part in (card.imu, card.gnss))
-    titles = column_names(fix_file, card.gnss.delimiter)
-    time, scale = time_column(fix_file, titles)
-    known = all(name in titles for name in _SIGMAS)
-    if card.gnss.noise == "log" and not known:
-        raise InputError(f"{fix_file}: gnss.noise: log needs the columns {', '.join(_SIGMAS)}")
-    names = [time, *_SOLUTION, *(_SIGMAS if known else ())]
-    table, places = read_columns(fix_file, names, card.gnss.delimiter, 3, "a log")
-    t_fix = table[:, 0] * scale
-    refuse_unordered(t_fix, fix_file, places)
-    table[:, 1:3] = np.radians(table[:, 1:3])
-    refuse_first(np.abs(table[:, 1]) > 0.5 * np.pi, fix_file, places, lambda k: "latitude_deg is beyond 90")
+    """Return the rows of a log whose files are named from a folder, without those that cannot be true; InputError names
+    file, row and fault.
+    """
+    found, unit_file = read_solutions(card.gnss, folder), os.fspath(folder / card.imu.file)
+    zero, epoch = found.zero, first_row_utc(card, found.zero, found.file)
     log = read_log(unit_file, card.imu.delimiter, _GAP)
     t = np.concatenate([log.t[:1] - log.dt, log.t]) - card.imu.delay
-    if t[-1] <= t_fix[0] + card.still[1] or t[0] > t_fix[0] + card.still[0] + 1e-6:
-        spans = f"{t[0]:.9g} to {t[-1]:.9g} s, and {fix_file} from {t_fix[0]:.9g} s on"
+    if t[-1] <= zero + card.still[1] or t[0] > zero + card.still[0] + 1e-6:
+        spans = f"{t[0]:.9g} to {t[-1]:.9g} s, and {found.file} from {zero:.9g} s on"
         raise InputError(f"{unit_file}: its rows do not span the rest: it has {spans}")
     step, turn = np.diff(t)[:, None], turning(card.imu.axes).T
     turned, pushed = (np.cumsum(np.vstack([np.zeros(3), means * step]), axis=0) for means in (log.gyro, log.accel))
+    ranges = None if card.ranges is None else read_ranges(card.ranges, folder, zero)
+    notes = found.notes + (ranges.notes if ranges is not None else ())
     return Recording(
-        t - t_fix[0], turned @ turn, pushed @ turn,
-        t_fix - t_fix[0], table[:, 1:4], table[:, 4:7],
-        table[:, 7:] if known else np.full((len(table), 6), np.nan), later(card.epoch, float(t_fix[0])),
-        _ranges(card.ranges, folder, float(t_fix[0])),
+        t - zero, turned @ turn, pushed @ turn, found.t - zero, found.place, found.moving, found.sigma, epoch, ranges,
+        found.lines, found.file, notes,
     )  # fmt: skip
 
 
-def _ranges(card: RangesFile | None, folder: Path, zero: float) -> Ranges | None:
-    if card is None:
-        return None
-    file = os.fspath(folder / card.file)
-    time, scale = time_column(file, column_names(file, card.delimiter))
-    table, _ = read_columns(file, [time, *_RANGES], card.delimiter, 4, "a log")
-    names = read_texts(file, "satellite", card.delimiter)
-    return Ranges(table[:, 0] * scale - zero, tuple(names), table[:, 1:])
+def first_row_utc(card: NavigationLog, seconds: float, file: str) -> str:
+    """Return the ISO 8601 time (UTC) of a log's first row, whose column of time shows so many seconds.
 
-
-def later(epoch: str, seconds: float) -> str:
-    """Return the time so many seconds after an epoch."""
-    return (datetime.fromisoformat(epoch) + timedelta(seconds=seconds)).isoformat()
+    InputError where the column cannot be in that unit, or leap seconds lie between the card's epoch and the row and
+    neither card nor epoch says whether the column counts them.
+    """
+    utc = utc_time(card.epoch)
+    scale = card.time_scale or {GPS_ORIGIN: "gps", UNIX_ORIGIN: "unix"}.get(utc)
+    try:
+        skipped = utc + timedelta(seconds=seconds)
+        counted = datetime.fromisoformat(utc_after(card.epoch, seconds))
+        possible = YEARS[0] <= skipped.year <= YEARS[1]
+    except OverflowError:
+        possible = False
+    if not possible:
+        raise InputError(f"{file}: its first row is {seconds:.9g} s after {card.epoch}; is the unit of time right?")
+    if scale is None and counted != skipped:
+        count = round((skipped - counted).total_seconds())
+        raise InputError(
+            f"{file}: {count} leap second{'s' * (abs(count) > 1)} between the epoch {card.epoch} and the first row: "
+            "state time_scale in the card: gps where the column of time counts leap seconds, unix where it skips them"
+        )
+    return (skipped if scale == "unix" else counted).isoformat()

@@ -1,155 +1,25 @@
-"""Rows of a user's file, CSV or Parquet: columns of numbers, and position, velocity and attitude in frame i."""
+"""Rows of a user's file: position, velocity and attitude in frame i."""
 
-import csv
-import difflib
 import math
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade import frames
-from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.input_files import text_lines
+from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR
-from lvnav_trade.limits import DATA_BYTES, DATA_ROWS, FIELD_LENGTH
 from lvnav_trade.records import Floats
 from lvnav_trade.units import parse
 from lvnav_trade.world.holes import Hole, bridged, described
 from lvnav_trade.world.user_file.columns import AttitudeColumns, PositionColumns, TableTrajectory, VelocityColumns
+from lvnav_trade.world.user_file.data_file import FEWEST, read_columns, refuse_first, refuse_unordered
+from lvnav_trade.world.user_file.j2000 import rotation_to_date
+from lvnav_trade.world.user_file.time_stamps import coarse, restored
 
-FEWEST = 12  # rows from which a flight can be rebuilt
 LONGEST_HOLE = 1.0  # s that a spline bridges whatever the rate: rows of a whole ascent may be as far apart
 _LARGEST_TURN = 1.0  # rad in a hole; half a turn would leave open which way the body turned
-
-
-def read_columns(
-    path: str, names: list[str], delimiter: str, fewest: int = FEWEST, what: str = "a trajectory"
-) -> tuple[Floats, list[str]]:
-    """Return the columns `names` of a CSV or Parquet file (n, n_name), and where each row stands, for messages.
-
-    A name that ends in .parquet or .pq is Parquet; anything else is text with one line of headers, in which lines that
-    begin with # are comments. InputError names file, row and fault: no such file, no such column, a field that is no
-    finite number, fewer rows than `what` they are of needs.
-    """
-    binary = Path(path).suffix.lower() in (".parquet", ".pq")
-    table, places = _parquet(path, names) if binary else _text(path, names, delimiter)
-    if len(table) < fewest:
-        raise InputError(f"{path}: {len(table)} rows of data, {what} needs {fewest} or more")
-    for row, column in np.argwhere(~np.isfinite(table))[:1]:
-        raise InputError(f"{path}:{places[row]}: {names[column]} is {table[row, column]}, not a finite number")
-    return table, places
-
-
-def read_texts(path: str, name: str, delimiter: str = ",") -> list[str]:
-    """Return a column of texts of a file that `read_columns` has read, row by row."""
-    if Path(path).suffix.lower() in (".parquet", ".pq"):
-        import pyarrow.parquet as pq
-
-        _refuse_missing(path, [name], list(pq.ParquetFile(path).schema_arrow.names))
-        return [str(value) for value in pq.read_table(path, columns=[name]).column(0).to_pylist()]
-    lines = text_lines(path, DATA_BYTES)
-    number, header = next(lines)
-    titles = [title.strip() for title in _fields(header, delimiter, f"{path}:{number}")]
-    _refuse_missing(f"{path}:{number}", [name], titles)
-    at = titles.index(name)
-    return [_fields(line, delimiter, f"{path}:{number}")[at].strip() for number, line in lines]
-
-
-def column_names(path: str, delimiter: str = ",") -> list[str]:
-    """Return the names of the columns of a CSV or Parquet file; InputError where it cannot be read."""
-    if Path(path).suffix.lower() not in (".parquet", ".pq"):
-        number, header = next(text_lines(path, DATA_BYTES), (0, ""))
-        return [title.strip() for title in _fields(header, delimiter, f"{path}:{number}")] if header else []
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        return list(pq.ParquetFile(path).schema_arrow.names)
-    except (OSError, pa.ArrowException) as error:
-        raise InputError(f"{path}: cannot be read as Parquet: {str(error).partition(chr(10))[0]}") from None
-
-
-def refuse_first(wrong: NDArray[np.bool_], path: str, places: list[str], fault: Callable[[int], str]) -> None:
-    """InputError with place and fault of the first row that is wrong (n,)."""
-    for k in np.flatnonzero(wrong)[:1]:
-        raise InputError(f"{path}:{places[k]}: {fault(int(k))}")
-
-
-def _parquet(path: str, names: list[str]) -> tuple[Floats, list[str]]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        file = pq.ParquetFile(path)
-        _refuse_missing(path, names, list(file.schema_arrow.names))
-        if file.metadata.num_rows > DATA_ROWS:
-            raise InputError(f"{path}: {file.metadata.num_rows} rows; at most {DATA_ROWS} are read")
-        table = file.read(columns=names)
-        columns = [table.column(name).cast(pa.float64()).to_numpy(zero_copy_only=False) for name in names]
-    except (OSError, pa.ArrowException) as error:
-        raise InputError(f"{path}: cannot be read as Parquet: {str(error).partition(chr(10))[0]}") from None
-    return np.column_stack(columns).astype(float), [f"row {number}" for number in range(1, table.num_rows + 1)]
-
-
-def _text(path: str, names: list[str], delimiter: str) -> tuple[Floats, list[str]]:
-    lines = text_lines(path, DATA_BYTES)
-    number, header = next(lines, (0, ""))
-    if not header:
-        raise InputError(f"{path}: is empty")
-    titles = [title.strip() for title in _fields(header, delimiter, f"{path}:{number}")]
-    _refuse_missing(f"{path}:{number}", names, titles)
-    at = [titles.index(name) for name in names]
-    rows: list[list[float]] = []
-    places: list[str] = []
-    for number, line in lines:
-        fields = _fields(line, delimiter, f"{path}:{number}")
-        if len(fields) != len(titles):
-            raise InputError(f"{path}:{number}: {len(fields)} fields, the header has {len(titles)}")
-        rows.append([_number(fields[k], titles[k], f"{path}:{number}") for k in at])
-        if len(rows) > DATA_ROWS:
-            raise InputError(f"{path}:{number}: more than {DATA_ROWS} rows")
-        places.append(str(number))
-    return np.array(rows, dtype=float).reshape(len(rows), len(names)), places
-
-
-def _fields(line: str, delimiter: str, where: str) -> list[str]:
-    """Return the fields of a line; InputError where one is longer than any number or name."""
-    longest = max(map(len, line.split(delimiter))) if len(line) > FIELD_LENGTH else 0
-    if longest > FIELD_LENGTH:
-        raise InputError(f"{where}: a field of {longest} characters; at most {FIELD_LENGTH} are read")
-    try:
-        return next(csv.reader([line], delimiter=delimiter))
-    except csv.Error as error:
-        raise InputError(f"{where}: {error}") from None
-
-
-def _refuse_missing(where: str, names: list[str], titles: list[str]) -> None:
-    for name in names:
-        if name not in titles:
-            near = difflib.get_close_matches(name, titles, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(titles[:20])}"
-            raise InputError(f"{where}: no column {quoted(name)} ({hint})")
-        if titles.count(name) > 1:
-            raise InputError(f"{where}: column {name!r} stands {titles.count(name)} times")
-
-
-def _number(field: str, title: str, where: str) -> float:
-    try:
-        return float(field)
-    except ValueError:
-        raise InputError(f"{where}: {title} is {quoted(field.strip())}, not a number") from None
-
-
-def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
-    """Return the intervals (n - 1,) between times t (n,) in s; InputError where they repeat or go back."""
-    interval = np.diff(t)
-    for k in np.flatnonzero(interval <= 0.0)[:1]:
-        fault = "repeats" if interval[k] == 0.0 else "goes back from"
-        raise InputError(f"{path}:{places[k + 1]}: time {t[k + 1]:.9g} s {fault} {t[k]:.9g} s of the row before")
-    return interval
 
 
 def usable(t: Floats, events: Mapping[str, float], path: str, places: list[str]) -> tuple[int, list[Hole], list[str]]:
@@ -173,22 +43,63 @@ def usable(t: Floats, events: Mapping[str, float], path: str, places: list[str])
     )
 
 
+def pairs(card: TableTrajectory) -> list[float]:
+    """Return the times (s) at which a file has two different rows, before and after an event that may be declared."""
+    names = [card.time.column, *card.position.columns, *(() if card.velocity is None else card.velocity.columns)]
+    table, _ = read_columns(card.file, names, card.delimiter)
+    table = table[~np.append(False, np.all(table[1:] == table[:-1], axis=1))]
+    again = np.flatnonzero(np.diff(table[:, 0]) == 0.0)
+    return list(dict.fromkeys(((table[again, 0] - card.time.liftoff) * si(card.time.unit, "s")).tolist()))
+
+
+def doubled(t: Floats, events: Mapping[str, float]) -> NDArray[np.bool_]:
+    """Return which rows at times t (n,) in s are the first of two at one time, and that of an event."""
+    first = np.append(np.diff(t) == 0.0, False)
+    first[1:] &= ~first[:-1]  # a third row of a time repeats it
+    times = np.array([*events.values()])
+    near = np.min(np.abs(t[:, None] - times), axis=1, initial=math.inf) < SAME
+    return np.asarray(first & near)
+
+
+def _refuse_repeated(
+    t: Floats, before: NDArray[np.bool_], card: TableTrajectory, places: list[str], apart: float
+) -> None:
+    """InputError with the reason where two rows have one time t (n,) and are not `before` and after an event (n,).
+
+    apart: distance of two times of single precision, in the unit of the column; zero for those with all digits.
+    """
+    for k in np.flatnonzero((np.diff(t) == 0.0) & ~before[:-1])[:1].tolist():
+        here = f"{card.file}:{places[k + 1]}: time {t[k]:.9g} s repeats that of the row before"
+        if apart > 0.0:
+            raise InputError(f"{here}: column {card.time.column!r}: {coarse(apart, card.time.unit)}")
+        raise InputError(
+            f"{here}, with another state: if an event is there, declare it (events: {{NAME: {t[k]:.9g} s}}); if not, "
+            "remove one of the two rows"
+        )
+
+
 def rounding(column: Floats) -> float:
     """Return one sigma of the rounding of a column's numbers, seen in their digits; zero where they carry them all."""
     if np.all(column == column[0]):
         return 0.0
     largest = float(np.max(np.abs(column)))
+    single = 0.0
+    with np.errstate(over="ignore"):
+        if np.all(column.astype(np.float32) == column):  # of single precision, perhaps besides of few digits
+            single = float(np.spacing(np.float32(largest))) / math.sqrt(12.0)
     for digits in range(-3, 10):
         scaled = column * 10.0**digits
         if largest * 10.0**digits > 2.0**40:  # a double has hardly a digit more to round
             break
         if np.ptp(scaled) >= 1.0 and np.all(np.abs(scaled - np.rint(scaled)) < 1e-3):
-            return 10.0**-digits / math.sqrt(12.0)
-    return 0.0
+            return max(single, 10.0**-digits / math.sqrt(12.0))
+    return single
 
 
 _NEAREST, _FARTHEST = 6.3e6, 1e9  # m from the centre of the Earth; what lies outside is a wrong unit
 _FASTEST = 2e4  # m/s
+SAME = 1e-6  # s; two times closer than this are one
+_JUMP = 1e-3  # m/s, rad between the two rows of an event beside their noise
 _SKEW = 1e-3  # of a quaternion's length from one, or of a matrix from orthonormal
 
 
@@ -214,11 +125,38 @@ def read_rows(card: TableTrajectory) -> Rows:
     r_i, noise_r = read.positions(card.position)
     v_i, noise_v = (None, 0.0) if card.velocity is None else read.velocities(card.velocity, r_i)
     q_b_i, noise_q = (None, 0.0) if card.attitude is None else read.attitudes(card.attitude, r_i)
+    noise_r, noise_v = read.with_late_stamps((r_i, noise_r), (v_i, noise_v))
     seen, stated = (noise_r, noise_v, noise_q), (card.position_noise, card.velocity_noise, card.attitude_noise)
-    noise = (own if given is None else given for own, given in zip(seen, stated, strict=True))
-    if q_b_i is not None:
-        read.refuse_lost_turns(q_b_i)
-    return Rows(read.t, r_i, v_i, q_b_i, tuple(noise), read.theta0, tuple(read.notes))
+    noise = tuple(own if given is None else given for own, given in zip(seen, stated, strict=True))
+    read.refuse_jumps(card.events, (r_i, v_i, q_b_i), noise)
+    kept = ~read.before
+    rows = Rows(
+        read.t[kept],
+        r_i[kept],
+        None if v_i is None else v_i[kept],
+        None if q_b_i is None else q_b_i[kept],
+        noise,
+        read.theta0,
+        tuple(read.notes),
+    )
+    if rows.q_b_i is not None:
+        read.refuse_lost_turns(rows.t, rows.q_b_i)
+    return rows
+
+
+def read_attitudes(card: TableTrajectory, parts: Sequence[AttitudeColumns], r_i: Floats) -> list[Floats | None]:
+    """Return q_b_i (n, 4) of the rows for each reading of the same columns, none where they are no attitude in it.
+
+    r_i (n, 3) m: positions of the rows.
+    """
+    read, found = _Reader(card), list[Floats | None]()
+    positions = r_i[np.cumsum(~read.before) - 1 + read.before]  # of both rows of a time that of the second
+    for part in parts:
+        try:
+            found.append(read.attitudes(part, positions)[0][~read.before])
+        except InputError:
+            found.append(None)
+    return found
 
 
 def si(unit: str, base: str) -> float:
@@ -231,22 +169,46 @@ def _rounding(table: Floats, *factors: float) -> float:
 
 
 class _Reader:
-    """The columns of a card's file by name, and the times t (n,) s with their Earth angles."""
+    """The columns of a card's file by name, and the times t (n,) s with their Earth angles.
+
+    before (n,): rows that another row of the same time replaces, at a declared event; they end what was before it.
+    late: one sigma (s) of the rounding of the times.
+    """
 
     def __init__(self, card: TableTrajectory) -> None:
         parts = [part for part in (card.position, card.velocity, card.attitude) if part is not None]
         names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
         table, self.places = read_columns(card.file, names, card.delimiter)
-        t = (table[:, names.index(card.time.column)] - card.time.liftoff) * si(card.time.unit, "s")
-        count, self.holes, self.notes = usable(t, card.events, card.file, self.places)
+        again = np.append(False, np.all(table[1:] == table[:-1], axis=1))  # as phases end and begin with the same state
+        table, self.places = table[~again], [place for place, one in zip(self.places, again, strict=True) if not one]
+        stamps, second = restored(table[:, names.index(card.time.column)], card.time.unit), si(card.time.unit, "s")
+        t, self.late = (stamps.column - card.time.liftoff) * second, stamps.sigma * second
+        self.before = doubled(t, card.events)
+        _refuse_repeated(t, self.before, card, self.places, stamps.apart)
+        kept = np.flatnonzero(~self.before)
+        count, self.holes, self.notes = usable(t[kept], card.events, card.file, [self.places[k] for k in kept.tolist()])
         if count < FEWEST:
-            raise InputError(f"{card.file}: {count} rows before {self.notes[-1]}; a trajectory needs {FEWEST} or more")
-        self.file, self.column = card.file, dict(zip(names, table[:count].T, strict=True))
-        self.t = t[:count]
+            ended = f"before {self.notes[-1]}" if self.notes else "of different times"
+            raise InputError(f"{card.file}: {count} rows {ended}; a trajectory needs {FEWEST} or more")
+        self.notes += [stamps.note] * bool(stamps.note)
+        if np.any(again):
+            number = int(np.sum(again))
+            rows = f"{number} row{'s' * (number > 1)}"
+            self.notes = [*self.notes, f"{rows} equal to the row before left out"]
+        last = int(kept[count - 1]) + 1
+        self.file, self.column = card.file, dict(zip(names, table[:last].T, strict=True))
+        self.t, self.before = t[:last], self.before[:last]
         self.theta0 = frames.gmst(card.epoch)
         self.theta = frames.earth_angle(self.theta0, self.t)
         # from the axes of frame i to the file's, about z
         self.turn = 0.0 if card.greenwich is None else self.theta0 - card.greenwich
+        self.epoch = card.epoch
+
+    def inertial(self, v: Floats, frame: str) -> Floats:
+        """Return vectors (n, 3) of frame eci or j2000 in frame i."""
+        if frame == "j2000":
+            return np.asarray(v @ rotation_to_date(self.epoch).T)
+        return frames.eci_from_ecef(v, self.turn)
 
     def table(self, names: tuple[str, ...]) -> Floats:
         return np.column_stack([self.column[name] for name in names])
@@ -255,16 +217,53 @@ class _Reader:
         """InputError with the fault of the first row that is wrong (n,)."""
         refuse_first(wrong, self.file, self.places, fault)
 
-    def refuse_lost_turns(self, q_b_i: Floats) -> None:
-        """InputError where the body, as fast as beside a hole, turns so far in it that the rows leave the turn open."""
+    def with_late_stamps(self, position: tuple[Floats, float], velocity: tuple[Floats | None, float]) -> list[float]:
+        """Return one sigma of position and of velocity, each given with its rows (n, 3), with that of the times."""
+        if self.late == 0.0:
+            return [position[1], velocity[1]]
+        kept, found = ~self.before, []
+        for rows, noise in (position, velocity):
+            change = np.zeros(1) if rows is None else np.linalg.norm(np.diff(rows[kept], axis=0), axis=1)
+            rate = float(np.median(change / np.diff(self.t[kept]))) if rows is not None else 0.0
+            found.append(math.hypot(noise, rate * self.late))
+        return found
+
+    def refuse_jumps(
+        self, events: Mapping[str, float], motion: tuple[Floats, Floats | None, Floats | None], noise: tuple[float, ...]
+    ) -> None:
+        """InputError where velocity or attitude differ between the two rows of an event: those do not jump in a flight;
+        the point that the rows of position refer to may.
+
+        motion: r_i (n, 3) m, v_i (n, 3) m/s and q_b_i (n, 4) of all rows; noise: as of `Rows`.
+        """
+        r_i, v_i, q_b_i = motion
+        for k in np.flatnonzero(self.before).tolist():
+            name = min(events, key=lambda one: abs(events[one] - self.t[k]))
+            jumps = [] if v_i is None else [("velocity", float(np.linalg.norm(v_i[k + 1] - v_i[k])), noise[1], "m/s")]
+            if q_b_i is not None:
+                cosine = min(1.0, abs(float(q_b_i[k + 1] @ q_b_i[k])))
+                jumps.append(("attitude", 2.0 * math.acos(cosine), noise[2], "rad"))
+            turned = OMEGA * float(np.linalg.norm(r_i[k + 1] - r_i[k]))  # by the Earth, between two points of reference
+            for what, size, sigma, unit in jumps:
+                if size > _JUMP + 10.0 * sigma + turned:
+                    raise InputError(
+                        f"{self.file}:{self.places[k + 1]}: the {what} jumps by {size:.3g} {unit} at event {name!r}, "
+                        f"between the two rows at {self.t[k]:.9g} s: only the force can jump; spread the change over "
+                        "the time that it takes, or remove one of the two rows"
+                    )
+
+    def refuse_lost_turns(self, t: Floats, q_b_i: Floats) -> None:
+        """InputError where the body, as fast as beside a hole, turns so far in it that the rows leave the turn open;
+        t (n,) s, q_b_i (n, 4).
+        """
         angle = 2.0 * np.arccos(np.minimum(1.0, np.abs(np.sum(q_b_i[1:] * q_b_i[:-1], axis=1))))
-        rate = angle / np.diff(self.t)
+        rate = angle / np.diff(t)
         for hole in self.holes:
             turn = hole.length * max(rate[k] for k in (hole.row - 1, hole.row + 1) if 0 <= k < rate.size)
             if turn > _LARGEST_TURN:
                 raise InputError(
                     f"{self.file}:{self.places[hole.row + 1]}: no data between {hole.start:g} s and {hole.end:g} s, "
-                    f"in which the body turns by some {math.degrees(turn):.0f} deg"
+                    f"in which the body turns by about {math.degrees(turn):.0f} deg: give the attitude in between"
                 )
 
     def positions(self, part: PositionColumns) -> tuple[Floats, float]:
@@ -283,7 +282,8 @@ class _Reader:
             factors = (angle * SEMI_MAJOR, angle * SEMI_MAJOR * float(np.cos(latitude[0])), length)
         else:
             factors = (si(part.unit, "m"),) * 3
-            r_i = frames.eci_from_ecef(table * factors[0], self.theta if part.frame == "ecef" else self.turn)
+            r = table * factors[0]
+            r_i = frames.eci_from_ecef(r, self.theta) if part.frame == "ecef" else self.inertial(r, part.frame)
         distance = np.linalg.norm(r_i, axis=1)
         self.refuse(
             (distance < _NEAREST) | (distance > _FARTHEST),
@@ -298,8 +298,8 @@ class _Reader:
         speed = np.linalg.norm(v, axis=1)
         self.refuse(speed > _FASTEST, lambda k: f"a speed of {speed[k] * 1e-3:.6g} km/s; is the unit right?")
         noise = _rounding(table, *[factor] * 3)
-        if part.frame == "eci":
-            return frames.eci_from_ecef(v, self.turn), noise
+        if part.frame in ("eci", "j2000"):
+            return self.inertial(v, part.frame), noise
         r_e = frames.ecef_from_eci(r_i, self.theta)
         if part.frame == "ned":
             latitude, longitude, _ = frames.geodetic_from_ecef(r_e)
@@ -309,8 +309,8 @@ class _Reader:
     def attitudes(self, part: AttitudeColumns, r_i: Floats) -> tuple[Floats, float]:
         """Return q_b_i (n, 4), of continuous sign, and one sigma of its rounding in rad."""
         C, noise = self._matrices(part)
-        if part.frame == "eci":
-            C_i = np.broadcast_to(frames.rotation_i_e(self.turn), C.shape)
+        if part.frame in ("eci", "j2000"):
+            C_i = np.broadcast_to(self.inertial(np.eye(3), part.frame), C.shape)
         else:
             C_i = frames.rotation_i_n(r_i, self.theta) if part.frame == "ned" else frames.rotation_i_e(self.theta)
         return frames.quaternions(np.asarray(np.einsum("kji,kjl->kil", C_i, C))), noise

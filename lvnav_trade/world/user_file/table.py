@@ -16,18 +16,19 @@ from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.limits import DATA_BYTES
 from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats
+from lvnav_trade.units import parse
 from lvnav_trade.world.ascent.launch import achieved
 from lvnav_trade.world.ascent.plausibility import within_limits
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY
 from lvnav_trade.world.jumps import missing_events, suggested_events
 from lvnav_trade.world.truth import NOTE, PAD_STEP, WARNING, Phase, Trajectory, motion, pad_phase, pad_times
+from lvnav_trade.world.user_file.attitude_readings import better, compared
 from lvnav_trade.world.user_file.columns import TableTrajectory
 from lvnav_trade.world.user_file.contradiction import Residual, added
-from lvnav_trade.world.user_file.rows import Rows, read_rows
+from lvnav_trade.world.user_file.first_rows import REST, axes_remark, clock_remark
+from lvnav_trade.world.user_file.rows import SAME, Rows, read_rows
 from lvnav_trade.world.user_file.splines import along_path, fit
 
-_SAME = 1e-6  # s; two times closer than this are one
-_REST = 1.0  # m/s relative to the Earth; more than this is no lift-off
 _COARSEST = 2.0  # s over which the force of the rows is averaged, at most, to tell a jump from noise
 _CLOSEST = 0.1  # s between the times of the rest before the rows, at least
 _COMPONENTS = 0.5 * np.sqrt(0.75)  # RMS of a quaternion's four components for one radian of rotation per axis
@@ -63,7 +64,7 @@ def from_table(card: TableTrajectory) -> Trajectory:
     path = _path_of(card)
     rows, edges, hold = path.rows, path.edges, card.pad_hold
     speed = float(np.linalg.norm(earth_velocity(path.position(edges[0]), path.position(edges[0], 1))))
-    if hold > 0.0 and speed > _REST:  # only a file that begins at rest can have a pad before it
+    if hold > 0.0 and speed > REST:  # only a file that begins at rest can have a pad before it
         raise InputError(
             f"{card.file}: the first row moves at {speed:.3g} m/s over the Earth, so it is not on a pad: set pad_hold "
             f"to 0 s"
@@ -76,13 +77,25 @@ def from_table(card: TableTrajectory) -> Trajectory:
     phases = [*pad_phase(pad_e, rows.theta0, edges[0], hold, attitude, v_end=path.position(edges[0], 1))]
     marks = _marks(card.events, rows.t)
     for begin, end in pairwise(edges):
-        name = next((name for name, time in marks.items() if abs(time - begin) < _SAME), "start")
+        name = next((name for name, time in marks.items() if abs(time - begin) < SAME), "start")
         phases.append(Phase(f"from {name}", begin, end, path.position, attitude))
     flight = Trajectory(tuple(phases), _named_events(marks, card.events), rows.theta0, card.epoch)
-    flight = flight.remarked(NOTE, rows.notes).remarked(WARNING, [path.missing] if path.missing else [])
+    said = [path.missing, clock_remark(card, rows), axes_remark(card, rows), _reading_remark(card, path)]
+    flight = flight.remarked(NOTE, rows.notes).remarked(WARNING, [one for one in said if one])
     flight = within_limits(flight, card, card.file)
     flight.facts.update(_facts(card, path, flight))
     return flight
+
+
+def _reading_remark(card: TableTrajectory, path: Fitted) -> str:
+    """Return what is said of another reading of the attitude that fits the forces better; InputError as of `better`."""
+    rows = path.rows
+    if rows.q_b_i is None:
+        return ""
+    r = path.position(rows.t)
+    force = path.position(rows.t, 2) - gravity_along(r)
+    strong = np.linalg.norm(force, axis=1) > STANDARD_GRAVITY
+    return better(card, compared(card, rows.r_i, force, strong))
 
 
 def undeclared(card: TableTrajectory) -> str:
@@ -91,17 +104,24 @@ def undeclared(card: TableTrajectory) -> str:
 
 
 def suggested(card: TableTrajectory) -> dict[str, str]:
-    """Return names and times of the events that jumps of the force suggest, for a card that declares none yet."""
+    """Return names and times of the events that a file suggests, in their order: jumps of the force, and pairs of
+    different rows at one time, which the card declares.
+    """
     rows = read_rows(card)
     t, force, noise = _rows_force(rows)
-    return suggested_events(t, force, _marks(card.events, rows.t), _COARSEST, noise)
+    found = suggested_events(t, force, _marks({}, rows.t), _COARSEST, noise)
+    near = 2.0 * float(np.median(np.diff(rows.t)))
+    for number, time in enumerate(card.events.values(), start=1):
+        name = next((one for one, at in found.items() if abs(parse(at, "s") - time) < near), f"two_states_{number}")
+        found[name] = f"{time!r} s"
+    return dict(sorted(found.items(), key=lambda one: parse(one[1], "s")))
 
 
 def at_rest(card: TableTrajectory) -> bool:
     """Whether the first row rests on the Earth, so that a pad may be put before it."""
     rows = read_rows(card)
     v_i = (rows.r_i[1] - rows.r_i[0]) / (rows.t[1] - rows.t[0]) if rows.v_i is None else rows.v_i[0]
-    return float(np.linalg.norm(earth_velocity(rows.r_i[0], v_i))) <= _REST
+    return float(np.linalg.norm(earth_velocity(rows.r_i[0], v_i))) <= REST
 
 
 def residuals(card: TableTrajectory) -> tuple[Residual, ...]:
@@ -124,12 +144,12 @@ def _fitted(identity: tuple[str, str], card: TableTrajectory) -> Fitted:
     rows = read_rows(card)
     marks = _marks(card.events, rows.t)
     for name, time in card.events.items():
-        if not rows.t[0] - _SAME <= time <= rows.t[-1] + _SAME:
+        if not rows.t[0] - SAME <= time <= rows.t[-1] + SAME:
             raise InputError(
                 f"{card.file}: event {name!r} at {time:g} s is outside the rows, {rows.t[0]:g} to {rows.t[-1]:g} s"
             )
-    breaks = sorted({time for time in marks.values() if rows.t[0] + _SAME < time < rows.t[-1] - _SAME})
-    breaks = [time for k, time in enumerate(breaks) if k == 0 or time - breaks[k - 1] > _SAME]
+    breaks = sorted({time for time in marks.values() if rows.t[0] + SAME < time < rows.t[-1] - SAME})
+    breaks = [time for k, time in enumerate(breaks) if k == 0 or time - breaks[k - 1] > SAME]
     edges = [float(rows.t[0]), *breaks, float(rows.t[-1])]
     t, force, noise = _rows_force(rows)
     missing = missing_events(t, force, marks, _COARSEST, noise)
@@ -147,14 +167,14 @@ def _fitted(identity: tuple[str, str], card: TableTrajectory) -> Fitted:
 def _marks(events: Mapping[str, float], t: Floats) -> dict[str, float]:
     """Return the times of the events, the file's own among them: start, lift-off where it is in the rows, end."""
     own = {"start": float(t[0]), "end": float(t[-1])}
-    liftoff = {"liftoff": max(0.0, float(t[0]))} if t[0] <= _SAME <= t[-1] else {}
+    liftoff = {"liftoff": max(0.0, float(t[0]))} if t[0] <= SAME <= t[-1] else {}
     return dict(sorted({**own, **liftoff, **events}.items(), key=lambda item: item[1]))
 
 
 def _named_events(marks: Mapping[str, float], events: Mapping[str, float]) -> dict[str, float]:
     """Return the events of the flight: start and end of the file only where nothing else happens."""
     others = [*events.values(), *(time for name, time in marks.items() if name == "liftoff")]
-    idle = {name for name in ("start", "end") if any(abs(marks[name] - time) < _SAME for time in others)}
+    idle = {name for name in ("start", "end") if any(abs(marks[name] - time) < SAME for time in others)}
     return {name: time for name, time in marks.items() if name not in idle}
 
 
@@ -186,7 +206,7 @@ def _worst(
     """Return the worst residual of each stretch with two rows or more; size: of the residuals at rows (n,)."""
     noise, found = rows.noise[("position", "velocity", "attitude").index(what)], []
     for begin, end in pairwise(edges):
-        here = np.flatnonzero((rows.t >= begin - _SAME) & (rows.t <= end + _SAME))
+        here = np.flatnonzero((rows.t >= begin - SAME) & (rows.t <= end + SAME))
         if here.size > 1:
             sizes = size(here)
             k = int(np.argmax(sizes))
@@ -237,7 +257,7 @@ def _by_position(card: TableTrajectory, rows: Rows, edges: list[float], marks: M
     size = np.linalg.norm(free.steps, axis=1)
     kept = [time for time, step in zip(breaks, size, strict=True) if step > card.smallest_jump + 10.0 * noise]
     found = fit(rows.t, rows.r_i, breaks, 5, noise, kept)
-    names = [_names_at(marks, time - _SAME, time + _SAME) for time in kept]
+    names = [_names_at(marks, time - SAME, time + SAME) for time in kept]
     jumps = tuple(Jump(*item) for item in zip(names, kept, found.steps, strict=True))
     offset = sum((np.outer(rows.t >= jump.time, jump.shift) for jump in jumps), start=np.zeros_like(rows.r_i))
     return Fitted(rows, found.spline, edges, jumps, _misfit(rows, found.spline(rows.t) + offset - rows.r_i), ())

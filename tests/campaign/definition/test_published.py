@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign.definition.published import Innovations, Ordering, Published, event_of
+from lvnav_trade.campaign.definition.published import Published, event_of
 
 NUMBER = {"source": "A paper", "metric": "velocity_error_3d", "value": 1.0, "unit": "m/s"}
 
@@ -31,10 +31,10 @@ def test_a_number_of_a_phase_names_both_events_and_survives_being_written():
         ({"during": "liftoff until injection"}, "'liftoff until injection' is no phase"),
         ({"during": "liftoff to injection + 3"}, "has no unit"),
         ({"during": "flight", "at": "injection"}, "not both"),
-        ({"statistic": "worst"}, "statistic worst is of a phase"),
+        ({"statistic": "worst"}, "statistic worst needs a phase"),
         ({"statistic": "mean"}, "error of one axis"),
         ({"statistic": "mean", "metric": "perigee_error", "unit": "m"}, "error of one axis"),
-        ({"statistic": "least", "during": "flight"}, "statistic least is of what is counted"),
+        ({"statistic": "least", "during": "flight"}, "statistic least needs a metric that is counted"),
         ({"value": 0.0}, "0 has no ratio"),
         ({"band": (2.0, 0.5)}, "growing ratios"),
         ({"against": {"filter": "loose"}}, "its unit is %"),
@@ -44,17 +44,3 @@ def test_a_number_of_a_phase_names_both_events_and_survives_being_written():
 def test_a_statement_that_cannot_be_checked_is_refused(change, reported):
     with pytest.raises(ValidationError, match=reported):
         Published(**NUMBER | change)
-
-
-def test_an_order_has_two_cases_at_least():
-    stated = {"source": "A paper", "metric": "position_error_3d", "cases": [{"filter": "tight"}]}
-    with pytest.raises(ValidationError, match="at least 2 items"):
-        Ordering(**stated)
-    both = stated | {"cases": [{"filter": "tight"}, {"filter": "loose"}]}
-    assert Ordering(**both).factor == 1.0
-    with pytest.raises(ValidationError, match="a mean has a sign"):
-        Ordering(**both | {"metric": "position_error_x", "statistic": "mean"})
-
-
-def test_innovations_are_white_unless_stated_otherwise():
-    assert Innovations(source="A paper").white

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from lvnav_trade.campaign.definition.metric_names import unit_of
-from lvnav_trade.campaign.definition.schema import METRICS, Compare
+from lvnav_trade.campaign.definition.metric_names import required_metrics, unit_of
+from lvnav_trade.campaign.definition.schema import Compare
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
 
@@ -15,10 +15,10 @@ CORNERS = "[[-35 deg, -62 deg], [-35 deg, -50 deg], [-45 deg, -50 deg]]"
 
 
 def test_every_metric_of_a_requirement_has_a_unit() -> None:
-    found = {name: unit_of(name) for name in METRICS}
+    found = {name: unit_of(name) for name in required_metrics()}
     assert found["velocity_error_3d"] == "m/s"
     assert found["attitude_error_roll"] == "rad"
-    assert set(found.values()) == {"m", "m/s", "rad", "dimensionless"}
+    assert set(found.values()) == {"m", "m/s", "rad", "dimensionless", "sigma"}
 
 
 def test_a_bound_is_held_in_si_and_written_with_its_unit(study) -> None:

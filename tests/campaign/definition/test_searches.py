@@ -13,8 +13,8 @@ from lvnav_trade.campaign.definition.searches import Indices, Solve, Tune, Vary
     [
         ({}, "vary has either between or values"),
         ({"between": ("1 deg", "2 deg"), "values": ("1 deg", "2 deg")}, "vary has either between or values"),
-        ({"values": ("1 deg",)}, "values are two or more, and have no log"),
-        ({"values": ("1 deg", "2 deg"), "log": True}, "values are two or more, and have no log"),
+        ({"values": ("1 deg",)}, "give two values or more, and no log"),
+        ({"values": ("1 deg", "2 deg"), "log": True}, "give two values or more, and no log"),
     ],
 )
 def test_a_field_is_varied_between_values_or_over_a_list(fields, message) -> None:

@@ -32,8 +32,6 @@ def with_fault(study: Any, start: str, duration: str = "5 s") -> None:
     ("start", "message"),
     [
         ("stage1_cutof + 20 s", "'stage1_cutof + 20 s': no event 'stage1_cutof' (did you mean 'stage1_cutoff'?)"),
-        ("stage1_cutoff + 20", "'stage1_cutoff + 20' is not a time: '20' has no unit; write it as a quantity in a unit"
-         " of time (s, ms, min)"),
         ("injection + 30 s", "'injection + 30 s' is 570 s, at or after the end of the flight (560 s)"),
         ("liftoff - 100 s", "'liftoff - 100 s' is -100 s: the fault is over before the flight begins (-60 s)"),
     ],
@@ -41,6 +39,21 @@ def with_fault(study: Any, start: str, duration: str = "5 s") -> None:
 def test_a_fault_that_does_not_fit_the_flight_is_reported_at_its_start(study, start: str, message: str) -> None:
     with_fault(study, start)
     assert reported(study) == [f"campaign.yaml:6:20: base.faults.0.start: {message}"]
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        ("stage1_cutoff + 20", "'20' has no unit; write it as a quantity in a unit of time (s, ms, min)"),
+        ("stage1_cutoff + 20 deg", "'20 deg' has the wrong unit; expected time (s, ms, min)"),
+        ("5 furlongs", "'5 furlongs' has no unit that is known ('furlongs'); expected time (s, ms, min)"),
+    ],
+)
+def test_a_start_of_a_fault_with_a_wrong_unit_is_refused_without_a_flight(study, start: str, message: str) -> None:
+    with_fault(study, start)
+    with pytest.raises(InputError) as caught:
+        load(study.path)
+    assert str(caught.value) == f"campaign.yaml:6:20: base.faults.0.start: {start!r} is not a time: {message}"
 
 
 @pytest.mark.parametrize("start", ["liftoff - 60 s", "stage1_cutoff + 20 s", "injection + 10 s", "100 s"])
@@ -225,7 +238,7 @@ def test_a_fault_may_begin_at_an_end_of_the_flight_as_a_phase_does(study, start:
     study.edit("configs/vehicles/small.yaml", '"300 kg"', '"150 kg"')
     fault = f"{{kind: satellite_outage, start: {start}, duration: 10 s}}"
     study.edit("campaign.yaml", "imu: imu/good", f"imu: imu/good\n  faults: [{fault}]")
-    assert api.check("campaign.yaml").base.faults[0].start == start
+    assert api.check("campaign.yaml").campaign.base.faults[0].start == start
 
 
 def test_a_fault_at_the_end_of_the_flight_is_refused(study) -> None:

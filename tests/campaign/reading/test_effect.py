@@ -34,6 +34,7 @@ INERTIAL = "filter.measurements=[]"
 SOLVER = "kind: bancroft, range_sigma: 1 m, rate_sigma: 0.1 m/s"
 CLOCKLESS = "no effect: only a filter that measures ranges has a clock"
 TWO_FREQUENCIES = "filter.corrections.ionosphere: no effect: ranges of two frequencies have no ionospheric delay"
+SMOOTHED = f"receiver.solution={{{SOLVER}, reported: true, smoothing: {{time: 9 s}}}}"
 TDCP = "filter.measurements=[pseudorange, tdcp]"
 NO_PHASE = "no effect: no carrier phase is measured"
 UNREAD = "no effect: nothing that is computed for this campaign reads it"
@@ -89,6 +90,19 @@ def refused(*sets: str) -> list[str]:
         (("receiver.carrier_phase_sigma=3 mm",), f"receiver.carrier_phase_sigma: {NO_PHASE}"),
         (("receiver.cycle_slips={rate: 2 1/h}",), f"receiver.cycle_slips: {NO_PHASE}"),
         (("faults=[{kind: cycle_slip, size: 1, start: 9 s}]",), f"faults.0: {NO_PHASE}"),
+        (("receiver.carrier_phase_sigma=3 mm", "receiver.cycle_slips={rate: 2 1/h}", INERTIAL, SMOOTHED), ""),
+        (("faults=[{kind: cycle_slip, size: 1, start: 9 s}]", INERTIAL, SMOOTHED), ""),
+        (("faults=[{kind: satellite_outage, start: 9 s, duration: 0 s}]",), "faults.0: no effect: it lasts no time"),
+        (("faults=[{kind: satellite_outage, start: 9 s, duration: 1 s}]",), ""),
+        (("faults=[{kind: satellite_outage, start: 9 s, duration: 1 s, keep: 2000}]",),
+         "faults.0: no effect: it keeps 2000 satellites, and the constellation has 24"),
+        (("faults=[{kind: satellite_outage, start: 9 s, duration: 1 s, keep: 23}]",),
+         "faults.0: no effect: it keeps 23 satellites, and the receiver tracks "),
+        (("faults=[{kind: satellite_outage, start: 9 s, duration: 1 s, keep: 2}, "
+          "{kind: satellite_outage, start: 9 s, duration: 1 s, keep: 3}]",),
+         "faults.1: no effect: the receiver tracks the same satellites without it"),
+        (("imu={units: [imu/tactical_fog_matched, imu/tactical_fog_matched]}", "sensors={a: {kind: angle_difference}}",
+          "filter.measurements=[pseudorange, range_rate, angle_difference]"), ""),
         (("filter.delayed_state=consider",), f"filter.delayed_state: {UNREAD}"),
         (("filter.previous_noise=estimated",), f"filter.previous_noise: {UNREAD}"),
         (("receiver.carrier_ambiguity=3 m", TDCP), f"receiver.carrier_ambiguity: {UNREAD}"),

@@ -96,3 +96,28 @@ def test_a_satellite_that_some_cases_receive_is_a_warning(study, monkeypatch) ->
     assert line.startswith("faults.0.satellites: A1 is received at no time of the flight while the fault holds in ")
     assert "30 deg" in line
     assert "; " not in line
+
+
+IMU = "imu/tactical_fog"
+LASTING = "base.faults=[{kind: gyro_bias_step, size: [60 deg/h, 0 deg/h, 0 deg/h], from: 100 s}]"
+BRIEF = "base.faults=[{kind: dropped_samples, from: 100 s, until: 102 s}]"
+TESTED = "base.filter.integrity={}"
+
+
+@pytest.mark.parametrize(
+    ("sets", "warns"),
+    [
+        ((TESTED, LASTING), True),
+        ((LASTING,), False),
+        ((TESTED, BRIEF), False),
+        ((TESTED, LASTING, f"base.imu={{units: [{IMU}, {IMU}], parity: {{after_detection: report}}}}"), True),
+        ((TESTED, LASTING, f"base.imu={{units: [{IMU}, {IMU}, {IMU}], parity: {{}}}}"), False),
+        ((TESTED, LASTING, f"base.imu={{units: [{IMU}, {IMU}, {IMU}], selection: mid_value}}"), False),
+    ],
+    ids=["one IMU", "no tests", "brief", "two that report", "three tested", "three, middle reading"],
+)
+def test_tests_of_innovations_with_a_persistent_fault_of_an_imu_that_nothing_excludes_are_a_warning(sets, warns):
+    lines = flights.warnings(cases(load("campaigns/smoke.yaml", sets)))
+    assert len(lines) == warns
+    if warns:
+        assert "faults.0 (gyro_bias_step) persists and nothing excludes the IMU" in lines[0]

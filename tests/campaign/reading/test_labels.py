@@ -80,7 +80,7 @@ def test_a_zip_may_repeat_a_level_but_not_a_pair(study) -> None:
     ("labels", "message"),
     [
         ('["a", ""]', "'' is no label"),
-        ('["a", "b\\e[2J"]', r"'b\x1b[2J' is no label"),
+        ('["a", "b\\e[2J"]', r"'b\x1b[2J' has the hidden character U+001B; remove it"),
         (f'["a", "{"b" * 300}"]', "is no label: 1 to 200 printable characters"),
     ],
 )

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.errors import InputError
 
 DEG_PER_HOUR = math.radians(1.0) / 3600.0
 
@@ -72,3 +74,33 @@ def test_every_default_is_filled_in_when_a_campaign_is_resolved(study) -> None:
     text = resolved(load(study.path))
     for key in ("covariance_rate: 10.0 Hz", "gravity: j4", "history: 1.0 s", "design: grid", "kick_angle:"):
         assert key in text
+
+
+def test_every_wrong_unit_of_a_campaign_and_its_cards_is_reported_at_once(study) -> None:
+    study.append(
+        "  faults:\n"
+        "    - {kind: satellite_outage, start: 'stage1_cutoff + 20 deg', duration: 3 m}\n"
+        "    - {kind: satellite_outage, from: 5 furlongs, until: injection + 5 s}\n"
+        "axes:\n  - {path: imu, cards: [imu/good, imu/poor]}\n  - {path: initial.tilt, values: [1 kg, 2 lb]}\n"
+        "requirements: [{name: a, metric: velocity_error_3d, probability: 99 deg, below: 1 deg}]\n"
+        "references:\n  - {source: x, metric: velocity_error_3d, value: [], unit: kg}\n"
+    )
+    for name in ("good", "poor"):
+        card = study.path.parent / f"configs/imu/{name}.yaml"
+        card.write_text(card.read_text().replace("deg/sqrt(h)", "deg/rt-q"))
+    with pytest.raises(InputError) as caught:
+        load(study.path)
+    found = sorted((record.path, Path(record.file).stem) for record in caught.value.records)
+    assert found == [
+        ("base.faults.0.duration", "campaign"),
+        ("base.faults.0.start", "campaign"),
+        ("base.faults.1.from", "campaign"),
+        ("base.imu.gyro.random_walk", "good"),
+        ("base.imu.gyro.random_walk", "poor"),
+        ("base.initial.tilt", "campaign"),
+        ("base.initial.tilt", "campaign"),
+        ("references.0.unit", "campaign"),
+        ("references.0.value", "campaign"),
+        ("requirements.0.below", "campaign"),
+        ("requirements.0.probability", "campaign"),
+    ]

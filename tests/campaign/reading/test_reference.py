@@ -11,6 +11,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.reference import reference, type_of
 from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.errors import InputError
+from lvnav_trade.observables.sensors import MEASUREMENTS
 from lvnav_trade.units import Length, TimeConstant
 
 
@@ -23,12 +24,7 @@ def test_a_field_has_its_units_its_default_and_its_meaning() -> None:
     units = "frequency (Hz)"
     assert row("filter", "covariance_rate") == (units, "10 Hz", "")
     assert row("base.imu.gyro", "bandwidth") == (f"{units} or none", "none", "first-order bandwidth; none: ideal")
-    assert row("filter", "measurements")[:2] == (
-        "list of position, velocity, pseudorange, range_rate, carrier_phase, tdcp, delta_pseudorange, altitude, "
-        "attitude, "
-        "zero_velocity, pad_position, azimuth, angle_difference, velocity_difference, "
-        "stellar_attitude, magnetic_field, pressure_altitude, ground_tracking, zero_rotation, imu", "required",
-    )  # fmt: skip
+    assert row("filter", "measurements")[:2] == (f"list of {', '.join(MEASUREMENTS)}", "required")
     assert row("filter.logic", "restart_after")[1] == "[data_loss, residual, covariance]"
     checks = "checksum, hardware, time_sync, fresh"
     assert row("filter.logic", "check_flags")[:2] == (f"list of {checks}", f"[{checks}]")
@@ -55,7 +51,7 @@ def test_a_type_is_said_in_words() -> None:
         ("filtre", "fields: filtre: unknown path (did you mean 'filter'?)"),
         (
             "filter.logics",
-            "fields: filter.logics: unknown path (did you mean 'logic'?); known: name, source, measurements",
+            "fields: filter.logics: unknown path (did you mean 'logic'?); known: name, source, assumed",
         ),
         ("filter.kind", "fields: filter.kind: replaced by measurements"),
         ("altimeter", "fields: altimeter: replaced by sensors"),

@@ -51,6 +51,12 @@ def test_fields_beside_the_name_change_every_requirement_of_the_set(asked):
     assert [(r.at, r.during, r.events) for r in found] == [(None, "liftoff to injection", ("liftoff", "injection"))] * 2
 
 
+def test_requirements_of_a_set_have_its_source_unless_they_state_their_own(asked, study):
+    assert [one.source for one in asked("requirements/two").requirements] == ["test", "test"]
+    study.edit("configs/requirements/two.yaml", "below: 1 m/s", "below: 1 m/s, source: section 2")
+    assert [one.source for one in load(study.path).requirements] == ["section 2", "test"]
+
+
 @pytest.mark.parametrize(
     ("items", "message"),
     [
@@ -61,8 +67,8 @@ def test_fields_beside_the_name_change_every_requirement_of_the_set(asked):
          "campaign.yaml:11:30: requirements.0.confidense: cannot be changed for a whole set (did you mean 'confidence'?)"),
         (["{card: requirements/two, name: x}"], "campaign.yaml:11:30: requirements.0.name: cannot be changed for a whole set"),
         ([PLAIN, "requirements/two", "{card: requirements/two, at: liftoff}"],
-         "configs/requirements/two.yaml:4:12: requirements.3.name: 'speed' stands twice\n"
-         "configs/requirements/two.yaml:5:12: requirements.4.name: 'height' stands twice"),
+         "configs/requirements/two.yaml:4:12: requirements.3.name: 'speed' is used twice; give another name\n"
+         "configs/requirements/two.yaml:5:12: requirements.4.name: 'height' is used twice; give another name"),
         ([PLAIN.replace("probability", "during: flight, at: liftoff, probability")],
          "campaign.yaml:11:64: requirements.0.at: a requirement holds at an event or during a phase, not both"),
         ([PLAIN.replace("probability", "during: liftoff, probability")],

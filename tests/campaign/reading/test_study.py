@@ -68,9 +68,10 @@ def test_the_runs_asked_for_take_the_place_of_the_campaigns_own(folder: Path) ->
             r"study.yaml:4:16: campaigns.0.campaign: no campaign 'secnd'.*second",
         ),
         (("plot: errors", "plot: erors"), r"study.yaml:4:\d+: campaigns.0.figures.0.plot: "),
-        (("plot: errors", "plot: single"), r"campaigns.0.figures.0: single has two cases"),
-        (("plot: errors", "plot: clocks"), r"campaigns.0.figures.0: clocks has at least one"),
-        (("plot: errors", "plot: apart, axes: {attitude: rol}"), r"axes.attitude: no axis 'rol' \(did you mean 'roll'"),
+        (
+            ("plot: errors", "plot: errors, settings: {run: 1}"),
+            r"figures.0.settings: no effect: the study's script",
+        ),
         (
             ("title:", "units: {atitude: deg}\ntitle:"),
             r"study.yaml:1:\d+: units.atitude: no error is of 'atitude' \(did",
@@ -81,7 +82,7 @@ def test_the_runs_asked_for_take_the_place_of_the_campaigns_own(folder: Path) ->
             r"study.yaml:4:\d+: campaigns.0.figures.1.flown: no axis 'imu'",
         ),
         (("title:", "titel:"), r"titel: unknown key \(did you mean 'title'\?\)"),
-        (("campaign: second", "campaign: first"), "a campaign stands twice"),
+        (("campaign: second", "campaign: first"), "a campaign is listed twice"),
     ],
 )
 def test_a_mistake_in_the_file_is_reported_with_its_place(folder: Path, change: tuple[str, str], reported: str) -> None:

@@ -136,3 +136,35 @@ def test_a_lock_of_an_earlier_version_is_taken(tmp_path: Path) -> None:
     (tmp_path / ".lock").write_text("12 on host")
     with locked(tmp_path):
         assert holder(tmp_path) == f"process {os.getpid()} on {platform.node()}"
+
+
+@pytest.mark.parametrize("name", [".lock", ".lock-holder"])
+def test_neither_a_link_nor_a_pipe_nor_a_file_of_the_user_is_written_to(tmp_path: Path, name: str) -> None:
+    """As in a folder that was unpacked from an archive of somebody else."""
+    folder, precious = tmp_path / "results", tmp_path / "precious.txt"
+    folder.mkdir()
+    for make in (
+        lambda path: path.symlink_to(precious),
+        lambda path: path.symlink_to(tmp_path / "made.txt"),
+        lambda path: path.write_text("my notes"),
+        lambda path: os.mkfifo(path),
+    ):
+        precious.write_text("precious")
+        make(folder / name)
+        with (
+            pytest.raises(InputError, match=r"is no lock of lvnav-trade; move it|is not a regular file"),
+            locked(folder),
+        ):
+            pass
+        assert precious.read_text() == "precious"
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["precious.txt", "results"]
+        assert [path.name for path in folder.iterdir()] == [name]
+        if not (folder / name).is_symlink() and (folder / name).is_file():
+            assert (folder / name).read_text() == "my notes"
+        (folder / name).unlink()
+
+
+def test_the_holder_that_a_killed_process_left_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / ".lock-holder").write_text("12 on host")
+    with locked(tmp_path):
+        assert holder(tmp_path) == f"process {os.getpid()} on {platform.node()}"

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running.plan import Estimate, blocks, estimate
+from lvnav_trade.campaign.running.provenance import manifest
+from lvnav_trade.campaign.running.stopping import Stopping
 
 TWO = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\n"
 
@@ -65,7 +69,7 @@ def estimated(study: Any, *sets: str, runs: int = 100, folder: Path = Path("resu
 
 def test_time_grows_with_runs_rates_and_states(study) -> None:
     base = estimated(study)
-    assert estimated(study, runs=200).seconds > 1.5 * base.seconds
+    assert estimated(study, runs=400).seconds > 1.5 * base.seconds
     assert estimated(study, "filter.covariance_rate=100 Hz").seconds > 3.0 * base.seconds
     assert estimated(study, "filter.extra_states=[gyro_scale_factor]").seconds > base.seconds
     assert estimated(study, "filter.measurements=[position, velocity]").seconds < base.seconds
@@ -86,3 +90,49 @@ def test_what_is_stored_is_not_counted_again(study) -> None:
     plan = estimate(campaign, Path("results"), {case.id: 600.0 for case in found})
     assert [row["done"] for row in plan.cases] == [80, 0]  # the block of runs 80 to 119 is not that of 80 to 99
     assert plan.blocks == 4
+
+
+def test_the_selected_cases_have_all_runs_and_the_others_fewer(study) -> None:
+    study.append(f"{TWO}monte_carlo: {{runs: 100, selected: {{imu: poor}}}}\n")
+    campaign = load(study.path)
+    found = cases(campaign)
+    assert [(unit.case.label, unit.first_run, unit.n_run) for unit in blocks(campaign, found, {})] == [
+        ("imu=good", 0, 40), ("imu=poor", 0, 40), ("imu=poor", 40, 40), ("imu=poor", 80, 20),
+    ]  # fmt: skip
+    made = estimate(campaign, Path("results"), {case.id: 600.0 for case in found})
+    assert [row["runs"] for row in made.cases] == [40, 100]
+    stopping = Stopping(campaign)
+    assert [stopping.runs(case.id) for case in found] == [40, 100]
+    assert manifest(campaign, found)["asked_runs_of"] == {found[0].id: 40, found[1].id: 100}
+
+
+def test_the_other_cases_may_do_without_runs(study) -> None:
+    study.append(f"{TWO}monte_carlo: {{runs: 40, selected: {{imu: poor}}, other_runs: 0}}\n")
+    campaign = load(study.path)
+    assert [unit.case.label for unit in blocks(campaign, cases(campaign), {})] == ["imu=poor"]
+
+
+SMALL = ("axes=[{path: filter, cards: [filters/tight, filters/tight_extended]}]", "monte_carlo.runs=80")
+
+
+def taken(folder: Path, *sets: str) -> tuple[float, float]:
+    """Return seconds of the processor and megabytes on disk of a campaign run in this process."""
+    start = time.process_time()
+    api.run("smoke", sets, folder, jobs=1, report=False)
+    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    return time.process_time() - start, size / 1e6
+
+
+@pytest.mark.slow
+def test_a_campaign_takes_the_time_and_the_place_that_plan_says(tmp_path: Path) -> None:
+    """Kernels are compiled before: `plan` leaves that out. Of the time half to double, because machines differ."""
+    taken(tmp_path / "first", *SMALL)
+    seconds, size = taken(tmp_path / "second", *SMALL)
+    found = api.plan("smoke", SMALL, tmp_path / "third")
+    assert 0.5 < seconds / found.seconds < 2.0
+    assert 1.0 / 1.5 < size / found.disk_mb < 1.5
+    linear = (SMALL[0], "monte_carlo=null")
+    seconds, size = taken(tmp_path / "linear", *linear)
+    found = api.plan("smoke", linear, tmp_path / "third")
+    assert 0.5 < seconds / found.seconds < 2.0
+    assert 1.0 / 1.5 < size / found.disk_mb < 1.5

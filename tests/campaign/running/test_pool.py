@@ -2,20 +2,40 @@
 
 from __future__ import annotations
 
+import os
+import threading
+
 import pytest
+from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from lvnav_trade.campaign.running import pool
 
 
 def test_one_job_works_in_this_process_and_several_in_others() -> None:
-    import os
-
     assert list(pool.each(1, os.getpid, [(), ()])) == [os.getpid()] * 2
     try:
         assert os.getpid() not in pool.each(2, os.getpid, [(), ()], ordered=True)
     finally:
         pool.end_workers(2)
+
+
+def test_workers_end_in_time_though_one_died_with_a_lock_of_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pool, "_LONGEST_END", 0.5)
+    executor = get_reusable_executor(max_workers=2)
+    list(executor.map(abs, [1, 2]))
+    manager, workers = executor._executor_manager_thread, list(executor._processes.values())
+    executor._processes_management_lock.acquire()  # as by a worker that is killed while it ends
+    ending = threading.Thread(target=pool.end_workers, args=(2,), daemon=True)
+    ending.start()
+    ending.join(20.0)
+    assert not ending.is_alive()
+    assert not manager.is_alive()  # which this process would wait for when it ends
+    for worker in workers:
+        worker.join(10.0)
+    assert not any(worker.is_alive() for worker in workers)
+    assert get_reusable_executor(max_workers=2) is not executor
+    pool.end_workers(2)
 
 
 def test_units_whose_results_are_not_in_are_given_out_again_first() -> None:

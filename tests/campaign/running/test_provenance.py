@@ -44,3 +44,12 @@ def test_a_line_of_text_loses_its_folders(monkeypatch: pytest.MonkeyPatch) -> No
         ("file ~ann/x.csv, C:\\Users\\ann\\y.csv", "file x.csv, y.csv"),
     ):
         assert without_folders(text) == expected
+
+
+@pytest.mark.parametrize("host", ["", "1"])
+def test_addresses_are_kept_whole_but_for_their_credentials(monkeypatch: pytest.MonkeyPatch, host: str) -> None:
+    monkeypatch.setenv(RECORD_HOST, host)
+    given = ["--copy-to", "memory://user:SECRET@host/x", "--copy-to=s3://KEY:SEC/RET@b/x", "https://h/c?sig=SECRET"]
+    monkeypatch.setattr(sys, "argv", ["lvnav-trade", *given])
+    kept = ["--copy-to", "memory://***@host/x", "--copy-to=s3://***@b/x", "https://h/c?***"]
+    assert asked_by()["command"] == kept

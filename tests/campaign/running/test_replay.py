@@ -30,7 +30,7 @@ def test_a_case_is_known_by_its_digest_its_beginning_or_its_label(found: list[Ca
 
 
 def test_a_beginning_that_several_cases_share_is_refused(found: list[Case]) -> None:
-    with pytest.raises(InputError, match=r"^'' is the beginning of several cases: "):
+    with pytest.raises(InputError, match=r"^'' fits several cases, give more of one: "):
         replay.find(found, "")
 
 

@@ -27,7 +27,7 @@ def test_every_unit_of_work_is_in_one_shard_and_their_sizes_differ_by_one(units:
 
 def test_a_shard_is_named_by_its_number_and_their_total() -> None:
     assert shards.parse("2/8") == Shard(2, 8)
-    for text in ("0/3", "4/3", "2", "2/", "-1/3", "1/0", "1/3/5", "one/2"):
+    for text in ("0/3", "4/3", "2", "2/", "-1/3", "1/0", "1/3/5", "one/2", "\u0661/2"):
         with pytest.raises(InputError, match=rf"^--shard {text}: should be NUMBER/TOTAL, such as 1/4"):
             shards.parse(text)
 

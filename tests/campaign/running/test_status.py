@@ -121,7 +121,7 @@ def test_a_folder_without_results_and_a_torn_manifest_are_refused(tmp_path: Path
     with pytest.raises(InputError, match="no results here"):
         status(tmp_path)
     (tmp_path / "manifest.json").write_text('{"created":')
-    with pytest.raises(InputError, match=r"manifest\.json: cannot be read: "):
+    with pytest.raises(InputError, match=r"manifest\.json: damaged: "):
         status(tmp_path)
     (tmp_path / "manifest.json").write_text('{"campaign_digest": "a"}')
     with pytest.raises(InputError, match="a kept base"):

@@ -204,3 +204,17 @@ def test_a_worker_does_not_search_what_it_has_loaded_for_garbage_and_a_process_o
     work.begin_worker()
     assert gc.get_freeze_count() == before
     assert min(each(2, gc.get_freeze_count, [()] * 4)) > 50_000
+
+
+def test_an_interrupt_within_compiled_code_is_no_error_of_a_unit_of_work() -> None:
+    """Else `run -j 1` would count a case as lost and go on."""
+    error = SystemError("returned a result with an exception set")
+    error.__cause__ = KeyboardInterrupt()
+    with pytest.raises(KeyboardInterrupt):
+        work.message_of(error)
+
+    def ahead(*_: object) -> None:
+        raise error
+
+    with pytest.raises(KeyboardInterrupt):
+        work.answer_or_ahead(None, None, ahead)  # type: ignore[arg-type]

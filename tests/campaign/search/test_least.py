@@ -39,8 +39,8 @@ def test_where_no_case_suffices_none_is_chosen(monkeypatch) -> None:
 
 
 def test_a_case_without_the_total_and_a_question_of_both_kinds_are_refused() -> None:
-    axes = ["axes=[{path: imu, cards: [imu/tactical_fog, imu/stim300]}]", *AXES[2:]]
-    with pytest.raises(InputError, match=r"least: cost: no device of the case imu=tactical_fog states it"):
+    axes = ["axes=[{path: imu, cards: [imu/navigation, imu/stim300]}]", *AXES[2:]]
+    with pytest.raises(InputError, match=r"least: cost: no device of the case imu=navigation states it"):
         least(load("campaigns/smoke.yaml", axes), Solve(least="cost"))
     with pytest.raises(ValueError, match="either vary or least"):
         Solve()

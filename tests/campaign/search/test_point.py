@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.search.point import changed, frozen, look, number_at, with_filter
+from lvnav_trade.campaign.search.point import changed, frozen, look, not_described, number_at, with_filter
 from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import filter_models
 
@@ -53,3 +53,8 @@ def test_at_its_start_a_frozen_filter_is_the_re_tuned_one_and_elsewhere_no_bette
         tuned, stays = (look(campaign, one)["tilt"] for one in (follows, with_filter(follows, frozen(scenario))))
         assert (stays.estimate == pytest.approx(tuned.estimate, rel=1e-12)) == equal
         assert stays.estimate >= tuned.estimate * (1.0 - 1e-12)
+
+
+def test_a_remark_has_every_reason_once_and_none_is_no_remark() -> None:
+    assert not_described(["", ""]) == ""
+    assert not_described(["a", "", "b", "a"]) == "not applicable, confirm by runs: a; b"

@@ -12,6 +12,7 @@ from lvnav_trade.campaign.definition.searches import Solve, Vary
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.search.solve import from_words, search, solve, span
 from lvnav_trade.errors import InputError
+from lvnav_trade.report.search import solved
 
 
 def test_the_crossing_of_a_growing_error_is_found_and_named() -> None:
@@ -88,3 +89,14 @@ def test_an_unknown_requirement_is_refused(campaign) -> None:
     asked = from_words(["initial.tilt=0.01 deg:1 deg"], log=False, meet=["rol"])
     with pytest.raises(InputError, match="no requirement 'rol'"):
         solve(campaign, asked)
+
+
+def test_an_answer_that_linear_covariance_does_not_describe_says_so_in_its_table_and_on_its_report() -> None:
+    """A mode logic decides run by run."""
+    logic = "base.filter={card: filters/loose, feedback: open, logic: {start_after: 5, correct_after: 60 s}}"
+    campaign = load("campaigns/smoke.yaml", ["monte_carlo=null", *SHORT[1:], logic])
+    found = solve(campaign, Solve(vary=(Vary(path="initial.tilt", values=("0.01 deg", "0.02 deg")),)))
+    assert found.answers.remark.str.contains("met up to the largest value; not applicable, confirm by runs").all()
+    assert found.answers.remark.str.contains("a logic of its own").all()
+    said = solved(found.answers, found.intervals, found.scanned, found.confirmed, found.names)[0]
+    assert "Not applicable, confirm by runs: the filter starts" in str(said)

@@ -17,6 +17,11 @@ def test_numbers_and_words_are_read_without_surprises() -> None:
     assert tree.plain(node) == [1e-3, "no", "on", "12:30", 10, 16, "2017-08-24", "1", True, None]
 
 
+def test_separators_are_no_part_of_a_number() -> None:
+    node = tree.parse("[1_000, 1_0.5, 0x1_0, -1_0]", "f", Path())
+    assert tree.plain(node) == ["1_000", "1_0.5", "0x1_0", "-1_0"]
+
+
 def test_a_tree_that_is_dumped_reads_back_to_the_same() -> None:
     data = {"a": "1e-3", "b": ["no", "null", "true", "0x10", "x: y", "# no", "", "tab\tand\nline"], "c": None, "d": {}}
     numbers = {"e": [1e-3, 5e-324, 1e300, 0.1 + 0.2, -0.0, 2**62], "f": [True, False]}
@@ -125,4 +130,4 @@ def test_an_anchor_that_stands_twice_is_refused_where_it_stands_again(tmp_path):
     with pytest.raises(InputError) as caught:
         tree.parse("&x 1: &x 1\nname: two\n", "card.yaml", tmp_path)
     record = caught.value.records[0]
-    assert (record.message, record.line, record.column) == ("an anchor of this name stands before", 1, 7)
+    assert (record.message, record.line, record.column) == ("an anchor of this name is defined above", 1, 7)

@@ -37,7 +37,7 @@ ELSEWHERE = {
     "troposphere scale", "ionosphere scale", "satellite clock and ephemeris", "system time offset",
     "recorded receiver error", "wild samples", "carrier-phase noise", "carrier ambiguity",
 }  # fmt: skip
-"""Sources of the world around the flight, of a record and of faults: see test_families, test_recorded, test_faults."""
+"""Sources of the world around the flight, of a record, of faults: see test_correlated, test_recorded, test_faults."""
 
 
 @lru_cache(maxsize=1)
@@ -88,6 +88,7 @@ def test_a_direction_of_a_state_without_an_initial_sigma_is_reported_all_the_sam
     assert room._in_words(known, 0.0, np.eye(P.shape[0])[-1]).startswith("+1.00 ")
 
 
+@pytest.mark.slow  # a kernel of its own, most of half a minute to compile
 def test_a_filter_with_clones_is_explained_too():
     prepared = case("base.filter.measurements=[pseudorange, tdcp]")
     asked = Asked(adjoint=False, sensitivity=False, error_bound=True)

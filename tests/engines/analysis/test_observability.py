@@ -124,6 +124,7 @@ def test_a_state_that_the_filter_is_certain_of_is_not_counted_among_those_to_be_
     assert np.all(np.isfinite(stretch.weakest))
 
 
+@pytest.mark.slow  # a kernel of its own, most of half a minute to compile
 def test_rate_and_acceleration_add_six_observable_directions_to_the_baseline():
     edges = np.array([0.0, 20.0, 30.0])
     ours, base = observability(modelled(), edges), observability(modelled(BASELINE), edges)

@@ -47,6 +47,13 @@ def test_one_process_of_a_stated_time_has_its_own_curve():
     assert not any(part.any() for part in by_card(AccelCard(), np.array([1.0])))
 
 
+def test_the_curve_of_a_card_that_states_the_floor_is_that_floor():
+    fit = {"processes": 2, "convention": "floor"}
+    card = GyroCard(bias_instability=["1 deg/h", "1 deg/h", "3 deg/h"], instability_fit=fit)
+    _, instability, _ = by_card(card, np.array([1.0, 100.0]))
+    np.testing.assert_allclose(instability, np.sqrt(11.0 / 3.0) * np.radians(1.0 / 3600.0), rtol=1e-12)
+
+
 def test_every_unit_of_a_set_has_curves_of_its_own():
     noisier = {
         "gyro": {"random_walk": "0.3 deg/sqrt(h)", "bias_instability": "0 deg/h", "instability_fit": None},

@@ -6,16 +6,18 @@ from collections import namedtuple
 
 import numpy as np
 
+from lvnav_trade.engines.epoch.joint import _update_shared, _update_sources
 from lvnav_trade.engines.lincov.propagate import propagate_sources
 from lvnav_trade.engines.lincov.slots import aligned, as_lanes
-from lvnav_trade.engines.lincov.update import _update_shared, _update_sources
 from lvnav_trade.kernels.groups import GROUP, grouped_zeros
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import N_SUM
 
 # As much of the engine's records as propagation and update of the sources read.
 Joint = namedtuple("Joint", "mean sources cross variance")
-Work = namedtuple("Work", "D_true block input shift y b seen noise spread")
+Work = namedtuple("Work", "D_true block input shift gain y b seen noise spread")
+Schedule = namedtuple("Schedule", "length first_tick n_tick")
+WINDOW = Schedule(*[np.zeros(1, dtype=np.int64)] * 3)
 Truth = namedtuple(
     "Truth",
     "group lane n_slot followed moves factor noise echo source slot states state_from sensor driver profile first "
@@ -63,31 +65,32 @@ def small(starts, variances, *, factor, noise, decay, white, blocks, rows, colum
         as_lanes(np.reshape(variances, (n_source, 1, 1)).astype(float), group, lane),
     )
     scratch = Work(
-        blocks, np.zeros(9), np.zeros((9, 3)), np.zeros(n), grouped_zeros((n,)), grouped_zeros((n_group, 1, 9)),
-        grouped_zeros((n_group, 1, 1)), grouped_zeros((n_group, 1, 1)), grouped_zeros((1,)),
+        blocks, np.zeros(9), np.zeros((9, 3)), np.zeros(n), np.zeros(n), grouped_zeros((n,)),
+        grouped_zeros((n_group, 1, 9)), grouped_zeros((n_group, 1, 1)), grouped_zeros((n_group, 1, 1)),
+        grouped_zeros((1,)),
     )  # fmt: skip
     return joint, scratch, true, FilterModel(np.array([seconds]), clock)
 
 
 @jit
-def _propagate(joint, scratch, true, model, sums):
-    propagate_sources(joint, scratch, true, None, model, sums, 0, 0, 0)
+def _propagate(joint, scratch, true, model, sums, schedule):
+    propagate_sources(joint, scratch, true, None, model, sums, schedule, 0)
 
 
 def propagate(joint, scratch, true, model):
     """Propagate every source over the one window; how components enter stands in scratch.b."""
-    _propagate(joint, scratch, true, model, np.zeros(N_SUM))
+    _propagate(joint, scratch, true, model, np.zeros(N_SUM), WINDOW)
 
 
 @jit
-def _update(total, joint, scratch, true, gain, h, entries, columns, source, noise):
-    total[0] = _update_sources(joint, scratch, true, gain, h, entries, columns, source, noise)
+def _update(total, joint, scratch, true, h, entries, columns, source, noise):
+    total[0] = _update_sources(joint, scratch, true, h, entries, columns, source, noise)
 
 
 @jit
-def _update_both(total, joint, scratch, true, gain, h, entries, columns, source, noise, signals):
-    total[0] = _update_sources(joint, scratch, true, gain, h, entries, columns, source, noise)
-    total[0] += _update_shared(joint, scratch, gain, h, signals, true, 0, 0, False)
+def _update_both(total, joint, scratch, true, h, entries, columns, source, noise, signals):
+    total[0] = _update_sources(joint, scratch, true, h, entries, columns, source, noise)
+    total[0] += _update_shared(joint, scratch, h, signals, true, 0, 0, False)
 
 
 def update(joint, scratch, true, gain, h, entries, columns, source, noise, signals=None):
@@ -95,7 +98,8 @@ def update(joint, scratch, true, gain, h, entries, columns, source, noise, signa
     variance of the innovation.
     """
     total = np.zeros(1)
-    given = (total, joint, scratch, true, gain, h, entries, columns, source, noise)
+    scratch.gain[:] = gain
+    given = (total, joint, scratch, true, h, entries, columns, source, noise)
     if signals is None:
         _update(*given)
     else:

@@ -86,7 +86,7 @@ def test_a_true_process_keeps_its_variance_over_windows(seconds):
     card = with_fields(scenario.filter, covariance_rate=f"{1.0 / seconds} Hz")
     prepared = prepare_hop(scenario.model_copy(update={"imu": imu, "filter": card}))
     true, length = model(prepared), int(np.argmin(np.abs(prepared.lengths - seconds)))
-    j = [b.source for b in prepared.sources].index("gyro bias instability")
+    j = [b.name for b in prepared.sources].index("gyro bias instability")
     sigma2, factor = (2.0 * math.radians(1.0) / 3600.0) ** 2, table_of(true, "factor", j)[length]
     assert true.start[true.first[j]] == pytest.approx(sigma2, rel=1e-12)
     assert factor == pytest.approx(math.exp(-seconds / 3.0), rel=1e-12)

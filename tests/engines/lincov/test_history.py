@@ -230,6 +230,7 @@ BY_AXIS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow  # a kernel of its own, most of half a minute to compile
 def test_errors_by_axis_spread_as_linear_covariance_says_and_a_matched_filter_has_them():
     prepared = changed(MATCHED, imu=BY_AXIS)
     ratio, interval = agrees(prepared, 800, [5.0, 20.0, 30.0])

@@ -14,7 +14,7 @@ from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.attitude import multiply, small_rotation
 from lvnav_trade.kernels.strapdown import J4, N_SUM, POINT, SUM_C, SUM_F, SUM_TH, SUM_V, full_rate, mechanise
 from lvnav_trade.kernels.transition import fill
-from lvnav_trade.layout import ParameterBlock
+from lvnav_trade.layout import ErrorTerm
 from lvnav_trade.world.sensors.imu import lag
 from tests.building import case
 from tests.engines.lincov.small import of_lanes, propagate, small
@@ -39,7 +39,7 @@ def window_sums():
 def test_a_parameter_that_the_filter_does_not_carry_enters_as_the_blocks_of_the_transition(j):
     b = np.full((9, 3), np.nan)
     input_matrix(b, np.zeros(9), j, TRUE, window_sums(), SECONDS)
-    stand_in = (ParameterBlock("any", 0, 9, int(TRUE.sensor[j]), int(TRUE.driver[j]), 0.0, 0.0, 0.0),)
+    stand_in = (ErrorTerm("any", 0, int(TRUE.sensor[j]), int(TRUE.driver[j]), 0.0, offset=9),)
     rows, columns, kinds, drivers = transition_blocks(stand_in, 2)
     blocks, phi = np.zeros((rows.size, 9)), np.eye(12)
     fill(blocks, kinds, drivers, window_sums(), 7e6, 0.0, 0.0, SECONDS)

@@ -9,9 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from lvnav_trade.engines.lincov.history import adjoint, covariance
-from lvnav_trade.engines.lincov.samples import nominal_tick
 from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.frames import matrices
 from tests.engines.modelled import BASELINE, DATASHEET, MODEL, PUBLISHED, modelled
 
 RUNS = 128
@@ -109,13 +107,3 @@ def test_going_back_through_200_samples_a_second_gives_the_true_variance(prepare
         np.testing.assert_allclose(back.sum(axis=1), history.true_sigma[hist, :9] ** 2, rtol=1e-8)
         scale = history.true_sigma[hist, :9, None] ** 2
         np.testing.assert_allclose(back / scale, history.budget[hist, :, :9].T / scale, rtol=0, atol=1e-8)
-
-
-def test_a_nominal_tick_is_the_flights_own_velocity_gain_and_the_trapezoid_of_its_attitude():
-    reference, sums, dt = modelled().reference, np.zeros(18), 0.005
-    k = 1000
-    nominal_tick(sums, reference, k, dt)
-    assert np.linalg.norm(sums[9:12]) / dt == pytest.approx(30.0, rel=1e-6)
-    np.testing.assert_allclose(
-        sums[:9].reshape(3, 3), 0.5 * dt * matrices(reference.q_b_i[k : k + 2]).sum(axis=0), rtol=0, atol=1e-16
-    )

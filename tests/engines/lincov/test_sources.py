@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.receiver_error import N_CLONE
+from lvnav_trade.engines.epoch.joint import N_CLONE
 from lvnav_trade.engines.lincov.sources import measurement_tables, n_joint, noise_sources, source_names
 from tests.building import INERTIAL, LOOSE, case
 

@@ -50,6 +50,17 @@ def test_a_set_of_one_unit_is_that_unit(settings):
     )
 
 
+def test_what_a_list_of_one_unit_differs_by_is_of_second_order_in_the_window():
+    """White noise enters a list as a bias of a window, which reaches velocity too: half the window, a quarter of it."""
+    found = []
+    for rate in ("10 Hz", "20 Hz", "40 Hz"):
+        scenario = loaded("base.imu=imu/tactical_fog_matched", f"base.filter.covariance_rate={rate}")
+        a, b = (covariance(prepare_hop(one)).true_sigma for one in (scenario, with_units(scenario, [{}])))
+        found.append(float(np.max(np.abs(a - b)[:, :9] / np.max(a, axis=0)[:9])))
+    assert found[0] < 1e-5
+    assert found[0] > 3.0 * found[1] > 9.0 * found[2]
+
+
 def test_the_backward_pass_is_the_forward_one():
     scenario = with_units(loaded(*RICH), [{"lever_arm": ["0.3 m", "0 m", "0 m"]}, TURNED, {"axes": [[1, 1, 1]]}])
     prepared = prepare_hop(scenario)

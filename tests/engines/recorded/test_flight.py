@@ -29,7 +29,7 @@ def drive(tmp_path_factory):
 
 def test_the_filter_gets_the_logs_increments_and_solutions(drive):
     scenario, log, card, aligned, _ = drive
-    prepared = replayed(scenario, log, card, aligned)
+    prepared = replayed(scenario, log, card, aligned).prepared
     sums = prepared.unit.dtheta.sum(axis=0) + aligned.gyro_bias * prepared.reference.t[-1]
     first, last = (int(np.argmin(np.abs(log.t - t))) for t in (20.0, 20.0 + prepared.reference.t[-1]))
     np.testing.assert_allclose(sums, log.turned[last] - log.turned[first], atol=1e-9)
@@ -43,7 +43,7 @@ def test_the_filter_gets_the_logs_increments_and_solutions(drive):
 
 def test_the_filter_finds_the_true_motion(drive):
     scenario, log, card, aligned, ref = drive
-    prepared = replayed(scenario, log, card, aligned)
+    prepared = replayed(scenario, log, card, aligned).prepared
     run = run_block(prepared, 0, 0, 1)
     k = -1
     true = ref.r_i[int(np.argmin(np.abs(ref.t - 20.0 - prepared.t_hist[k])))]
@@ -56,7 +56,7 @@ def test_the_logs_own_sigmas_are_taken_where_they_are_asked_for(drive):
     scenario, log, card, aligned, _ = drive
     own = card.model_copy(update={"gnss": card.gnss.model_copy(update={"noise": "log"})})
     sigma = np.tile([1.0, 2.0, 3.0, 0.1, 0.2, 0.3], (log.t_fix.size, 1))
-    variance = replayed(scenario, log._replace(sigma=sigma), own, aligned).signals.variance
+    variance = replayed(scenario, log._replace(sigma=sigma), own, aligned).prepared.signals.variance
     np.testing.assert_allclose(variance[:, :3].sum(axis=1), 14.0)
     np.testing.assert_allclose(variance[:, 3:6].sum(axis=1), 0.14)
 

@@ -17,7 +17,7 @@ __all__ = ["drive"]
 @pytest.fixture(scope="module")
 def prepared(drive):
     scenario, log, card, aligned, _ = drive
-    return replayed(scenario, log, card, aligned)
+    return replayed(scenario, log, card, aligned).prepared
 
 
 def test_nothing_is_measured_in_an_outage_and_all_else_is(prepared):
@@ -50,7 +50,7 @@ def test_the_policies_of_a_filter_hold_on_a_log(drive, changes):
         late = scenario.receiver.model_copy(update={"latency": 0.5})
         scenario = scenario.model_copy(update={"receiver": late})
     fields = {f"filter.{key}": value for key, value in changes.items()}
-    prepared = replayed(with_fields(scenario, **fields), log, card, aligned)
+    prepared = replayed(with_fields(scenario, **fields), log, card, aligned).prepared
     run = run_block(prepared, 0, 0, 1)
     late = run.t > 30.0
     assert run.failed[0] == 0

@@ -32,7 +32,7 @@ def drive(tmp_path_factory):
 
 def test_what_is_left_of_ranges_is_their_noise(drive):
     scenario, log, card, aligned = drive
-    prepared = replayed(scenario, log, card, aligned)
+    prepared = replayed(scenario, log, card, aligned).prepared
     sky, signals = prepared.sky, prepared.signals
     epoch = 100
     on = signals.used[epoch, : signals.n_used[epoch]]
@@ -48,7 +48,7 @@ def test_what_is_left_of_ranges_is_their_noise(drive):
 
 def test_a_tight_filter_follows_the_drive_by_ranges_alone(drive):
     scenario, log, card, aligned = drive
-    prepared = replayed(scenario, log, card, aligned)
+    prepared = replayed(scenario, log, card, aligned).prepared
     assert prepared.signals.sigma.max() == 0.0
     run = run_block(prepared, 0, 0, 1)
     late = run.t > 30.0
@@ -69,3 +69,61 @@ def test_a_tight_filter_without_ranges_is_refused(drive):
     scenario, log, card, aligned = drive
     with pytest.raises(InputError, match="the filter takes pseudorange, range_rate; the log has position, velocity"):
         replayed(scenario, log, card.model_copy(update={"ranges": None}), aligned)
+
+
+def changed(log, values=None, **ranges):
+    return log._replace(ranges=log.ranges._replace(values=log.ranges.values if values is None else values, **ranges))
+
+
+@pytest.mark.parametrize(
+    ("factor", "hint"),
+    [(-1.0, "its sign is reversed: is it a Doppler shift"), (-1.0 / 0.190294, "a Doppler shift in Hz")],
+)
+def test_range_rates_of_another_sign_or_unit_are_refused_with_what_they_may_be(drive, factor, hint):
+    scenario, log, card, aligned = drive
+    values = log.ranges.values * [1.0, factor]
+    with pytest.raises(
+        InputError, match=rf"range_rate_m_s contradicts the solutions: .* off by more than .*; .*{hint}"
+    ):
+        replayed(scenario, changed(log, values), card, aligned)
+
+
+def test_ranges_to_satellites_of_another_time_are_refused_with_the_time(drive):
+    scenario, log, card, aligned = drive
+    early = log._replace(epoch="2026-06-01T09:59:42+00:00")  # 18 s of leap seconds
+    with pytest.raises(
+        InputError, match=r"pseudorange_m contradicts the solutions: .* km; the satellites fit 18\.0 s later"
+    ):
+        replayed(scenario, early, card, aligned)
+
+
+def test_a_wild_range_is_left_out_by_name(drive):
+    scenario, log, card, aligned = drive
+    values = log.ranges.values.copy()
+    values[500, 0] += 3e5
+    found, notes = replayed(scenario, changed(log, values), card, aligned)
+    (note,) = notes
+    name = log.ranges.satellites[500]
+    assert "1 of" in note
+    assert f"contradict the solutions, by up to 300 km: left out, by satellite: {name.replace('0', '')} (1)" in note
+    whole = replayed(scenario, log, card, aligned)
+    assert whole.notes == ()
+    assert found.signals.n_used.sum() == whole.prepared.signals.n_used.sum() - 1
+
+
+def test_satellites_that_the_constellation_lacks_are_named(drive):
+    scenario, log, card, aligned = drive
+    names = tuple("C05" if k % 9 == 0 else name for k, name in enumerate(log.ranges.satellites))
+    _, (note,) = replayed(scenario, changed(log, satellites=names), card, aligned)
+    assert note == f"rows of 1 satellites that the constellation lacks are left out: C05 ({names.count('C05')})"
+
+
+def test_a_filter_of_ranges_alone_needs_no_rates(drive):
+    scenario, log, card, aligned = drive
+    alone = scenario.model_copy(
+        update={"filter": scenario.filter.model_copy(update={"measurements": ("pseudorange",)})}
+    )
+    values = log.ranges.values * [1.0, np.nan]
+    found = replayed(alone, changed(log, values), card, aligned).prepared
+    assert found.signals.n_used.max() >= 5
+    assert np.isfinite(found.signals.rate).all()

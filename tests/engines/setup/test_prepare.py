@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.prepare import reporting_axes
+from lvnav_trade.engines.setup.filtering import filtering_of, layout_of
+from lvnav_trade.engines.setup.flight import flight_of
+from lvnav_trade.engines.setup.measurements import measurements_of
+from lvnav_trade.engines.setup.times import times_of
 from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.frames import rotation_i_n, rotation_i_o
-from lvnav_trade.kernels.attitude import matrix
-from lvnav_trade.world.flight.trajectory import motion
 from tests.building import MATCHED, case, hop, loaded, prepare_hop, with_fields
 
 
@@ -55,83 +55,6 @@ def test_history_holds_the_grid_and_every_event_once():
     np.testing.assert_allclose(prepared.t_hist, expected, atol=1e-12)
 
 
-def test_the_antenna_is_at_the_lever_arm_and_swings_with_the_body():
-    scenario = loaded()
-    lever = np.array([1.0, -2.0, 3.0])
-    receiver = with_fields(scenario.receiver, lever_b=[f"{x} m" for x in lever])
-    prepared = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
-    at = motion(hop(), prepared.t_epoch)
-    C = np.array([np.reshape(matrix(*q), (3, 3)) for q in at.q_b_i])
-    np.testing.assert_allclose(prepared.signals.position, at.r_i + C @ lever, rtol=0, atol=1e-8)
-    # the derivative of the position, by differences of 0.01 s: its third derivative, 0.1 m/s^3, leaves 2e-6 m/s
-    ends = [motion(hop(), prepared.t_epoch[:-1] + dt) for dt in (-0.01, 0.01)]
-    where = [a.r_i + np.array([np.reshape(matrix(*q), (3, 3)) for q in a.q_b_i]) @ lever for a in ends]
-    quiet = np.abs(prepared.t_epoch[:-1] - 20.0) > 0.1  # not where the boost ends
-    slope = (where[1] - where[0]) / 0.02
-    np.testing.assert_allclose(prepared.signals.velocity[:-1][quiet], slope[quiet], rtol=0, atol=1e-5)
-
-
-def test_range_and_range_rate_are_those_of_the_geometry():
-    signals = case().signals
-    line = signals.satellite - signals.position[:, None]
-    distance = np.linalg.norm(line, axis=2)
-    np.testing.assert_allclose(signals.range, distance, rtol=1e-15)
-    relative = signals.satellite_velocity - signals.velocity[:, None]
-    np.testing.assert_allclose(signals.rate, np.einsum("esi,esi->es", line / distance[..., None], relative), rtol=1e-12)
-
-
-def test_slots_hold_the_tracked_satellites_and_nothing_else():
-    prepared = case()
-    for epoch, slots in enumerate(prepared.signals.used):
-        used = slots[: prepared.signals.n_used[epoch]]
-        np.testing.assert_array_equal(np.sort(used), np.flatnonzero(prepared.sky.tracked[epoch]))
-
-
-def test_the_start_of_a_matched_filter_is_the_true_spread():
-    """Tilt about north and east, heading about down; the filter's covariance is the true one, frame i."""
-    prepared = case(MATCHED)
-    initial, C_i_n = prepared.scenario.initial, reporting_axes(
-        "ned", prepared.reference.t[:1], prepared.reference.r_i[:1], prepared.reference.v_i[:1], hop().theta0
-    )[0]  # fmt: skip
-    attitude = prepared.start.roots[0] @ prepared.start.roots[0].T
-    expected = np.diag([initial.tilt, initial.tilt, initial.heading]) ** 2
-    np.testing.assert_allclose(C_i_n @ attitude @ C_i_n.T, expected, rtol=1e-12, atol=1e-20)
-    np.testing.assert_allclose(prepared.start.P[:3, :3], attitude, rtol=1e-12, atol=1e-20)
-
-
-@pytest.mark.parametrize("frame", ["ned", "ecef", "inertial", "orbital"])
-def test_reporting_axes_are_rotations_of_the_named_frame(frame):
-    prepared = prepare_hop(with_fields(loaded(), frame=frame))
-    axes, record = prepared.record.axes, prepared.record
-    np.testing.assert_allclose(axes @ np.swapaxes(axes, 1, 2), np.tile(np.eye(3), (len(axes), 1, 1)), atol=1e-14)
-    theta = hop().theta0 + 7.292115e-5 * prepared.t_hist
-    expected = {
-        "inertial": np.tile(np.eye(3), (len(axes), 1, 1)),
-        "orbital": rotation_i_o(record.r, record.v),
-        "ned": rotation_i_n(record.r, theta),
-    }
-    if frame == "ecef":
-        rotated = axes @ np.array([1.0, 0.0, 0.0])
-        np.testing.assert_allclose(rotated, np.stack([np.cos(theta), -np.sin(theta), 0 * theta], axis=1), atol=1e-14)
-    else:
-        np.testing.assert_allclose(axes, expected[frame], atol=1e-12)
-
-
-def test_the_truth_of_the_record_is_the_reference_at_its_ticks():
-    prepared = case()
-    schedule = prepared.schedule
-    ticks = (schedule.first_tick + schedule.n_tick)[schedule.hist >= 0]
-    np.testing.assert_array_equal(prepared.record.r, prepared.reference.r_i[ticks])
-    np.testing.assert_array_equal(prepared.record.q, prepared.reference.q_b_i[ticks])
-
-
-def test_the_units_noise_per_tick_follows_from_its_root_density():
-    prepared = case(MATCHED)
-    gyro, accel = prepared.scenario.imu.gyro, prepared.scenario.imu.accel
-    expected = [gyro.random_walk * np.sqrt(0.005), accel.random_walk * np.sqrt(0.005)]
-    np.testing.assert_allclose(prepared.unit.white[[0, 3]], expected, rtol=1e-14)
-
-
 def test_a_strapdown_at_a_quarter_of_the_units_rate_steps_over_four_ticks_and_stays_near_the_truth():
     slow, full = (case(f"base.filter.strapdown.ratio={ratio}") for ratio in (4, 1))
     assert (slow.model.strapdown.subsamples, full.model.strapdown.subsamples) == (4, 1)
@@ -142,3 +65,50 @@ def test_a_strapdown_at_a_quarter_of_the_units_rate_steps_over_four_ticks_and_st
     at_end = [one.err[:, -1, 6:9] for one in runs]
     np.testing.assert_allclose(at_end[0], at_end[1], rtol=0, atol=0.2 * float(runs[1].sigma[0, -1, 6]))
     assert not np.array_equal(at_end[0], at_end[1])
+
+
+def _writable(record):
+    """Yield the arrays of a record, and of records in it, that can be written to."""
+    for value in record if isinstance(record, tuple) else ():
+        if isinstance(value, np.ndarray) and value.flags.writeable:
+            yield value
+        yield from _writable(value)
+
+
+def test_no_stage_changes_what_an_earlier_one_has_made():
+    """With the records of the earlier stages locked, the later ones give the same numbers."""
+    scenario = with_fields(
+        loaded(MATCHED, "base.receiver.solution={kind: bancroft, range_sigma: 2 m, rate_sigma: 0.1 m/s}"),
+        faults=[
+            {"kind": "frozen_output", "start": "9 s", "duration": "3 s"},
+            {"kind": "range_bias", "size": "60 m", "start": "5 s", "duration": "3 s"},
+        ],
+        **{
+            "filter.measurements": ["position", "velocity"],
+            "filter.logic": {"start_after": 1},
+            "filter.underweighting": [{"noise_factor": 2.0, "from": "10 s"}],
+            "filter.region_noise": [{"from": "5 s", "accel_bias": "1 mg"}],
+        },
+    )
+    free = prepare_hop(scenario)
+    locked = []
+    try:
+        flight = flight_of(scenario, (hop(), free.reference))
+        layout, records = layout_of(scenario, flight), [flight]
+        for stage in (times_of, filtering_of, measurements_of):
+            locked += [array for array in _writable(tuple(records)) if not array.setflags(write=False)]
+            made = {times_of: (layout, 1.0), filtering_of: (layout, records[-1]), measurements_of: (records[-1],)}
+            records.append(stage(scenario, flight, *made[stage]))
+    finally:
+        for array in locked:
+            array.setflags(write=True)
+    assert len(locked) > 40
+    _, times, filtering, measured = records
+    np.testing.assert_array_equal(filtering.P, free.start.P)
+    for name, found, wanted in (
+        ("schedule", times.schedule, free.schedule), ("signals", measured.signals, free.signals),
+        ("chain", measured.chain, free.chain),
+    ):  # fmt: skip
+        for field in found._fields:
+            if isinstance(getattr(found, field), np.ndarray):
+                np.testing.assert_array_equal(getattr(found, field), getattr(wanted, field), err_msg=f"{name}.{field}")

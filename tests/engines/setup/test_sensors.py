@@ -14,10 +14,11 @@ from lvnav_trade.engines.setup.sensors import for_kernels, measures, sensors_of,
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import matrices
-from lvnav_trade.observables.altitude import AltimeterCard
-from lvnav_trade.observables.attitude import AttitudeReferenceCard
-from lvnav_trade.observables.sensor import LastingError, each_scalar
-from lvnav_trade.observables.sensors import ALTIMETER, ATTITUDE_REFERENCE
+from lvnav_trade.observables.correlated import CorrelatedError
+from lvnav_trade.observables.sensor import each_scalar
+from lvnav_trade.observables.sensors import SENSORS
+from lvnav_trade.observables.sensors.altitude import AltimeterCard
+from lvnav_trade.observables.sensors.attitude import AttitudeReferenceCard
 from lvnav_trade.world.conditions import Course
 from lvnav_trade.world.flight.trajectory import motion
 from tests.building import INERTIAL, LOOSE, MATCHED, hop, loaded, prepare_hop, with_fields
@@ -97,6 +98,7 @@ def test_both_engines_take_an_altimeter_only_when_it_measures_and_agree():
     np.testing.assert_allclose(ratio, 1.0, atol=3.5 / math.sqrt(2 * N_RUN))
 
 
+@pytest.mark.slow  # a kernel of its own, most of half a minute to compile
 def test_both_engines_take_an_attitude_reference_only_when_it_measures_and_agree():
     whole = loaded(*SETTINGS, PUBLISHED, BASELINE)
     card = whole.sensors["attitude_reference"]
@@ -137,7 +139,7 @@ def test_two_sensors_of_one_kind_go_by_their_own_names_and_have_channels_and_noi
     assert prepared.channel_names[-2:] == ("port", "starboard")
     assert [device.noise for device in prepared.devices] == ["altimeter noise port", "altimeter noise starboard"]
     numbers = for_kernels(prepared.devices, prepared.channels, prepared.t_epoch.size)
-    assert numbers.code.tolist() == [ALTIMETER, ALTIMETER] != [ATTITUDE_REFERENCE]
+    assert [SENSORS[code] for code in numbers.code] == [AltimeterCard, AltimeterCard]
     assert numbers.channel.tolist() == [6, 7]
     assert len(set(numbers.sources.tolist())) == 2
     block, cov = run_block(prepared, 7, 0, 8), covariance(prepared)
@@ -248,8 +250,8 @@ def test_a_state_follows_the_numbers_of_the_filter_card():
 
 
 OWN = {"kind": "attitude_reference", "name": "test", "source": "none", "sigma": "1 mrad"}
-FIXED = LastingError("mount", "mount", 2e-3, "sigma", math.inf, ("x", "y"), each_scalar(3, 0, 1))
-SLOW = LastingError("drift", "drift", 1e-3, "sigma", 5.0, ("a", "b", "c"), lambda view: matrices(view.q_b_i))
+FIXED = CorrelatedError("mount", "mount", 2e-3, "sigma", math.inf, ("x", "y"), each_scalar(3, 0, 1))
+SLOW = CorrelatedError("drift", "drift", 1e-3, "sigma", 5.0, ("a", "b", "c"), lambda view: matrices(view.q_b_i))
 
 
 def referenced(**fields):
@@ -302,7 +304,7 @@ def test_a_latency_that_is_not_compensated_acts_in_both_engines_as_an_error():
     assert np.linalg.norm(covariance(now).mean[-1, :3]) < 1e-9
 
 
-@pytest.mark.parametrize("feedback", ["closed", "open"])
+@pytest.mark.parametrize("feedback", [pytest.param("closed", marks=pytest.mark.slow), "open"])  # a kernel each
 @pytest.mark.parametrize(
     "latency", [LATENCY, pytest.param(0.333, marks=pytest.mark.slow), pytest.param(1.4, marks=pytest.mark.slow)]
 )

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from lvnav_trade.engines.setup.times import epochs_of
-from tests.building import case, loaded, prepare_hop, with_fields
+from lvnav_trade.engines.analysis.explain import flown_events
+from tests.building import ascent, case, hop, loaded, prepare_hop, with_fields
 
 
 def test_windows_follow_each_other_and_end_at_every_covariance_step_epoch_and_history_time():
@@ -31,10 +32,21 @@ def test_a_state_that_is_kept_cuts_its_window_in_two():
     assert np.abs(late.offset).max() <= 0.5 / prepared.scenario.imu.rate
 
 
-def test_epochs_are_on_ticks_of_the_strapdown():
-    prepared = case()
-    card = with_fields(prepared.scenario.filter, strapdown={"ratio": 4})
-    epochs = epochs_of(prepared.scenario.model_copy(update={"filter": card}), prepared.reference)
-    assert epochs.group == 4
-    assert not np.any(epochs.tick % 4)
-    np.testing.assert_array_equal(epochs.t, prepared.reference.t[epochs.tick])
+@pytest.mark.parametrize(("rate", "ratio"), [("50 Hz", 1), ("100 Hz", 1), ("100 Hz", 4), ("200 Hz", 1)])
+def test_errors_of_an_event_are_those_of_the_first_strapdown_step_at_or_after_it(rate, ratio):
+    prepared = ascent("base.filter=filters/inertial", f"base.imu.rate={rate}", f"base.filter.strapdown.ratio={ratio}")
+    cut_off = prepared.trajectory.events["injection"]
+    tick = int(prepared.hist_tick[prepared.t_hist.tolist().index(cut_off)])
+    after, step = prepared.reference.t[tick], ratio / prepared.scenario.imu.rate
+    assert cut_off <= after < cut_off + step
+    assert tick % ratio == 0
+    at = int(np.searchsorted(prepared.t_hist, cut_off))
+    np.testing.assert_array_equal(prepared.record.r[at], prepared.reference.r_i[tick])
+    assert np.all(np.diff(prepared.hist_tick) >= 0)
+
+
+def test_an_event_within_the_last_piece_of_a_tick_is_an_event_of_the_history():
+    prepared = prepare_hop(loaded("base.filter=filters/inertial"), hop(coast=9.997))
+    burnt_out, end = flown_events(prepared)["end0"], flown_events(prepared)["end1"]
+    assert burnt_out < prepared.reference.t[-1] < end == prepared.trajectory.end == prepared.t_hist[-1]
+    assert prepared.hist_tick[-1] == prepared.reference.t.size - 1

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lvnav_trade.engines.epoch.case import Parts, case_of
+from lvnav_trade.engines.setup.inputs import Options
 from lvnav_trade.engines.simulate.montecarlo import new_work, run_block
 from lvnav_trade.engines.simulate.recording import N_SAMPLE_OUTPUT, record, true_parameter
 from lvnav_trade.engines.simulate.sensing import from_errors
@@ -20,8 +22,8 @@ from tests.engines.simulate.test_flight import scene
 
 
 def recorded(work, prepared, history, hist, open_loop=None):
-    nothing = (None,) * 10  # no mode logic, no part of another option
-    record(work, open_loop, *nothing, history, prepared.signals.shared, None, prepared.model, 0, hist)
+    alone = case_of(prepared, options=Options())  # no mode logic, no part of another option
+    record(work, Parts(open_loop=open_loop), alone, None, history, 0, hist)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

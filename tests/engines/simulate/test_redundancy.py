@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.records import OF_UNIT
+from lvnav_trade.records import OF_INERTIAL, OF_UNIT
 from lvnav_trade.world.fault_cards import AccelBiasStep, DeadAxis, GyroBiasStep
 from tests.building import INERTIAL, loaded, prepare_hop, with_fields, with_units
 from tests.engines.test_closed_forms import NOWHERE, SECONDS, thrusting
@@ -24,6 +24,32 @@ def three(*faults, **fields):
     """Three like units on the hop, tightly coupled; `fields` of the set."""
     scenario = loaded("base.imu=imu/tactical_fog_matched", "base.filter=filters/tight")
     return prepare_hop(with_units(scenario, [{}] * 3, **fields).model_copy(update={"faults": faults}))
+
+
+def two(*faults, **fields):
+    """Two like units on the hop, tightly coupled; `fields` of the set."""
+    scenario = loaded("base.imu=imu/tactical_fog_matched", "base.filter=filters/tight")
+    return prepare_hop(with_units(scenario, [{}] * 2, **fields).model_copy(update={"faults": faults}))
+
+
+def test_two_units_detect_a_failure_that_they_cannot_isolate_and_go_on_with_the_mean():
+    reporting, silent = two(STEP, parity={"after_detection": "report"}), two(STEP)
+    found, other = run_block(reporting, 5, 0, RUNS), run_block(silent, 5, 0, RUNS)
+    run, t, kind, channel = found.decisions.T
+    assert np.array_equal(run, np.arange(RUNS))
+    assert set(kind) == {OF_INERTIAL}
+    assert set(channel) == {-1.0}
+    assert np.all(t >= 10.0)
+    assert np.median(t) < 14.0
+    np.testing.assert_array_equal(found.err, other.err)
+    assert not len(other.decisions)
+    np.testing.assert_array_equal(covariance(reporting).true_sigma, covariance(silent).true_sigma)
+
+
+def test_two_units_without_a_fault_raise_as_few_alarms_as_stated():
+    level = 0.05
+    block = run_block(two(parity={"after_detection": "report", "false_alarm": level}), 5, 0, 2 * RUNS)
+    assert binomtest(len(block.decisions), 2 * RUNS, level, "greater").pvalue > 1e-3
 
 
 def walks(fields, faults=()):

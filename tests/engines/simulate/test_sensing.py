@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.simulate.sensing import _miss_gravity, profile_value
+from lvnav_trade.engines.simulate.sensing import _miss_gravity
+from lvnav_trade.kernels.processes import profile_value
 from lvnav_trade.kernels.strapdown import R, V
 from tests.building import loaded, prepare_hop, with_fields
 from tests.engines.simulate.test_flight import scene

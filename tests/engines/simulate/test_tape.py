@@ -15,16 +15,18 @@ def prepared():
 
 
 def test_the_tape_ends_where_the_run_ends(prepared):
-    tape, block = taped(prepared, 4, 3), run_block(prepared, 4, 3, 1, lanes=False)
+    tape, block = taped(prepared, 4, 3).tape, run_block(prepared, 4, 3, 1, lanes=False)
     assert prepared.schedule.hist[-1] == prepared.t_hist.size - 1
-    error = np.linalg.norm(prepared.record.r[-1] - tape.nav[-1, 7:10])
+    error = np.linalg.norm(prepared.record.r[-1] - tape.after.nav[-1, 7:10])
     assert error == pytest.approx(np.linalg.norm(block.err[0, -1, 6:9]), rel=1e-12)
     bias = next(at for at, out in enumerate(prepared.outputs) if out.quantity == "gyro_bias")
-    np.testing.assert_array_equal(np.sqrt(tape.variance[-1, bias : bias + 3]), block.sigma[0, -1, bias : bias + 3])
+    np.testing.assert_array_equal(
+        np.sqrt(np.diagonal(tape.after.P[-1])[bias : bias + 3]), block.sigma[0, -1, bias : bias + 3]
+    )
 
 
 def test_increments_are_those_of_the_unit_with_its_errors(prepared):
-    tape = taped(prepared, 4, 3)
+    tape = taped(prepared, 4, 3).tape
     apart = tape.increments - np.hstack([prepared.unit.dtheta, prepared.unit.dvel])
     white = prepared.unit.white[:6]
     measured = np.std(np.diff(apart, axis=0), axis=0) / np.sqrt(2.0)
@@ -32,7 +34,7 @@ def test_increments_are_those_of_the_unit_with_its_errors(prepared):
 
 
 def test_ranges_are_those_of_the_epoch(prepared):
-    tape = taped(prepared, 4, 3)
+    tape = taped(prepared, 4, 3).tape
     used, n_used = prepared.signals.used[5], prepared.signals.n_used[5]
     apart = tape.ranges[5, :n_used, 0] - prepared.signals.range[5, used[:n_used]]
     assert np.ptp(apart) < 10.0 * prepared.signals.sigma[5].max() * 5.0

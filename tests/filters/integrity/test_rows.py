@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -41,6 +41,23 @@ class Model(NamedTuple):
     column: np.ndarray
 
 
+class Whitening(NamedTuple):
+    has_covariance: bool
+    n_receiver: int = 2
+
+
+class Options(NamedTuple):
+    gains: Any = None
+    integrity: Any = None
+    delayed: Any = None
+
+
+class Case(NamedTuple):
+    model: Any
+    signals: Signals
+    options: Options
+
+
 SIGNALS = Signals(np.array([[4.0, 9.0]]), np.zeros((1, 1), dtype=np.int64))
 
 
@@ -56,14 +73,16 @@ SIGNALS = Signals(np.array([[4.0, 9.0]]), np.zeros((1, 1), dtype=np.int64))
 )
 def test_a_row_has_the_variance_that_its_update_assumes(points, gains, whitened, variance):
     work = Work(np.zeros(2), np.diag([25.0, 16.0]))
-    assert noise_variance(work, points, gains, SIGNALS, 0, 1, 1, whitened) == variance
+    case = Case(Whitening(whitened), SIGNALS, Options(gains=gains))
+    assert noise_variance(work, points, case, 0, 1, 1) == variance
 
 
 def test_a_window_is_of_the_epochs_at_which_the_filter_measures():
     model = Model(2, False, 1, np.ones(2, dtype=np.bool_), np.ones(2, dtype=np.int64), np.zeros((2, 1), dtype=np.int64),
                   np.zeros((2, 1), dtype=np.int64))  # fmt: skip
     own, tests = new_monitor(20, 2, 2, 4), thresholds_of(IntegrityCard(window=4), 10, 5, 2.0)
-    own.variance[...] = 3.0
+    own.variance[...], own.z[:] = 3.0, [2.0, 4.0]
+    case = Case(model, SIGNALS, Options(integrity=tests))
     for epoch in range(1, 20, 2):
-        _test_rows(own, tests, np.eye(1), np.ones((2, 1)), np.array([2.0, 4.0]), None, model, SIGNALS, epoch, 2)
+        _test_rows(own, np.eye(1), np.ones((2, 1)), case, epoch, 2)
     np.testing.assert_allclose(own.past, np.outer([1.0, 4.0], np.ones(4)))

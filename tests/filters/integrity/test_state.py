@@ -1,6 +1,6 @@
 import numpy as np
 
-from lvnav_trade.filters.integrity.state import begin_monitor, decisions_of, forget, new_monitor, permitted
+from lvnav_trade.filters.integrity.state import begin_monitor, clear_innovations, decisions_of, new_monitor, permitted
 
 
 def test_an_excluded_channel_has_a_gate_that_nothing_passes():
@@ -22,11 +22,11 @@ def test_a_run_begins_with_every_channel_in_use_and_nothing_past():
 def test_what_is_past_is_forgotten_where_a_filter_starts_again():
     own = new_monitor(5, 4, 4, 3)
     own.past[...] = 7.0
-    forget(own, 0.0)
+    clear_innovations(own, 0.0)
     assert np.all(own.past == 7.0)
-    forget(own, 1.0)
+    clear_innovations(own, 1.0)
     assert np.all(own.past == 0.0)
-    forget(None, 1.0)
+    clear_innovations(None, 1.0)
 
 
 def test_decisions_are_rows_of_run_time_kind_and_channel():

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.media.troposphere import conae, niell, saastamoinen_zenith, spilker, weather
+from lvnav_trade.kernels.media.troposphere import any_elevation, niell, saastamoinen_zenith, spilker, weather
 
 EARTH = 6371e3
 
@@ -79,32 +79,32 @@ def test_spilker_has_its_zenith_delay_and_scale():
 def test_the_models_of_both_papers_are_one_above_five_degrees():
     elevation = np.radians([5.0, 10.0, 45.0, 90.0])[:, None]
     height = np.array([0.0, 3e3, 20e3])
-    ours = conae(elevation, height, EARTH, gain_law=False)
+    ours = any_elevation(elevation, height, EARTH, gain_law=False)
     assert ours == pytest.approx(spilker(elevation, height), rel=1e-4)  # 2.47 = 2.4405 x 1.0121, rounded
 
 
-def test_conae_is_continuous_where_its_formulas_meet():
+def test_the_formula_of_any_elevation_is_continuous_where_its_formulas_meet():
     height = np.array([0.0, 1e3, 12e3, 40e3])
     for meeting in (0.0, np.radians(5.0)):
-        below, above = (conae(meeting + side, height, EARTH) for side in (-1e-9, 1e-9))
+        below, above = (any_elevation(meeting + side, height, EARTH) for side in (-1e-9, 1e-9))
         assert below == pytest.approx(above, abs=1e-5)
 
 
-def test_conae_has_no_corner_at_five_degrees_without_the_gain_law():
+def test_the_formula_of_any_elevation_has_no_corner_at_five_degrees_without_the_gain_law():
     join, step = np.radians(5.0), 1e-5
-    below, at, above = (conae(join + k * step, 0.0, EARTH, gain_law=False) for k in (-1, 0, 1))
+    below, at, above = (any_elevation(join + k * step, 0.0, EARTH, gain_law=False) for k in (-1, 0, 1))
     assert (at - below) / step == pytest.approx((above - at) / step, rel=1e-3)
 
 
-def test_conae_below_the_horizon_is_twice_the_ray_from_its_lowest_point_less_the_mirrored_one():
+def test_the_formula_of_any_elevation_below_the_horizon_is_twice_the_ray_from_its_lowest_point_less_the_mirrored_one():
     height, elevation = 60e3, np.radians(-6.0)
     lowest = (EARTH + height) * np.cos(elevation) - EARTH  # eq. 3.5
     bracket = 2.0 / (np.sin(np.radians(5.0)) + 0.0121) - 1.0 / (np.sin(np.radians(10.0)) + 0.0121)
     grazing = 2.47 * (0.9 - lowest / (16.0 * 7518.8)) * np.exp(-lowest / 7518.8) * bracket  # eq. 3.3, 3.15 at zero
     mirrored = 2.47 * (1.0 - height / (16.0 * 7518.8)) * np.exp(-height / 7518.8) / (np.sin(-elevation) + 0.0121)
-    assert conae(elevation, height, EARTH) == pytest.approx(2.0 * grazing - mirrored, rel=1e-12)
+    assert any_elevation(elevation, height, EARTH) == pytest.approx(2.0 * grazing - mirrored, rel=1e-12)
 
 
-def test_conae_gain_ends_at_sixteen_scale_heights():
-    assert conae(np.radians(30.0), 16.0 * 7518.8 + 1.0, EARTH) == 0.0
-    assert conae(np.radians(30.0), 15.0 * 7518.8, EARTH) > 0.0
+def test_the_formula_of_any_elevation_gain_ends_at_sixteen_scale_heights():
+    assert any_elevation(np.radians(30.0), 16.0 * 7518.8 + 1.0, EARTH) == 0.0
+    assert any_elevation(np.radians(30.0), 15.0 * 7518.8, EARTH) > 0.0

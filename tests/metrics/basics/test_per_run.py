@@ -29,8 +29,7 @@ def test_an_event_is_one_row_and_a_phase_those_between_its_ends(good):
 
 def test_errors_of_runs_have_their_sign_and_sizes_have_none(good):
     errors = signed(good, CASE, NORTH, "m/s")
-    rows = history_of(good, CASE, "velocity", "north")
-    np.testing.assert_array_equal(np.abs(errors), of_each(good, CASE, NORTH, rows))
+    np.testing.assert_array_equal(np.abs(errors), of_each(good, CASE, NORTH, "m/s"))
     assert (errors < 0.0).any()
     assert np.flatnonzero(np.isinf(errors)).tolist() == [3]
     assert not len(signed(good, CASE, NORTH | {"during": "flight"}, "m/s"))

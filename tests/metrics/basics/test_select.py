@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics.basics.select import (
-    errors_at,
+    cases_of,
     final_event,
     in_units,
     instant,
@@ -18,6 +18,7 @@ from lvnav_trade.metrics.basics.select import (
     time_mean,
 )
 from lvnav_trade.metrics.errors.rms import rms
+from lvnav_trade.metrics.evaluate import errors_at
 from lvnav_trade.store.read import load
 
 
@@ -125,3 +126,9 @@ def test_units_for_people_may_be_others_and_the_numbers_follow(good):
     assert both[1].rms[key] == pytest.approx(np.degrees(1e-3 * both[0].rms[key]))
     assert both[1].unit[key] == "deg"
     assert in_units(good, {}) is good
+
+
+def test_cases_are_found_by_the_levels_of_their_axes(good):
+    assert cases_of(good, {"imu": "coarse"}) == ["bbbbbbbbbbbb"]
+    assert len(cases_of(good, {})) == 2
+    assert cases_of(good, {"imu": "none"}) == []

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.basics.select import errors_at
 from lvnav_trade.metrics.comparison.comparison import COLUMNS, FAILED_RUNS, compare, parse_effect, parse_effects
 from lvnav_trade.metrics.comparison.paired import rms_change
+from lvnav_trade.metrics.evaluate import errors_at
 from tests.metrics.variants import failing, variant, worse
 
 VELOCITY = "velocity_error_3d"
@@ -86,6 +86,24 @@ def test_a_requirement_is_compared_by_the_runs_beyond_its_bound(good, tmp_path):
     assert found.base == pytest.approx(1 / 200)
     assert found.effect == pytest.approx(0.1)
     assert row(compare(good, larger, parse_effects(["tight bound=1%"])), "tight bound", "imu=fine").effect == 0.01
+
+
+def test_a_requirement_that_allows_hardly_a_run_is_compared_by_its_quantile_and_decided(good, tmp_path):
+    def strict(campaign):
+        (first, *rest) = campaign["requirements"]
+        return campaign | {"requirements": [first | {"name": "strict", "probability": 0.9973}, *rest]}
+
+    base = variant(good, tmp_path / "strict", campaign=strict)
+    sides = {factor: variant(base, tmp_path / f"by {factor}", runs=worse(factor, 0.01)) for factor in (1.01, 1.2)}
+    found = {factor: row(compare(base, side), "strict", "imu=fine") for factor, side in sides.items()}
+    assert [found[factor].verdict for factor in (1.01, 1.2)] == ["not worse", "worse"]
+    assert {(one.kind, one.statistic, one.effect) for one in found.values()} == {("requirement", "q99.73", 0.05)}
+    assert "fitted" in found[1.01].remark
+    # an effect that is stated in runs beyond the limit stays that
+    counted = row(compare(base, sides[1.2], parse_effects(["strict=1%"])), "strict", "imu=fine")
+    assert counted.statistic == "fraction beyond"
+    own = compare(base, sides[1.2], parse_effects(["strict:q90=30%"]))
+    assert row(own, "strict", "imu=fine").statistic == "q90"
 
 
 def test_runs_that_fail_in_the_candidate_alone_make_it_worse(good, tmp_path):

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics.comparison.paired import beyond_change, quantile_change, rms_change, verdict
+from lvnav_trade.metrics.comparison.paired import (
+    beyond_change,
+    fitted_quantile_change,
+    quantile_change,
+    rms_change,
+    verdict,
+)
 
 SIGMA = np.array([1.0, 0.5, 0.3])
 
@@ -126,3 +132,40 @@ def test_a_quantile_is_the_order_statistic_and_its_bounds_are_the_same_at_every_
 )
 def test_a_verdict_holds_the_bounds_against_the_smallest_effect_of_interest(low, high, word):
     assert verdict(low, high, 0.05) == word
+
+
+P = 0.9973
+
+
+@pytest.mark.parametrize("sigma", [(1.0, 0.5, 0.3), (1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (3.0, 1.0, 0.1)])
+def test_a_fitted_quantile_is_that_of_the_errors(sigma):
+    rng = np.random.default_rng(4)
+    errors = np.linalg.norm(rng.standard_normal((1_000_000, 3)) * sigma, axis=1)
+    found = fitted_quantile_change(errors, errors, P, True, 0.05, 0.05)
+    # exact for equal components and for one, else up to 4 % low, in base and candidate alike
+    error = 0.01 if len({*sigma} - {0.0}) == 1 else 0.04
+    assert found.base == pytest.approx(np.quantile(errors, P), rel=error)
+    assert found.change == 0.0
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.99])
+def test_bounds_on_a_change_of_a_fitted_quantile_hold_as_often_as_they_say(correlation):
+    rng, trials, low, high = np.random.default_rng(5), 1000, 0, 0
+    for _ in range(trials):
+        found = fitted_quantile_change(*norms(rng, 100, correlation, 1.05), P, True, 0.05, 0.05)
+        low, high = low + (found.low <= 0.05), high + (found.high >= 0.05)
+    # 95 % each; 1000 trials have a standard deviation of 0.7 %
+    assert 0.92 < low / trials < 0.98
+    assert 0.92 < high / trials < 0.98
+
+
+def test_a_small_change_of_a_far_quantile_is_decided_with_a_hundred_pairs():
+    pair = norms(np.random.default_rng(6), 100, 0.999, 1.0)
+    found = fitted_quantile_change(*pair, P, True, 0.05, 0.05)
+    assert verdict(found.low, found.high, 0.05) == "not worse"
+    worse = fitted_quantile_change(pair[0], 1.1 * pair[1], P, True, 0.05, 0.05)
+    assert verdict(worse.low, worse.high, 0.05) == "worse"
+    # counted runs say nothing of it
+    limit = 10.0 * pair[0].max()
+    counted = beyond_change(pair[0] >= limit, pair[1] >= limit, 0.05, 0.05)
+    assert verdict(counted.low, counted.high, 1.0 - P) == "undecided"

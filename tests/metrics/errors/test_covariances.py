@@ -10,11 +10,11 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.basics.gaussian import gaussian
 from lvnav_trade.metrics.errors.covariances import (
     agreement,
     by_case,
     contributions,
-    gaussian,
     is_position_bias,
     nonlinearity,
     observability,

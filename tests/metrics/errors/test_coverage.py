@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from scipy import special
 
-from lvnav_trade.campaign.definition.published import Published
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.probability import box_probability, success_bounds
-from lvnav_trade.metrics.basics.select import errors_by_axis
 from lvnav_trade.metrics.errors.coverage import GAUSSIAN, SIGMAS, coverage, covered
-from lvnav_trade.metrics.numbers import columns, name_of
 from lvnav_trade.metrics.published import references
 from lvnav_trade.store.read import load
 from lvnav_trade.store.schema import error_column
@@ -70,18 +67,12 @@ def test_a_row_names_coverage_as_a_metric_and_is_the_one_of_the_table(tables):
             {"source": "a page", "metric": "velocity_coverage", "at": "injection", "value": 0.9919, "unit": "-",
              "case": {"imu": "fine"}, "band": [0.99, 1.009]}
         ],
-        "orderings": [
-            {"source": "a page", "metric": "velocity_coverage", "at": "injection", "factor": 1.5,
-             "cases": [{"imu": "fine"}, {"imu": "coarse"}]}
-        ],
     }  # fmt: skip
-    number, order = references(tables, stated).itertuples()
+    (number,) = references(tables, stated).itertuples()
     row = frame.loc[("imu=fine", "injection", "velocity")]
     assert number.ours == number.monte_carlo == pytest.approx(row.all_inside_ratio)
     assert (number.low, number.high) == pytest.approx((row.low_ratio, row.high_ratio))
     assert number.in_band == (0.99 <= row.all_inside_ratio / 0.9919 <= 1.009)
-    other = frame.loc[("imu=coarse", "injection", "velocity")].all_inside_ratio
-    assert order.ours == pytest.approx(row.all_inside_ratio / other)
 
 
 def test_of_missions_together_it_is_the_mean_and_its_interval_is_that_of_a_share(tables):
@@ -103,21 +94,3 @@ def test_both_covariances_expect_a_share_of_their_own(tables):
     assert found.formal == pytest.approx(GAUSSIAN**3, abs=0.003)
     assert 0.0 < found.true <= 1.0
     assert len(found.runs) == N_RUN
-
-
-def test_coverage_is_of_an_event():
-    with pytest.raises(ValueError, match="of an event"):
-        Published(source="x", metric="attitude_coverage", during="liftoff to injection", value=0.99, unit="-")
-
-
-def test_coverage_with_a_limit_is_the_share_of_runs_with_an_error_below_it(good):
-    case = good.cases.case[0]
-    runs = errors_by_axis(good, case, "injection", "velocity")
-    sizes = np.linalg.norm(runs.drop(columns="failure").to_numpy(dtype=float), axis=1)
-    limit = float(np.median(sizes))
-    stated = {"metric": "velocity_coverage", "at": "injection", "below": f"{limit!r} m/s"}
-    found = columns(good, case, stated, "-")
-    assert found.is_share
-    assert found.runs.tolist() == ((sizes < limit) & (runs.failure == "").to_numpy()).astype(float).tolist()
-    assert np.isnan(found.formal)
-    assert "below" in name_of(stated)

@@ -7,8 +7,9 @@ import pytest
 
 from lvnav_trade.frames import ecef_from_geodetic, eci_from_ecef, rotation_e_n, state_from_elements, unit
 from lvnav_trade.kernels.earth import GM, OMEGA
-from lvnav_trade.layout import MISSION
-from lvnav_trade.metrics.basics.select import errors_at
+from lvnav_trade.metrics.basics.case_tables import CaseTables
+from lvnav_trade.metrics.evaluate import errors_at
+from lvnav_trade.metrics.families.mission import MISSION, expected_at
 from lvnav_trade.metrics.mechanics import meanorbit, mission
 from lvnav_trade.store.read import load
 from tests import mission as flights
@@ -103,7 +104,7 @@ def drawn(orbit):
 @pytest.mark.parametrize("metric", [name for name in MISSION if "correction" not in name and "impact" not in name])
 def test_the_first_order_covariance_is_that_of_many_draws(orbit, drawn, metric):
     found = drawn[metric] if drawn[metric].ndim == 2 else drawn[metric][:, None]
-    mean, covariance = mission.expected_at(orbit, flights.CASE, "injection", metric)
+    mean, covariance = expected_at(CaseTables(orbit, flights.CASE), "injection", metric)
     sigma = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(found.std(axis=0), sigma, rtol=0.015)  # 6 standard errors and the second order
     np.testing.assert_allclose(found.mean(axis=0), mean, atol=0.02 * sigma.max())
@@ -113,7 +114,7 @@ def test_the_first_order_covariance_of_an_impact_is_that_of_many_draws(fall):
     state, law = state_of(fall), mission.law_at(fall, flights.CASE, "injection")
     drawn = np.random.default_rng(6).multivariate_normal(law.mean, law.true, 40_000)
     found = np.concatenate([mission.impact_errors(state, part) for part in np.array_split(drawn, 20)])
-    mean, covariance = mission.expected_at(fall, flights.CASE, "injection", "impact_error")
+    mean, covariance = expected_at(CaseTables(fall, flights.CASE), "injection", "impact_error")
     sigma = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(np.cov(found.T) / np.outer(sigma, sigma), covariance / np.outer(sigma, sigma), atol=0.03)
     np.testing.assert_allclose(found.mean(axis=0), mean, atol=0.03 * sigma.max())
@@ -130,13 +131,13 @@ def test_sobols_draws_have_the_mean_and_the_covariance(orbit):
 
 def test_perigee_has_no_first_order_sigma_where_the_orbit_is_circular(circular, tmp_path):
     """The osculating orbit is circular, its mean is not (J2): only errors of a thousandth make it so."""
-    assert mission.expected_at(circular, flights.CASE, "injection", "perigee_error") is not None
+    assert expected_at(CaseTables(circular, flights.CASE), "injection", "perigee_error") is not None
     found = load(flights.results(tmp_path, flights.CIRCULAR, n_run=0, factor=40.0))
-    reason = mission.expected_at(found, flights.CASE, "injection", "perigee_error")
+    reason = expected_at(CaseTables(found, flights.CASE), "injection", "perigee_error")
     assert isinstance(reason, str)
     assert reason.startswith("the orbit is circular to within 3 sigma")
-    assert not isinstance(mission.expected_at(found, flights.CASE, "injection", "eccentricity_vector_error"), str)
-    assert not isinstance(mission.expected_at(found, flights.CASE, "injection", "semi_major_axis_error"), str)
+    assert not isinstance(expected_at(CaseTables(found, flights.CASE), "injection", "eccentricity_vector_error"), str)
+    assert not isinstance(expected_at(CaseTables(found, flights.CASE), "injection", "semi_major_axis_error"), str)
 
 
 @pytest.mark.parametrize("metric", [name for name in MISSION if "impact" not in name])
@@ -162,14 +163,14 @@ def test_the_errors_of_runs_are_those_of_the_assumed_orbit(orbit):
 
 def test_a_flight_that_reaches_orbit_has_no_impact_and_a_fall_has_no_orbit(orbit, fall):
     assert np.isinf(errors_at(orbit, flights.CASE, "injection", "impact_error").size).all()
-    assert mission.expected_at(orbit, flights.CASE, "injection", "impact_error") == "not defined there"
+    assert expected_at(CaseTables(orbit, flights.CASE), "injection", "impact_error") == "not defined there"
     assert np.isinf(errors_at(fall, flights.CASE, "injection", "perigee_error").size).all()
-    assert mission.expected_at(fall, flights.CASE, "injection", "perigee_error") == "no closed orbit"
+    assert expected_at(CaseTables(fall, flights.CASE), "injection", "perigee_error") == "no closed orbit"
     assert errors_at(fall, flights.CASE, "injection", "impact_error_cross").size.max() < 1e4
 
 
 def test_a_correction_is_a_size_and_no_gaussian(orbit):
-    found = mission.expected_at(orbit, flights.CASE, "injection", "correction_delta_v")
+    found = expected_at(CaseTables(orbit, flights.CASE), "injection", "correction_delta_v")
     assert found == "a sum of impulses is no linear function of the error"
     size = errors_at(orbit, flights.CASE, "injection", "correction_delta_v").size
     assert 0.0 < np.median(size) < 1.0

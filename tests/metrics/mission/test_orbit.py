@@ -8,11 +8,12 @@ import pytest
 from lvnav_trade.frames import state_from_elements
 from lvnav_trade.kernels.earth import SEMI_MAJOR
 from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.basics.probability import norm_quantile
-from lvnav_trade.metrics.basics.select import errors_at
+from lvnav_trade.metrics.evaluate import errors_at
+from lvnav_trade.metrics.families.mission import drawn_at, expected_at
 from lvnav_trade.metrics.mechanics import meanorbit
-from lvnav_trade.metrics.mechanics.mission import drawn_at, expected_at
-from lvnav_trade.metrics.mission.orbit import QUANTITIES, orbital_states
+from lvnav_trade.metrics.mission.orbit import QUANTITIES, mardia, orbital_states
 from lvnav_trade.store.read import load
 from tests import mission as flights
 from tests import synthetic
@@ -123,8 +124,30 @@ def test_the_perigee_of_a_circular_orbit_gets_a_verdict_by_draws_and_runs_agree(
 
 def test_far_from_circular_draws_give_the_quantile_of_the_first_order(reached):
     """Where the perigee is linear in the error, the draws reproduce the Gaussian quantile."""
-    drawn = drawn_at(reached, CASE, "injection", "perigee_error")
-    mean, covariance = expected_at(reached, CASE, "injection", "perigee_error")
+    drawn = drawn_at(CaseTables(reached, CASE), "injection", "perigee_error")
+    mean, covariance = expected_at(CaseTables(reached, CASE), "injection", "perigee_error")
     for probability in (0.9, 0.9973):
         assert np.quantile(drawn, probability) == pytest.approx(norm_quantile(mean, covariance, probability), rel=0.02)
-    assert drawn_at(reached, CASE, "injection", "correction_delta_v") is None
+    assert drawn_at(CaseTables(reached, CASE), "injection", "correction_delta_v") is None
+
+
+def test_elements_of_an_ellipse_are_gaussian_and_the_perigee_of_a_circle_is_not(reached, tmp_path):
+    """The perigee of a circular orbit is below it whatever the error: its distribution is skewed."""
+    found = METRICS["normality"](reached)
+    assert set(found.event) == {"injection"}
+    assert found.gaussian.all()
+    assert found.skewness.abs().max() < 0.6
+    circle = METRICS["normality"](load(flights.results(tmp_path, flights.CIRCULAR, factor=40.0))).set_index("quantity")
+    assert not circle.gaussian["perigee height"]
+    assert abs(circle.skewness["perigee height"]) > 0.4
+    assert circle.gaussian["inclination"]
+    assert METRICS["normality"](load(flights.results(tmp_path / "few", n_run=19))).empty
+
+
+def test_a_pair_of_elements_that_depend_on_each_other_is_no_gaussian_vector():
+    """Chance of a Gaussian pair is uniform, that of a banana negligible although each marginal may look Gaussian."""
+    draw = np.random.default_rng(3)
+    chances = [mardia(draw.standard_normal((200, 2)) @ np.array([[1.0, 0.5], [0.0, 2.0]]))[2] for _ in range(400)]
+    assert np.mean(np.array(chances) < 0.05) == pytest.approx(0.05, abs=0.03)
+    x, y = draw.standard_normal((2, 200))
+    assert mardia(np.stack([x, y + 0.5 * x**2], axis=1))[2] < 1e-6

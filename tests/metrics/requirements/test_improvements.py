@@ -8,7 +8,8 @@ from scipy import stats
 
 from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
-from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY, UNKNOWN, asked, expected, improvements
+from lvnav_trade.metrics.metric import NO_LAW
+from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY, asked, expected, improvements
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -71,23 +72,25 @@ def stated(tmp_path, *requirements, n_run=80):
 
 def test_at_an_event_it_is_the_gaussian_of_the_event(good):
     found = asked(good, BOUND | {"at": "stage1_cutoff"}, FINE)
-    np.testing.assert_allclose(found.law.covariance, np.diag((1.4 * synthetic.SIGMA[6:9]) ** 2))
-    np.testing.assert_allclose(found.law.mean, 1.4 * synthetic.MEAN[6:9])
-    assert (found.bound, found.unit, found.above_only) == (4.0, "m", False)
+    np.testing.assert_allclose(found.distribution.law.covariance, np.diag((1.4 * synthetic.SIGMA[6:9]) ** 2))
+    np.testing.assert_allclose(found.distribution.law.mean, 1.4 * synthetic.MEAN[6:9])
+    assert (found.bound, found.unit, found.distribution.above_only) == (4.0, "m", False)
 
 
 def test_over_a_phase_it_is_that_of_the_worst_event(good):
     found = asked(good, BOUND | {"during": "liftoff to injection"}, FINE)
-    assert (found.moment, found.above_only) == ("injection", True)
-    np.testing.assert_array_equal(found.law.covariance, asked(good, BOUND, FINE).law.covariance)
-    assert asked(good, BOUND | {"during": "start to stage1_cutoff"}, FINE).moment == "stage1 cutoff"
+    assert (found.distribution.moment, found.distribution.above_only) == ("injection", True)
+    np.testing.assert_array_equal(
+        found.distribution.law.covariance, asked(good, BOUND, FINE).distribution.law.covariance
+    )
+    assert asked(good, BOUND | {"during": "start to stage1_cutoff"}, FINE).distribution.moment == "stage1 cutoff"
 
 
 def test_one_axis_is_looked_at_at_every_time(good):
     found = asked(good, BOUND | {"metric": "position_error_north", "during": "liftoff to injection"}, FINE)
-    assert found.moment == "injection"
+    assert found.distribution.moment == "injection"
     between = asked(good, BOUND | {"metric": "position_error_north", "during": "start to end"}, FINE)
-    assert between.law.covariance[0, 0] >= found.law.covariance[0, 0]
+    assert between.distribution.law.covariance[0, 0] >= found.distribution.law.covariance[0, 0]
 
 
 def test_the_probability_at_the_worst_moment_bounds_that_of_the_phase(good):
@@ -99,7 +102,7 @@ def test_the_probability_at_the_worst_moment_bounds_that_of_the_phase(good):
     worst = np.linalg.norm(drawn, axis=2).max(axis=1)
     for bound in (20.0, 40.0, 60.0):
         found = asked(good, BOUND | {"below": f"{bound} m", "during": "flight"}, FINE)
-        kept = norm_probability(found.law.mean, found.law.covariance, bound)
+        kept = norm_probability(found.distribution.law.mean, found.distribution.law.covariance, bound)
         assert np.mean(worst < bound) <= kept + 3.0 * np.sqrt(kept * (1.0 - kept) / 2000) + 1e-12
 
 
@@ -121,19 +124,21 @@ def test_a_phase_is_violated_or_not_applicable_by_linear_covariance_never_met(tm
 
 def test_numbers_of_the_mission_are_asked_of_position_and_velocity_together(good):
     impact = asked(good, {"name": "x", "metric": "impact_error", "probability": 0.9, "below": "1 km"}, FINE)
-    assert (impact.law.mean.shape, impact.bound, impact.unit) == ((2,), 1000.0, "km")
+    assert (impact.distribution.law.mean.shape, impact.bound, impact.unit) == ((2,), 1000.0, "km")
     perigee = {"name": "x", "metric": "perigee_error", "probability": 0.9, "below": "1 km"}
     assert asked(good, perigee, FINE) == "no closed orbit"
 
 
 def test_an_error_that_is_not_held_is_said_so(good):
-    assert asked(good, BOUND | {"metric": "heading_error_3d"}, FINE) == UNKNOWN
-    assert asked(good, BOUND | {"at": "kick"}, FINE) == UNKNOWN
-    assert asked(good, BOUND | {"during": "kick to injection"}, FINE) == UNKNOWN
+    assert asked(good, BOUND | {"metric": "heading_error_3d"}, FINE) == NO_LAW
+    assert asked(good, BOUND | {"at": "kick"}, FINE) == NO_LAW
+    assert asked(good, BOUND | {"during": "kick to injection"}, FINE) == NO_LAW
 
 
 def test_one_component_is_the_normal_law(good):
     found = asked(good, BOUND | {"metric": "position_error_north"}, FINE)
     sigma = 1.995 * synthetic.SIGMA[6]
     expected_kept = stats.norm.cdf(4.0 / sigma) - stats.norm.cdf(-4.0 / sigma)
-    assert norm_probability(found.law.mean, found.law.covariance, 4.0) == pytest.approx(expected_kept, abs=1e-12)
+    assert norm_probability(found.distribution.law.mean, found.distribution.law.covariance, 4.0) == pytest.approx(
+        expected_kept, abs=1e-12
+    )

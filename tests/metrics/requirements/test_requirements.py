@@ -7,16 +7,17 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.basics.probability import runs_needed, shows
+from lvnav_trade.metrics.metric import where
 from lvnav_trade.metrics.requirements.requirements import (
     boundaries,
     decide,
     decide_fixed,
     errors_of,
     further_runs,
-    phase_of,
     spent,
-    where,
+    unselected,
     with_unit,
 )
 from tests import synthetic
@@ -39,7 +40,7 @@ def test_verdicts_follow_the_bounds(runs, failures, verdict, more):
 def test_requirements_have_the_columns_that_users_rely_on(good):
     assert list(METRICS["requirements"](good).columns) == [
         "requirement", "case", "verdict", "estimate", "limit", "unit", "probability", "confidence", "runs",
-        "failures", "runs_to_decide",
+        "failures", "runs_to_decide", "by",
     ]  # fmt: skip
 
 
@@ -53,10 +54,29 @@ def test_requirements_are_checked_on_the_runs_and_failed_runs_fail(good):
     assert (rare.limit, rare.unit) == (1000.0, "mrad")
 
 
-def test_without_runs_a_requirement_is_undecided(alone):
-    found = METRICS["requirements"](alone)
-    assert set(found.verdict) == {"undecided"}
-    assert list(found.runs_to_decide)[-1] == 852
+def test_without_runs_the_verdict_is_that_of_linear_covariance_and_says_so(alone):
+    found = METRICS["requirements"](alone).set_index(["requirement", "case"])
+    expected = METRICS["expected"](alone).set_index(["requirement", "case"])
+    assert set(found.by) == {"LinCov"}
+    assert {"met", "violated"} == set(found.verdict)
+    assert found[["verdict", "estimate", "limit", "unit"]].equals(expected[["verdict", "estimate", "limit", "unit"]])
+    assert list(found.runs_to_decide)[-1] == 852  # that would demonstrate it
+
+
+def test_what_a_campaign_does_not_select_is_decided_by_linear_covariance_where_its_runs_are_too_few(good):
+    chosen = good.with_frames()
+    card = {**good.campaign["monte_carlo"], "selected": {"imu": "coarse"}}
+    chosen.__dict__["campaign"] = {**good.campaign, "monte_carlo": card}
+    before, after = (METRICS["requirements"](one).set_index(["requirement", "case"]) for one in (good, chosen))
+    assert unselected(chosen) == ["imu=fine"]
+    assert unselected(good) == []
+    rare = after.loc[("rare", "imu=fine")]
+    assert (rare.verdict, rare.by) == ("met", "LinCov")
+    margins = METRICS["margins"](chosen).set_index(["requirement", "case"])
+    assert margins.loc[("rare", "imu=fine"), ["verdict", "by"]].tolist() == ["met", "LinCov"]
+    others = [key for key in after.index if key != ("rare", "imu=fine")]
+    assert after.loc[others].equals(before.loc[others])
+    assert before.loc[("rare", "imu=fine"), "verdict"] == "undecided"
 
 
 PHASE = {"name": "x", "metric": "velocity_error_3d", "probability": 0.9, "below": "2 m/s"}
@@ -70,7 +90,7 @@ PHASE = {"name": "x", "metric": "velocity_error_3d", "probability": 0.9, "below"
     ],
 )  # fmt: skip
 def test_a_phase_is_checked_on_the_largest_error_of_each_run_within(good, during, first, last):
-    assert phase_of(good, "aaaaaaaaaaaa", during) == (first, last)
+    assert CaseTables(good, "aaaaaaaaaaaa").phase(during) == (first, last)
     cov = synthetic.covariance()
     runs = synthetic.block(cov, 0, 200)
     within = (cov.t >= first) & (cov.t <= last)

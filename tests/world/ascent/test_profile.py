@@ -230,7 +230,7 @@ def test_a_hole_that_the_fit_bridges_is_filled_and_said(tmp_path, hole):
 
 def test_a_longer_hole_is_refused_with_its_place(tmp_path):
     with pytest.raises(
-        InputError, match=r"record.csv: no data between 300 s and 305.2 s, where rows beside are 0.1 s apart"
+        InputError, match=r"record.csv: no data between 300 s and 305.2 s, where the rows around are 0.1 s apart"
     ):
         rebuild(card_of(tmp_path, rows_of_the_shipped_flight((300.0, 305.15))))
 

@@ -46,6 +46,7 @@ def test_the_shipped_record_is_read():
         (with_line(2, "time,speed,altitude"), r"flight\.csv:2: the header is 'time,speed,altitude', expected 'time_s,"),
         (with_line(6, "15,nan,225"), r"flight\.csv:6: speed_m_s is 'nan', not a finite number"),
         (with_line(6, "15,30,high"), r"flight\.csv:6: altitude_m is 'high', not a number"),
+        (with_line(6, "15,3_0,225"), r"flight\.csv:6: speed_m_s is '3_0', not a number"),
         (with_line(6, "15,30"), r"flight\.csv:6: 2 fields, expected 3"),
         (with_line(6, "10,30,225"), r"flight\.csv:6: time_s 10 repeats 10 s of the row before"),
         (with_line(6, "7,30,225"), r"flight\.csv:6: time_s 7 goes back from 10 s"),
@@ -79,7 +80,7 @@ def test_a_missing_record_is_refused(tmp_path):
 
 def test_a_record_that_is_no_text_is_refused(tmp_path):
     path = tmp_path / "flight.csv"
-    path.write_bytes(b"\xff\xfe\x00\x81")
+    path.write_bytes(b"time_s,speed_m_s,altitude_m\n\x00\x01\n")
     with pytest.raises(InputError, match="is not a text file"):
         read(str(path))
 

@@ -26,6 +26,7 @@ def changed(path, value):
     [
         (("vehicle", "stages", 0, "thrust"), "0 N", "greater than 0"),
         (("vehicle", "stages", 1, "ignition_delay"), "-1 s", "greater than or equal to 0"),
+        (("vehicle", "stages", 0, "ignition_delay"), "3 s", "of the first stage has no effect: it ignites at lift-off"),
         (("vehicle", "mach"), [0.0, 1.0], "2 Mach numbers but 9 drag coefficients"),
         (("vehicle", "mach"), [0.0, 0.6, 0.6, 1.1, 1.3, 2.0, 3.0, 5.0, 10.0], "mach must rise"),
         (("vehicle", "fairing", "stage"), 3, "released in stage 3 of 2"),
@@ -45,6 +46,13 @@ def changed(path, value):
         (("parking",), {"perigee": "200 km", "stage": 1}, "greater than or equal to 2"),
         (("target", "anomaly"), "95 deg", "less than"),
         (("target", "anomaly"), "-1 deg", "greater than or equal"),
+        (
+            ("target",),
+            {"perigee": "350 km", "apogee": "350 km", "inclination": "45 deg", "anomaly": "10 deg"},
+            "anomaly has no effect: a circular target",
+        ),
+        (("vehicle", "stages", 1, "separation_delay"), "2 s", "has no effect: the last stage does not separate"),
+        (("roll",), {"start": "8 s", "rate": "2 deg/s"}, "start and rate: no effect: pad and flight"),
         (("target",), {"perigee": "350 km", "apogee": "350 km", "inclination": "sun-synchron"}, "not a quantity"),
         (("target",), {"apogee": "350 km", "inclination": "sun-synchronous"}, "perigee"),
         (
@@ -62,7 +70,7 @@ def test_a_card_that_cannot_be_is_refused(path, value, fault):
 def test_a_vehicle_of_one_stage_is_refused():
     settings = ascent_settings()
     settings["vehicle"]["stages"] = settings["vehicle"]["stages"][:1]
-    settings["vehicle"]["fairing"] = None
+    settings["vehicle"] |= {"fairing": None, "assumed": {}, "second_hand": {}}
     with pytest.raises(ValidationError, match="two stages or more"):
         VehicleAscent.model_validate(settings)
 

@@ -156,7 +156,7 @@ def test_the_identity_of_a_launch_is_its_own():
 
 
 def test_an_envelope_of_a_rate_that_is_not_filtered_is_refused():
-    with pytest.raises(ValueError, match="no envelope filters it"):
+    with pytest.raises(ValueError, match="envelope has no effect: the controller takes the"):
         card(envelope={"burn": "0.01 rad/s^2"})
     body = settings("rotation/three_motor")
     short = body | {"stacks": body["stacks"][:2]}

@@ -175,6 +175,8 @@ def test_a_leg_cuts_no_corner_where_the_air_begins():
         ({"mach": [0.0, 1.0, 2.0]}, "3 Mach numbers but 5 drag coefficients"),
         ({"mach": [0.0, 1.0, 1.0, 2.0, 3.0]}, "mach must rise"),
         ({"legs": [{"name": "a", "duration": "9 s"}] * 2}, "two legs have the same name"),
+        ({"legs": [{"name": "a", "duration": "9 s", "slew": "9 s"}]}, "slew of the first leg has no effect"),
+        ({"orbit": {"perigee": "-6800 km", "apogee": "90 km", "inclination": "9 deg"}}, "is below the Earth's centre"),
         ({"legs": [{"name": "a", "duration": "9 s", "thrust": "1 N"}]}, "a burn needs thrust and specific_impulse"),
         ({"descent": {"altitude": "3 km", "parachutes": [{"name": "a", "below": "2 km", "drag_area": "1 m^2"}]}},
          "parachutes open one below the other"),

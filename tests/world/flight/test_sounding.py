@@ -52,7 +52,7 @@ def test_steps_that_overlap_or_outlast_the_flight_are_refused():
 
 @pytest.mark.parametrize("text", ["600 deg/s", "10 rad/s"])
 def test_a_spin_that_is_not_written_in_turns_is_refused(text):
-    with pytest.raises(ValidationError, match="turns per second are asked for, in Hz"):
+    with pytest.raises(ValidationError, match="give the turns per second, in Hz"):
         spin(("5 s", text, "4 s"))
 
 
@@ -75,6 +75,7 @@ def test_a_card_that_cannot_be_meant_is_refused(change, message):
     [
         (0, {"elevation": "80 deg"}, "the first stage starts from the rail"),
         (0, {"separation_delay": None}, "stage 'S-40TM' stays, but another burns above it"),
+        (0, {"ignition_delay": "3 s"}, "of the first stage has no effect: it ignites at lift-off"),
         (1, {"elevation": "20 deg"}, "nothing is left for the apogee"),
     ],
 )

@@ -93,7 +93,6 @@ def test_named_times_are_events_and_change_nothing_else():
 @pytest.mark.parametrize(
     ("named", "message"),
     [
-        ({"minute": "60"}, "'60' is not a time"),
         ({"minute": "stage7_cutoff + 2 s"}, "no event 'stage7_cutoff'"),
         ({"liftoff": "2 s"}, "'liftoff' is an event already"),
         ({"one minute": "60 s"}, "'one minute' is an event already, or no name for one"),
@@ -106,3 +105,8 @@ def test_a_named_time_that_cannot_be_is_refused_with_its_name(named, message):
     (record,) = caught.value.records
     assert message in record.message
     assert record.path == f"trajectory.named_times.{next(iter(named))}"
+
+
+def test_a_named_time_without_a_unit_is_refused_by_the_card():
+    with pytest.raises(ValueError, match="'60' is not a time: '60' has no unit"):
+        ascent_card(named_times={"minute": "60"})

@@ -5,6 +5,7 @@ import pytest
 
 from lvnav_trade.frames import ecef_from_geodetic, eci_from_ecef, rotation_e_n
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.line_of_sight import sight
 from lvnav_trade.world.conditions import Course
 from lvnav_trade.world.fault_cards import Jamming, Spoofing
 from lvnav_trade.world.flight.trajectory import motion
@@ -99,11 +100,11 @@ def test_ranges_of_a_spoofer_are_those_of_the_place_that_moves_away():
     turning = np.cross([0.0, 0.0, 7.292115e-5], r_i)
     line = satellite + speed * t[:, None, None] - r_i[:, None]
     rate = np.tile(speed, (3, 1, 1)) - turning[:, None]
-    found = feigned([card], Flight, t, r_i, line, rate)
+    found = feigned([card], Flight, t, r_i, sight(line, rate))
     # the place, found in axes of the Earth, and its distance to the satellites
     offset = np.array([3.0, -2.0, 1.0]) * (t - 4.0)[:, None] @ rotation_e_n(0.6, 0.3)
     false = np.linalg.norm(line - eci_from_ecef(offset, angle)[:, None], axis=2)
     np.testing.assert_allclose(found[:, :, 0], false - np.linalg.norm(line, axis=2), atol=1e-6)
     np.testing.assert_allclose(found[1, :, 1], (found[2, :, 0] - found[0, :, 0]) / (2.0 * step), atol=1e-6)
     assert np.linalg.norm(offset[1]) == pytest.approx(26.0 * math.sqrt(14.0))
-    assert not feigned([card], Flight, np.array([0.0, 3.0, 70.0]), r_i, line, rate).any()
+    assert not feigned([card], Flight, np.array([0.0, 3.0, 70.0]), r_i, sight(line, rate)).any()

@@ -9,6 +9,7 @@ import pytest
 from pydantic import ValidationError
 from ruamel.yaml import YAML
 
+from lvnav_trade.line_of_sight import off_nadir
 from lvnav_trade.world.patterns import CosineGain, TableGain
 from lvnav_trade.world.receiver.link import (
     AntennaCard,
@@ -16,7 +17,6 @@ from lvnav_trade.world.receiver.link import (
     carrier_to_noise,
     gain,
     gains,
-    off_nadir,
     path_loss,
     received_power,
 )

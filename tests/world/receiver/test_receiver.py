@@ -9,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 from lvnav_trade.campaign.reading.expand import expand
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import Shelf, shipped
-from lvnav_trade.receivers.base import ReportedCovariance, point_model, receiver_filter
+from lvnav_trade.receivers.base import FilterSettings, ReportedCovariance, point_model, receiver_filter
 from lvnav_trade.world.receiver.receiver import (
     BancroftSolution,
     ConstantCovariance,
@@ -56,8 +56,8 @@ def same(a, b):
 def test_the_published_variants_become_the_filters_numbers(card, arguments):
     read, reported = READ.validate_python(card), ReportedCovariance()
     assert isinstance(read, FilteredSolution)
-    expected = receiver_filter(reported, 1.0, start_acceleration=10.0, **arguments)
-    assert same(receiver_filter(reported, 1.0, **read.numbers()), expected)
+    expected = receiver_filter(reported, 1.0, FilterSettings(start_acceleration=10.0, **arguments))
+    assert same(receiver_filter(reported, 1.0, FilterSettings(**read.numbers())), expected)
 
 
 def test_a_point_solution_becomes_the_solvers_numbers_and_starts_the_filter():

@@ -379,6 +379,7 @@ def test_every_field_of_hearing_and_tracking_changes_the_sky_or_is_refused(part,
 def test_no_field_of_hearing_and_tracking_is_left_out():
     models = {"link": LinkCard, "loops": LoopsCard, "tracking": TrackingCard}
     assert {part: set(model.model_fields) for part, model in models.items()} == {p: set(OTHER[p]) for p in models}
-    antenna = {name for name in AntennaCard.model_fields if name not in ("name", "source", "pattern")}
+    labels = ("name", "source", "assumed", "second_hand", "pattern")
+    antenna = {name for name in AntennaCard.model_fields if name not in labels}
     patterns = {f"pattern.{name}" for model in (CosineGain, TableGain) for name in model.model_fields}
     assert antenna | patterns == {name.partition(".")[2] for name in OTHER["antennas"]}

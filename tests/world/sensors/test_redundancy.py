@@ -44,7 +44,12 @@ def test_what_lasts_of_the_middle_is_its_mean_over_the_noise(size):
 @pytest.mark.parametrize(
     ("units", "fields", "part"),
     [
-        ([{}, {}], {"parity": {}}, "parity: without a unit"),
+        (
+            [{}, {}],
+            {"parity": {}},
+            "none can be isolated; give a third unit, or skewed axes, or after_detection: report",
+        ),
+        ([{}], {"parity": {"after_detection": "report"}}, "no failure can be detected"),
         ([{}, {}], {"selection": "mid_value"}, "takes three units"),
         ([{}, {}, {"axes": [[1, 0, 0]]}], {"selection": "mid_value"}, "units.2 senses along 1 of 3"),
         ([{}, {}, {}], {"selection": "mid_value", "weights": "equal"}, "weights: equal"),
@@ -52,7 +57,7 @@ def test_what_lasts_of_the_middle_is_its_mean_over_the_noise(size):
         (
             [{}, {}, {"gyro": {"bias_repeatability": "1 deg/h"}}],
             {"parity": {}, "weights": "equal"},
-            "random_walk: none",
+            "random_walk: is zero",
         ),
     ],
 )

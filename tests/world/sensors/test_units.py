@@ -10,8 +10,9 @@ import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.kernels.transition import GYRO
+from lvnav_trade.world.sensors.differences import difference, relative_errors
 from lvnav_trade.world.sensors.imu import ImuCard
-from lvnav_trade.world.sensors.units import ImuSet, difference, equivalent, relative_errors, triads_of
+from lvnav_trade.world.sensors.units import ImuSet, equivalent, triads_of
 
 CARD: dict[str, Any] = {
     "name": "x", "source": "x", "rate": "100 Hz",

@@ -107,7 +107,7 @@ def test_a_record_that_the_next_one_cuts_short_names_its_last_line(tmp_path):
         (4, "nan", "eccentricity: nan is outside 0 to 0.999"),
         (4, "1.2", "eccentricity: 1.2 is outside 0 to 0.999"),
         (2, "4.5", "id: '4.5' is not a whole number"),
-        (2, "64", "id: 64 is outside 1 to 63"),
+        (2, "256", "id: 256 is outside 1 to 255"),
         (8, "51.536", "sqrt(a) (m 1/2): 51.536 is outside 2600 to 100000"),
     ],
 )
@@ -121,6 +121,34 @@ def test_a_wrong_number_is_refused_with_its_line(tmp_path, line, value, what):
 def test_a_satellite_that_comes_twice_is_refused_with_both_lines(tmp_path):
     path = almanac(tmp_path, RECORD.format(prn=4, health=0) * 2)
     assert refusal(path) == f"{path}:17: PRN 4 again (first on line 2)"
+
+
+@pytest.mark.parametrize(
+    "label", ["Right Ascen at Week(rad)", "Right Ascen at TOA(rad)", "Right Ascension at Week(rad)"]
+)
+def test_the_node_is_read_under_the_labels_that_writers_give_it(tmp_path, label):
+    text = RECORD.format(prn=4, health=0)
+    (plain,) = read_yuma(almanac(tmp_path, text))
+    old = next(line.partition(":")[0] for line in text.splitlines() if line.startswith("Right Ascen"))
+    assert read_yuma(almanac(tmp_path, text.replace(old, label))) == (plain,)
+
+
+def test_satellites_of_other_systems_are_passed_over(tmp_path):
+    text = RECORD.format(prn=4, health=0)
+    assert [one.prn for one in read_yuma(almanac(tmp_path, text + RECORD.format(prn=193, health=0)))] == [4]
+    path = almanac(tmp_path, RECORD.format(prn=193, health=0))
+    assert refusal(path) == f"{path}: PRN 193 and no other up to 63, so no satellite to take"
+
+
+def test_an_unhealthy_satellite_whose_record_is_broken_is_left_out_and_a_healthy_one_refused(tmp_path):
+    lines = RECORD.format(prn=7, health=63).splitlines()
+    at = next(k for k, line in enumerate(lines) if line.startswith("SQRT(A)"))
+    lines[at] = "SQRT(A)  (m 1/2): 0.000000"
+    broken, good = "\n".join(lines) + "\n", RECORD.format(prn=4, health=0)
+    assert [one.prn for one in read_yuma(almanac(tmp_path, good + broken))] == [4]
+    assert "sqrt(a) (m 1/2): 0.000000 is outside 2600" in refusal(
+        almanac(tmp_path, good + broken.replace("063", "000"))
+    )
 
 
 def test_a_field_that_comes_twice_or_is_unknown_is_refused(tmp_path):
@@ -201,7 +229,7 @@ def test_a_blank_serial_number_is_no_mistake(tmp_path):
         (1, "3  CURRENT.ALM", "20: ends after 2 satellites, but line 1 says 3"),
         (2, " 387", "2: second is missing"),
         (2, " 387 700000", "2: second: 700000 is outside 0 to 604800"),
-        (4, "64", "4: PRN: 64 is outside 1 to 63"),
+        (4, "256", "4: PRN: 256 is outside 1 to 255"),
         (7, " 1.5 0.0 0.0", "7: eccentricity: 1.5 is outside 0 to 0.999"),
         (7, " 0.5 0.0", "7: 2 numbers where 3 should be (eccentricity, inclination offset, rate of right ascension)"),
         (8, " 5153x6 0.0 0.0", "8: root of the semi-major axis: '5153x6' is not a number"),

@@ -1,7 +1,9 @@
+from datetime import timedelta
+
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.world.sky.gps_time import gps_seconds, resolve_week
+from lvnav_trade.world.sky.gps_time import LEAP_DAYS, gps_seconds, resolve_week, utc_after, utc_of
 
 
 @pytest.mark.parametrize(
@@ -18,6 +20,25 @@ from lvnav_trade.world.sky.gps_time import gps_seconds, resolve_week
 )
 def test_gps_time_counts_the_leap_seconds(utc, expected):
     assert gps_seconds(utc) == expected
+
+
+def test_utc_is_the_inverse_of_gps_time_on_both_sides_of_every_leap_second():
+    for day in LEAP_DAYS:
+        for apart in (-86400.0, -1.0, -0.25, 0.0, 0.25, 1.0, 86400.0):
+            utc = day + timedelta(seconds=apart)
+            assert utc_of(gps_seconds(utc.isoformat())) == utc
+        assert utc_of(gps_seconds(day.isoformat()) - 0.5) == day  # within the leap second
+
+
+def test_a_clock_that_runs_on_is_behind_utc_by_the_leap_seconds_between():
+    assert utc_after("1980-01-06T00:00:00Z", 1167264018.0) == "2017-01-01T00:00:00+00:00"
+    assert utc_after("1980-01-06T00:00:00Z", 1469620818.25) == "2026-08-01T12:00:00.250000+00:00"
+    assert utc_after("2016-12-31T23:59:50Z", 20.0) == "2017-01-01T00:00:09+00:00"
+    assert utc_after("2026-12-31T23:59:59+00:00", 1.5) == "2027-01-01T00:00:00.500000+00:00"
+
+
+def test_unix_time_counts_no_leap_seconds():
+    assert utc_after("1970-01-01T00:00:00Z", 1483228800.0) == "2017-01-01T00:00:00+00:00"
 
 
 @pytest.mark.parametrize("text", ["", "yesterday", "2026-13-01", "1979-12-31T00:00:00Z"])

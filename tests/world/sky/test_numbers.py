@@ -2,6 +2,7 @@ import gzip
 
 import pytest
 
+from lvnav_trade.decimals import whole
 from lvnav_trade.errors import InputError
 from lvnav_trade.world.sky.numbers import Bounds, number, read_lines
 
@@ -15,7 +16,10 @@ def test_numbers_are_read_with_fortran_exponents(text, value):
     ("text", "bounds", "what"),
     [
         ("x", Bounds(0.0, 1.0), "'x' is not a number"),
-        ("1.5", Bounds(0, 9, int), "'1.5' is not a whole number"),
+        ("1.5", Bounds(0, 9, whole), "'1.5' is not a whole number"),
+        ("1_0", Bounds(0, 99, whole), "'1_0' is not a whole number"),
+        ("1_0.5", Bounds(0.0, 99.0), "'1_0.5' is not a number"),
+        ("\u0661", Bounds(0.0, 9.0), "'\u0661' is not a number"),
         ("2", Bounds(0.0, 1.0), "2 is outside 0 to 1"),
         ("nan", Bounds(0.0, 1.0), "nan is outside 0 to 1"),
         ("inf", Bounds(0.0, 1.0), "inf is outside 0 to 1"),

@@ -86,6 +86,8 @@ def test_a_satellite_without_a_clock_is_left_out(tmp_path):
         ({"change": lambda lines: [line.replace("PG01", "PG01x") for line in lines]}, EPOCH, "is not a number"),
         ({"change": lambda lines: [line for line in lines if "P" not in line[:1]]}, EPOCH, "no satellite has position"),
         ({"change": lambda lines: [line.replace(" 11 00 ", " 11 61 ") for line in lines]}, EPOCH, "not a time"),
+        ({"change": lambda lines: [line.replace(" 11 00 ", " 1_1 00 ") for line in lines]}, EPOCH, "not a time"),
+        ({"change": lambda lines: [line.replace("0.00000000", "nan") for line in lines]}, EPOCH, "not a time"),
     ],
 )
 def test_faults_are_said_with_their_place(tmp_path, options, epoch, said):

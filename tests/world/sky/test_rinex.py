@@ -132,6 +132,19 @@ def test_further_lines_and_blank_flags_of_other_versions_of_the_format_are_no_mi
     assert navigation.ephemerides[0].elements["group_delay"] == 0.0
 
 
+def test_a_second_of_sixty_is_the_next_minute(tmp_path):
+    at = {
+        GPS_2: (" 1  1 59 44.0", " 1  1 59 60.0", " 1  2  0  0.0"),
+        GLONASS_2: (" 1  0 15  0.0", " 1  0 14 60.0", None),
+    }
+    for text, (old, sixty, full) in at.items():
+        found, expected = (read_navigation(own(tmp_path, text.replace(old, new or old))) for new in (sixty, full))
+        assert (found.ephemerides, found.states) == (expected.ephemerides, expected.states)
+    leap = GLONASS_2.replace("15  7  1  0 15  0.0", "15  6 30 23 59 60.0")
+    assert read_navigation(own(tmp_path, leap)).states[0].time == gps_time(2015, 7, 1, 0, 0, 16)  # in the leap second
+    assert refusal(own(tmp_path, GPS_2.replace(" 1  1 59 44.0", " 1  1 59 61.0"))).endswith("59 61.0' is not a time")
+
+
 def test_a_packed_file_is_read_as_the_plain_one(tmp_path):
     packed = tmp_path / "own.rnx.gz"
     packed.write_bytes(gzip.compress((HEAD_3 + GALILEO_3).encode()))
@@ -148,6 +161,9 @@ def test_a_packed_file_is_read_as_the_plain_one(tmp_path):
         ("END OF HEADER", "END OF HEAD", "12: ends without 'END OF HEADER'"),
         ("0.1490D-07 ", "0.14x0D-07 ", "2: ION ALPHA: '  0.14x0D-07' is not a number"),
         (" 2 10  7  1  1 59", " 2 10 17  1  1 59", "5: '10 17  1  1 59 44.0' is not a time"),
+        (" 2 10  7  1  1 59 44.0", " 2 10  7  1  1 59 4_4.", "5: '10  7  1  1 59 4_4.' is not a time"),
+        (" 2 10  7  1  1 59 44.0", " 2 10  7  1  1 59  inf", "5: '10  7  1  1 59  inf' is not a time"),
+        (" 2 10  7  1  1 59 44.0", " 2 10  7  1_1 59  4.0", "5: '10  7  1_1 59  4.0' is not a time"),
         (" 2 10  7", "XX 10  7", "5: 'XX' is not a satellite"),
         ("0.942399200517D-02", "0.942399200517D+02", "7: G02 eccentricity: 0.942399200517D+02 is outside 0 to 0.999"),
         ("0.515360024033D+04", "0.5153a0024033D+04",
@@ -198,3 +214,9 @@ def test_a_broken_offset_has_its_place():
 def test_the_recorded_file_states_galileos_offset(refdata):
     (offset,) = read_navigation(refdata / "gnss/rinex3/VILL00ESP_R_20181700000_01D_MN.rnx.gz").offsets
     assert offset == ("E", 2.2322637960e-08, -1.021405183e-14, gps_time(2018, 6, 20))
+
+
+def test_superscript_digits_are_no_number_of_a_satellite(tmp_path):
+    file = tmp_path / "a.rnx"
+    file.write_bytes(GPS_2.replace("\n 2 10  7", "\n\u00b2\u00b2 10  7").encode("latin-1"))
+    assert refusal(file).endswith("'\u00b2\u00b2' is not a satellite")

@@ -20,10 +20,10 @@ from lvnav_trade.world.sky.constellation import (
     orbits,
 )
 from lvnav_trade.world.sky.rinex import read_navigation
-from lvnav_trade.world.sky.satellites import Combined, nearest, satellites, time_offsets
+from lvnav_trade.world.sky.satellites import Combined, left_out, nearest, satellites, time_offsets
 from tests.counting import calls
 from tests.world.products import gps_time
-from tests.world.sky.test_rinex import GALILEO_3, GLONASS_3, HEAD_3
+from tests.world.sky.test_rinex import GALILEO_3, GLONASS_3, GPS_2, HEAD_3
 
 EPOCH = "2026-08-01T12:00:00Z"
 MIXED = "gnss/rinex3/VILL00ESP_R_20181700000_01D_MN.rnx.gz"
@@ -191,6 +191,75 @@ def test_a_system_that_the_file_lacks_or_that_is_sick_is_refused(tmp_path):
     sick = GLONASS_3.replace("-0.000000000000E+00 0.000000000000E+00", "-0.000000000000E+00 1.000000000000E+00", 1)
     with pytest.raises(InputError, match=r"own\.rnx: no healthy satellite of GLONASS$"):
         satellites(own(tmp_path, HEAD_3 + sick), "2018-06-18T18:15:00Z")
+
+
+def stated(text, line, column, value):
+    """Return a record of version 3 with another number in one of its places."""
+    lines = text.splitlines(keepends=True)
+    start = 4 + 19 * column
+    lines[line] = f"{lines[line][:start]}{value:19.12E}{lines[line][start + 19 :]}"
+    return "".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("health", "healthy"), [(0, True), (64, True), (8, True), (0x1B8, True), (1, False), (2, False), (4, False)]
+)
+def test_galileo_is_healthy_for_a_user_of_e1_by_the_flags_of_e1(tmp_path, health, healthy):
+    card, lift_off = own(tmp_path, HEAD_3 + stated(GALILEO_3, 6, 1, health)), "2018-06-18T16:00:00Z"
+    if healthy:
+        assert satellites(card, lift_off).names == ("E01",)
+        return
+    with pytest.raises(InputError, match=r"own\.rnx: no healthy satellite of Galileo$"):
+        satellites(card, lift_off)
+
+
+@pytest.mark.parametrize(("accuracy", "taken"), [(3.12, True), (6.0, True), (-1.0, False), (255.0, False)])
+def test_galileo_without_a_prediction_of_accuracy_is_not_taken(tmp_path, accuracy, taken):
+    card = own(tmp_path, HEAD_3 + stated(GALILEO_3, 6, 0, accuracy))
+    if taken:
+        assert satellites(card, "2018-06-18T16:00:00Z").names == ("E01",)
+        return
+    with pytest.raises(InputError, match="no healthy satellite of Galileo"):
+        satellites(card, "2018-06-18T16:00:00Z")
+
+
+@pytest.mark.parametrize(("accuracy", "taken"), [("0.614400000000D+04", True), ("0.819200000000D+04", False)])
+def test_gps_without_a_prediction_of_accuracy_is_not_taken(tmp_path, accuracy, taken):
+    lines = GPS_2.splitlines(keepends=True)
+    lines[10] = f"   {accuracy:>19}{lines[10][22:]}"
+    card = own(tmp_path, "".join(lines))
+    if taken:
+        assert satellites(card, "2010-07-01T02:00:00Z").names == ("G02",)
+        return
+    with pytest.raises(InputError, match="no healthy satellite of GPS"):
+        satellites(card, "2010-07-01T02:00:00Z")
+
+
+def test_a_broken_record_costs_no_other_and_is_reported_where_its_system_is_taken(tmp_path):
+    dead = stated(GALILEO_3.replace("E01", "E02"), 2, 3, 0.0)  # the root of its semi-major axis
+    text = HEAD_3 + GALILEO_3 + dead + GLONASS_3
+    lift_off = "2018-06-18T16:00:00Z"
+    card = own(tmp_path, text, systems=["Galileo"])
+    assert satellites(card, lift_off).names == ("E01",)
+    (line,) = left_out(card)
+    assert line.removeprefix(f"{tmp_path / 'own.rnx'}: ").startswith(
+        "1 broken record of E02 left out, the first at line 16: E02 root of the semi-major axis: "
+    )
+    assert left_out(own(tmp_path, text, systems=["GLONASS"])) == []
+    assert left_out(own(tmp_path, text.replace(dead, stated(dead, 6, 1, 1.0)), systems=["Galileo"])) == []
+    with pytest.raises(InputError, match=r"own\.rnx:8: E02 root of the semi-major axis: .* is outside 2600"):
+        satellites(own(tmp_path, HEAD_3 + dead + GLONASS_3, systems=["Galileo"]), lift_off)
+
+
+def test_a_state_of_glonass_that_no_satellite_can_have_is_broken(tmp_path):
+    zero = GLONASS_3.replace("R01", "R02")
+    for line in (1, 2, 3):
+        zero = stated(zero, line, 0, 0.0)
+    card = own(tmp_path, HEAD_3 + GLONASS_3 + zero)
+    assert satellites(card, "2018-06-18T18:15:00Z").names == ("R01",)
+    assert "R02 position: its size of 0 m is outside 1e+07 to 5e+07" in left_out(card)[0]
+    with pytest.raises(InputError, match="R02 position: its size of 0 m"):
+        satellites(own(tmp_path, HEAD_3 + zero), "2018-06-18T18:15:00Z")
 
 
 def test_two_parts_of_one_system_are_refused(card):

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.world.user_file.guesses import guess, readings
-from lvnav_trade.world.user_file.rows import read_columns
+from lvnav_trade.world.user_file.attitude_readings import readings
+from lvnav_trade.world.user_file.data_file import read_columns
+from lvnav_trade.world.user_file.guesses import guess
 
 EXAMPLE = "configs/trajectories/example_table.csv"
 NAMES = ["time_s", "latitude_deg", "longitude_deg", "height_m", "north_m_s", "east_m_s", "down_m_s"]
@@ -48,6 +49,24 @@ def test_without_units_the_size_of_the_numbers_counts(rows, tmp_path: Path) -> N
     assert radians["position"] == {"frame": "geodetic", "columns": titles[1:4], "unit": "rad", "height_unit": "m"}
 
 
+@pytest.mark.parametrize(
+    ("height", "unit"),
+    [
+        (lambda t: 900.0 * np.sin(t / 40.0), "m"),  # a hop: as km it would be at 20 km/s
+        (lambda t: 1450.0 + np.maximum(t - 20.0, 0.0) * 2.0, "m"),  # a balloon from a pad that is no 1450 km high
+        (lambda t: 0.01 * t**2, "km"),
+        (lambda t: 400.0 - 0.5 * t, "km"),  # an entry
+    ],
+    ids=["hop", "high pad", "ascent", "entry"],
+)
+def test_heights_below_three_thousand_are_metres_where_no_vehicle_is_so_quick_in_km(
+    height, unit: str, tmp_path: Path
+) -> None:
+    t = np.arange(0.0, 120.5, 0.5)
+    columns = np.column_stack([t, 40.0 + 1e-4 * t, 100.0 + 0.0 * t, height(t)])
+    assert content(written(tmp_path, ["t", "lat", "lon", "alt"], columns))["position"]["height_unit"] == unit
+
+
 @pytest.mark.parametrize(("turning", "frame"), [(0.0, "ecef"), (7.292115e-5, "eci")])
 def test_a_frame_that_no_name_says_is_that_in_which_the_first_rows_rest(
     turning: float, frame: str, tmp_path: Path
@@ -59,7 +78,7 @@ def test_a_frame_that_no_name_says_is_that_in_which_the_first_rows_rest(
         "frame": frame, "columns": ["x", "y", "z"], "unit": "km",
     }  # fmt: skip
     named = content(written(tmp_path, ["t", "x_j2000 [km]", "y_j2000 [km]", "z_j2000 [km]"], columns))
-    assert named["position"]["frame"] == "eci"
+    assert named["position"]["frame"] == "j2000"
 
 
 def test_columns_that_are_missing_are_said(tmp_path: Path) -> None:
@@ -69,7 +88,7 @@ def test_columns_that_are_missing_are_said(tmp_path: Path) -> None:
         guess(written(tmp_path, ["t", "b"], np.zeros((20, 2))))
 
 
-def test_a_quaternion_has_twelve_readings_and_the_guessed_one_is_first() -> None:
+def test_a_quaternion_has_sixteen_readings_and_the_guessed_one_is_first() -> None:
     guessed = {
         "form": "quaternion",
         "frame": "eci",
@@ -79,4 +98,4 @@ def test_a_quaternion_has_twelve_readings_and_the_guessed_one_is_first() -> None
     }
     found = list(readings(guessed))
     assert found[0] == guessed
-    assert len({tuple(map(str, one.values())) for one in found}) == 12
+    assert len({tuple(map(str, one.values())) for one in found}) == 16

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from lvnav_trade.campaign.recorded import read_card
 from lvnav_trade.errors import InputError
-from lvnav_trade.world.user_file.navigation_log import NavigationLog, later, read_recording, turning
+from lvnav_trade.world.user_file.navigation_log import NavigationLog, first_row_utc, read_recording, turning
 from tests import recorded_log
 
 
@@ -65,7 +65,7 @@ def test_missing_columns_and_latitudes_beyond_the_pole_are_named(tmp_path):
     card, _ = recorded_log.write(tmp_path)
     frame = pd.read_csv(tmp_path / "gnss.csv")
     frame.assign(latitude_deg=frame.latitude_deg + 60.0).to_csv(tmp_path / "gnss.csv", index=False)
-    with pytest.raises(InputError, match=r"gnss.csv:2: latitude_deg is beyond 90"):
+    with pytest.raises(InputError, match=r"gnss.csv:2: latitude_deg is 107\.0\d+, beyond 90"):
         read_recording(read_card(card), tmp_path)
     frame.drop(columns="v_down_m_s").to_csv(tmp_path / "gnss.csv", index=False)
     with pytest.raises(InputError, match="no column 'v_down_m_s'"):
@@ -87,5 +87,36 @@ def test_ranges_have_names_of_satellites(tmp_path):
         read_recording(read_card(card), tmp_path)
 
 
-def test_an_epoch_moves_on_by_seconds():
-    assert later("2026-12-31T23:59:59+00:00", 1.5) == "2027-01-01T00:00:00.500000+00:00"
+GPS, UNIX = "1980-01-06T00:00:00Z", "1970-01-01T00:00:00Z"
+FIRST = "2026-06-01T10:00:00+00:00"  # 1464343218 s of GPS time, as any GPS calendar prints it
+
+
+@pytest.mark.parametrize(
+    ("epoch", "scale", "seconds"),
+    [
+        (GPS, None, 1464343218.0),
+        (GPS, "unix", 1464343200.0),  # GPS seconds of a host that forgets the leap seconds
+        (UNIX, None, 1780308000.0),
+        ("2016-12-31T00:00:00Z", "gps", 297165601.0),
+        ("2016-12-31T00:00:00Z", "unix", 297165600.0),
+        ("2026-05-30T23:59:42Z", None, 122418.0),  # seconds of the GPS week
+    ],
+)
+def test_the_first_row_is_at_the_same_utc_whatever_the_column_counts_from(epoch, scale, seconds):
+    card = stated_log(epoch=epoch, time_scale=scale)
+    assert first_row_utc(card, seconds, "gnss.csv") == FIRST
+
+
+def test_leap_seconds_that_may_be_counted_or_not_are_asked_for():
+    card = stated_log(epoch="2016-12-31T00:00:00Z")
+    with pytest.raises(InputError, match=r"gnss.csv: 1 leap second between the epoch .* state time_scale"):
+        first_row_utc(card, 297165600.0, "gnss.csv")
+    with pytest.raises(InputError, match="is the unit of time right"):
+        first_row_utc(stated_log(epoch=UNIX), 1780308000.0e3, "gnss.csv")
+    with pytest.raises(ValidationError, match="GPS time begins 1980-01-06"):
+        stated_log(epoch=UNIX, time_scale="gps")
+
+
+def stated_log(**fields) -> NavigationLog:
+    files = {"imu": {"file": "i"}, "gnss": {"file": "g"}}
+    return NavigationLog.model_validate({"name": "a", "source": "b", "still": ["0 s", "9 s"], **files, **fields})

@@ -111,6 +111,36 @@ def test_a_jump_of_the_reference_point_at_an_event_is_named_and_removed(tmp_path
     refuse_contradiction(card(settings), imu())
 
 
+def paired(tmp_path, shift=(0.0, 0.0, 0.0), rate=(0.0, 0.0, 0.0), at=BREAK):
+    """A file with two rows at a time, position and velocity of the second one and all behind it changed."""
+    t = np.sort(np.append(T, at))
+    r, v = path(t)
+    behind = np.arange(t.size) > np.searchsorted(t, at)
+    columns = {"t": t, **named("xyz", r + np.outer(behind, shift)), **named(("vx", "vy", "vz"), v)}
+    return write(tmp_path, columns | named(("vx", "vy", "vz"), v + np.outer(behind, rate)))
+
+
+@pytest.mark.parametrize("velocity", [True, False])
+def test_two_rows_at_an_event_are_the_states_before_and_after_it(tmp_path, velocity):
+    settings = paired(tmp_path, [3.0, 0.0, 4.0])
+    if not velocity:
+        settings["velocity"] = None
+    flight = build(card(settings))
+    assert flight.facts["reference_change_1"] == "cutoff"
+    assert flight.facts["reference_change_1_m"] == pytest.approx(5.0, abs=0.01)
+    assert np.max(np.abs(motion(flight, T).r_i - path(T)[0])) < 0.01
+
+
+def test_a_velocity_that_jumps_between_two_rows_at_an_event_is_named(tmp_path):
+    with pytest.raises(InputError, match=r":83: the velocity jumps by 2 m/s at event 'cutoff', between the two rows"):
+        build(card(paired(tmp_path, rate=[0.0, 2.0, 0.0])))
+
+
+def test_two_rows_at_a_time_that_is_no_event_are_named_with_the_event_that_they_may_be(tmp_path):
+    with pytest.raises(InputError, match=r":123: time 60 s repeats .* with another state.*events: \{NAME: 60 s\}"):
+        build(card(paired(tmp_path, [3.0, 0.0, 4.0], at=60.0)))
+
+
 def test_a_jump_where_no_event_is_declared_is_refused(tmp_path):
     r, _ = path(T)
     settings = write(tmp_path, named("xyz", r + np.outer(T >= 60.0, [3.0, 0.0, 4.0])))
@@ -215,7 +245,10 @@ def test_a_moving_first_row_has_no_pad_before_it(tmp_path):
 def test_an_attitude_that_turns_the_wrong_way_is_refused_unless_the_card_insists():
     own = example_settings()
     own["attitude"] = {**own["attitude"], "turns": "frame_to_body"}
-    with pytest.raises(InputError, match=r"forces above 1 g lie \d+ deg off the body's x axis \(median\): are turns"):
+    with pytest.raises(
+        InputError,
+        match=r"forces above 1 g lie 52.79 deg off the body's x axis \(median\) as .*with turns: body_to_frame: state",
+    ):
         build(card(own))
     assert np.all(np.isfinite(matrices(motion(build(card(own, largest_force_angle="180 deg")), T).q_b_i)))
 

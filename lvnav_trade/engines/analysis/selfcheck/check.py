@@ -1,4 +1,4 @@
-"""A check: what was found, what is allowed, and the verdict."""
+"""A check: the value found, the value allowed, the verdict."""
 
 import math
 from collections.abc import Iterable

@@ -7,18 +7,20 @@ import numpy as np
 from scipy import stats
 
 from lvnav_trade.engines.analysis.selfcheck.check import Check
-from lvnav_trade.engines.setup.prepare import Prepared, reporting_axes
+from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.montecarlo import new_work
 from lvnav_trade.engines.simulate.sensing import from_errors
 from lvnav_trade.engines.simulate.units import new_units, sense_units
+from lvnav_trade.frames import reporting_axes
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.strapdown import R, V
+from lvnav_trade.layout import ErrorTerm
 from lvnav_trade.per_axis import axes, rms, squares
 from lvnav_trade.records import Floats
 from lvnav_trade.sources import label_of
-from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard
+from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sensors.units import triads_of
 
 RUNS = 128
@@ -49,8 +51,8 @@ def of_imu(prepared: Prepared, seed: int) -> list[Check]:
     checks: list[Check] = []
     first, later, lags = _processes(prepared, seed)
     step = prepared.unit.process_ticks * prepared.unit.dt
-    for source in dict.fromkeys(block.source for block in prepared.sources):
-        own = [(k, block) for k, block in enumerate(prepared.sources) if block.source == source]
+    for source in dict.fromkeys(block.name for block in prepared.sources):
+        own = [(k, block) for k, block in enumerate(prepared.sources) if block.name == source]
         k, block = own[0]
         what, at = label_of(source), [k for k, _ in own]
         begun, grown = np.array(axes(block.sigma)), np.sqrt(_variance(block, step, lags[k]))
@@ -69,7 +71,7 @@ def of_imu(prepared: Prepared, seed: int) -> list[Check]:
     return checks
 
 
-def _variance(block: ErrorBlock, step: float, count: int) -> Floats:
+def _variance(block: ErrorTerm, step: float, count: int) -> Floats:
     """Return the variance (3,) of an error parameter after some steps, by the numbers of its card."""
     start, rate = np.array(squares(block.sigma)), np.array(squares(block.walk))
     if math.isinf(block.time_constant):
@@ -78,7 +80,7 @@ def _variance(block: ErrorBlock, step: float, count: int) -> Floats:
     return np.asarray(start + rate * step * (1.0 - decay**count) / (1.0 - decay))
 
 
-def _lag(block: ErrorBlock, step: float) -> int:
+def _lag(block: ErrorTerm, step: float) -> int:
     """Return after how many steps a parameter is looked at again, 0 for one that does not vary."""
     if math.isinf(block.time_constant):
         return _STEPS if rms(block.walk) > 0.0 else 0

@@ -128,7 +128,7 @@ def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Float
     at = row_of(model, work, sensors.channel[k])
     _estimate(prepared, work, epoch, d, prepared.t_epoch[epoch] - prepared.devices[k].delay[epoch])
     measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
-    fill_sensor(work, None, None, None, model, prepared.signals, sensors, k, at, epoch)
+    fill_sensor(work, None, None, model, prepared.signals, sensors, k, epoch)
     return _dense(prepared, work, [(at + i, sensors.channel[k] + i) for i in range(sensors.scalars[k])])
 
 

@@ -9,16 +9,17 @@ import numpy as np
 from lvnav_trade.engines.analysis.estimate import navigation_at, tick_at
 from lvnav_trade.engines.analysis.selfcheck.check import Check
 from lvnav_trade.engines.analysis.selfcheck.draws import RUNS, correlation, moments
-from lvnav_trade.engines.setup.families import RECORDED
+from lvnav_trade.engines.epoch.case import case_of
+from lvnav_trade.engines.setup.correlated import RECORDED
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.receiver.noise import rate_sigma_of
-from lvnav_trade.engines.simulate.montecarlo import Work, new_work
+from lvnav_trade.engines.simulate.montecarlo import Truth, Work, new_work
 from lvnav_trade.engines.simulate.sensing import begin, measure_sensors, observe
 from lvnav_trade.kernels.clock import step_covariance
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.observables.base import N_ENTRY
-from lvnav_trade.observables.imu_difference import ImuDifferenceCard
 from lvnav_trade.observables.sensors import RECEIVER_SOLUTION, fill, measure
+from lvnav_trade.observables.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.records import Bools, Floats, Ints
 from lvnav_trade.scenario import solves
 from lvnav_trade.sources import label_of
@@ -109,20 +110,23 @@ def _plain(prepared: Prepared) -> Bools:
 
 def _drawn(prepared: Prepared, seed: int) -> Drawn:
     """Let the receiver and the sensors of some runs measure the nominal flight at some epochs, one after another."""
-    signals, (k0, k1), epochs = prepared.signals, seed_words(seed), _epochs(prepared)
+    signals, key, epochs = prepared.signals, seed_words(seed), _epochs(prepared)
     (work, parts), plain, ranges = new_work(prepared, lanes=False), _plain(prepared), _ranges(prepared)
-    further, model = prepared.options.further, prepared.model._replace(tight=ranges)
+    truth = Truth(prepared.unit, prepared.start, prepared.record)
+    start_case = case_of(prepared)
+    # ranges too where a solver would take them; what it makes of them is none of the draws
+    case = case_of(prepared, model=prepared.model._replace(tight=ranges))
     clean = {epoch: _innovations(prepared, work, epoch, exact=True) for epoch in epochs.tolist()}
     start, steps = np.empty((RUNS, 2)), np.empty((RUNS, epochs.size, 2))
     shared, white = np.zeros((RUNS, 1 + epochs.size, signals.shared.start.size)), defaultdict[str, list[Floats]](list)
     for run in range(RUNS):
         work.run[0] = run
-        begin(work, parts.units, prepared.unit, prepared.options.units, signals, prepared.start, prepared.model, k0, k1)
+        begin(work, parts.units, start_case, truth, key)
         start[run], shared[run, 0] = work.clock, work.shared[: shared.shape[2]]
         for k, epoch in enumerate(epochs.tolist()):
             bias, drift = work.clock
-            observe(work, None, parts.last, None, further, signals, model, epoch, k0, k1)
-            measure_sensors(work, parts.units, prepared.sensors, None, signals, epoch, k0, k1)
+            observe(work, parts, case, None, key, epoch)
+            measure_sensors(work, parts.units, prepared.sensors, None, signals, key, epoch)
             bias += signals.interval * drift + signals.clock_jump[epoch, 0]
             drift += signals.clock_jump[epoch, 1]
             steps[run, k] = work.clock - (bias, drift)

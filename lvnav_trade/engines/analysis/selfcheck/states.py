@@ -1,12 +1,13 @@
-"""Definition of the error: a known error that is put into the estimate is found, and gone once it is fed back."""
+"""Check of the error definition: a known error in the estimate is found, and removed by feedback."""
 
 import numpy as np
 
 from lvnav_trade.engines.analysis.estimate import navigation
 from lvnav_trade.engines.analysis.selfcheck.check import Check
+from lvnav_trade.engines.epoch.case import Parts, case_of
 from lvnav_trade.engines.lincov.history import turns
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.engines.simulate.montecarlo import Parts, Work, new_work
+from lvnav_trade.engines.simulate.montecarlo import Work, new_work
 from lvnav_trade.engines.simulate.recording import record
 from lvnav_trade.filters.ekf import correct
 from lvnav_trade.filters.samples import correct_vehicle
@@ -53,7 +54,7 @@ def round_trip(prepared: Prepared) -> list[Check]:
 
 def _tick(prepared: Prepared, hist: int) -> int:
     """Return the tick that ends at a history time."""
-    return max(0, round((prepared.t_hist[hist] - prepared.unit.start) / prepared.unit.dt) - 1)
+    return max(0, int(prepared.hist_tick[hist]) - 1)
 
 
 def _put_in(prepared: Prepared, work: Work, parts: Parts, hist: int, d: Floats) -> None:
@@ -75,11 +76,9 @@ def _put_in(prepared: Prepared, work: Work, parts: Parts, hist: int, d: Floats) 
 
 def _found(prepared: Prepared, work: Work, parts: Parts, hist: int) -> Floats:
     """Return the error (n_reported,) that a run records, in reporting axes."""
-    options = prepared.options
-    record(
-        work, None, None, parts.units, parts.motion, None, None, None, options.vehicle, None, None, None,
-        prepared.record, prepared.signals.shared, options.units, prepared.model, _tick(prepared, hist), hist,
-    )  # fmt: skip
+    of_states = prepared.options._replace(samples=None, report=None, backup=None)
+    parts = Parts(units=parts.units, motion=parts.motion)
+    record(work, parts, case_of(prepared, options=of_states), None, prepared.record, _tick(prepared, hist), hist)
     return np.array(work.err[hist, : len(prepared.layout.reported)])
 
 

@@ -1,4 +1,4 @@
-"""What the true atmosphere does to the signals of a flight, and what the filter's correction makes of it."""
+"""Atmospheric delays of the signals: true delays, and those that the filter corrects."""
 
 from collections.abc import Callable
 from datetime import datetime, timedelta
@@ -10,10 +10,11 @@ import numpy as np
 from lvnav_trade.delays.cards import AtmosphereCard, CorrectionsCard, NoIonosphere, correction_models
 from lvnav_trade.delays.models import Geometry, ionosphere_delay, troposphere_delay
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, unit
+from lvnav_trade.line_of_sight import look_angles
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.world.flight.trajectory import Trajectory
 from lvnav_trade.world.receiver.receiver import ReceiverCard
-from lvnav_trade.world.receiver.visibility import antenna, look_angles
+from lvnav_trade.world.receiver.visibility import antenna
 from lvnav_trade.world.sky.gps_time import leap_seconds
 
 HALF_STEP = 0.25  # s to either side of an epoch for the rate of a delay

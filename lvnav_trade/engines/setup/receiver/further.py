@@ -1,22 +1,21 @@
-"""Observables of satellites beside pseudorange and range rate: carrier phases, and differences of two epochs."""
+"""Further observables of satellites: carrier phases, and differences of two epochs."""
 
 import numpy as np
 
-from lvnav_trade.engines.setup.families import ErrorFamily
-from lvnav_trade.engines.setup.inputs import Further, Signals
+from lvnav_trade.engines.setup.filtering import Filtering
+from lvnav_trade.engines.setup.flight import Flight
+from lvnav_trade.engines.setup.inputs import Further
 from lvnav_trade.engines.setup.receiver.noise import assumed_sigma
-from lvnav_trade.engines.setup.receiver.signals import Line, hold
+from lvnav_trade.engines.setup.receiver.signals import InUse, hold
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.filters.delayed import Delayed
-from lvnav_trade.filters.model import FilterModel
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.random import source_word
-from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.base import D_EXTRA
-from lvnav_trade.observables.partials import DIFFERENCES, OF_ONE, PHASES, Channels
+from lvnav_trade.observables.correlated import CorrelatedError
+from lvnav_trade.observables.partials import DIFFERENCES, OF_ONE, PHASES
 from lvnav_trade.records import Bools, Floats, Ints, Sky
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario import Scenario, filter_models
 from lvnav_trade.sources import PHASE_NOISE
 from lvnav_trade.world.faults import missing_satellite
 
@@ -29,7 +28,7 @@ def wavelength(scenario: Scenario) -> float:
     return SPEED_OF_LIGHT / L1 if link is None else link.wavelength
 
 
-def linked(seen: Sky, signals: Signals) -> tuple[Bools, Bools, Bools]:
+def linked(seen: Sky, signals: InUse) -> tuple[Bools, Bools, Bools]:
     """Return whether a satellite begins a new phase; whether it was measured at the epoch before too; and whether its
     phase went on since then, (n_epoch, n_sat) each.
 
@@ -52,23 +51,25 @@ def linked(seen: Sky, signals: Signals) -> tuple[Bools, Bools, Bools]:
 
 
 def further_of(
-    scenario: Scenario, seen: Sky, signals: Signals, families: tuple[ErrorFamily, ...], channels: Channels,
-    left: Floats, slip: Floats,
-) -> Further | None:  # fmt: skip
+    scenario: Scenario, flight: Flight, signals: InUse, errors: tuple[CorrelatedError, ...], offsets: Floats
+) -> Further | None:
     """Return what is true of further observables, None without any.
 
-    left (n_epoch, n_sat) m that is wrong with a carrier phase in every run, slip (n_epoch, n_sat) cycles.
+    errors : correlated errors of the case
+    offsets : (n_epoch, n_sat) m, of the times of the satellites' systems
     """
+    channels, seen = flight.channels, flight.sky
     if not channels.further:
         return None
     ambiguity = np.full(len(seen.names), -1, dtype=np.int64)
     first = 0
-    for family in families:
-        if family.kind == "ambiguity":
-            for k, label in enumerate(family.labels):
+    for error in errors:
+        if error.kind == "ambiguity":
+            for k, label in enumerate(error.labels):
                 ambiguity[seen.names.index(label)] = first + k
-        first += len(family.labels)
-    phase = np.asarray(left + wavelength(scenario) * slip)
+        first += len(error.labels)
+    left = flight.lines.sight.distance + flight.biased[..., 0] + flight.delays.left_of_phase + offsets
+    phase = np.asarray(left + wavelength(scenario) * flight.failed.slip)
     hold(signals.frozen, phase)
     return Further(
         phase=phase,
@@ -80,13 +81,12 @@ def further_of(
     )
 
 
-def delayed_of(
-    scenario: Scenario, model: ReceiverModel, seen: Sky, line: Line, signals: Signals, layout: StateLayout,
-    numbers: FilterModel, channels: Channels,
-) -> Delayed | None:  # fmt: skip
-    """Return how the filter processes further observables, None without any; model: what it assumes of the receiver."""
+def delayed_of(scenario: Scenario, flight: Flight, filtering: Filtering, signals: InUse) -> Delayed | None:
+    """Return how the filter processes further observables, None without any."""
+    channels, layout, numbers = flight.channels, filtering.layout, filtering.model
     if not channels.further:
         return None
+    seen, line, (_, model, _) = flight.sky, flight.lines, filter_models(scenario)
     n_epoch = len(seen.tracked)
     restart, before, going_on = linked(seen, signals)
     present = np.ones((n_epoch, channels.n_receiver), dtype=np.bool_)
@@ -115,13 +115,14 @@ def delayed_of(
     )
 
 
-def references_of(scenario: Scenario, seen: Sky, signals: Signals, channels: Channels, delayed: Delayed | None) -> Ints:
+def references_of(scenario: Scenario, flight: Flight, signals: InUse, delayed: Delayed | None) -> Ints:
     """Return by observable the slot (n_epoch, n_kind) of the satellite that others are differenced with, -1 none.
 
     Of several observables with the same unknown of the clock the first one has a reference: what the others say beyond
     it is independent of the clock. InputError where the name is none of the constellation.
     """
-    card, found = scenario.filter, signals.reference.copy()
+    card, channels, seen = scenario.filter, flight.channels, flight.sky
+    found = np.full((signals.n_used.size, len(channels.observables)), -1, dtype=np.int64)
     if not channels.tight or card.clock != "differenced":
         return found
     name = card.reference_satellite

@@ -1,4 +1,4 @@
-"""White noise of what a receiver measures, by channel: what is true of it, and what the filter assumes."""
+"""White noise of receiver measurements by channel: true sigma, and variance in the filter model."""
 
 import math
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.engines.setup.options import direct
+from lvnav_trade.engines.setup.receiver.lines import Lines
 from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.observables.partials import DIFFERENCES, PHASES, Channels
@@ -50,7 +51,7 @@ def phase_sigma(receiver: ReceiverCard, seen: Sky, trajectory: Trajectory) -> Fl
     return np.full(seen.rate_sigma.shape, receiver.amplification * receiver.carrier_phase_sigma) * grown
 
 
-def true_sigma(scenario: Scenario, seen: Sky, line: Any, channels: Channels) -> tuple[Any, ...]:
+def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -> tuple[Any, ...]:
     """Return the sigmas of white noise of a receiver in which nothing has failed, of a difference that of what it is
     the difference of; see `by_channel`.
     """
@@ -72,7 +73,7 @@ def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
 
 
 def assumed_variance(
-    scenario: Scenario, model: ReceiverModel, channels: Channels, seen: Sky, line: Any, devices: tuple[Sensor, ...]
+    scenario: Scenario, model: ReceiverModel, channels: Channels, seen: Sky, line: Lines, devices: tuple[Sensor, ...]
 ) -> Floats:
     """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells
     of its noise where the card says so; one for a receiver that reports the covariance with every solution.
@@ -95,7 +96,7 @@ def assumed_variance(
     return by_channel(channels, seen.t.size, (1.0, 1.0) if solves(scenario) else own, devices, "variance")
 
 
-def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Any, observable: str) -> Floats:
+def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lines, observable: str) -> Floats:
     """Return the one-sigma (n_epoch, n_sat) that the filter assumes of an observable's noise, of a difference that of
     what it is the difference of.
     """

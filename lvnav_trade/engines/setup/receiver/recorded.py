@@ -1,14 +1,17 @@
-"""A recording of a receiver's errors on a flight: what every run sees alike, and what a run's start chooses."""
+"""Recorded errors of a receiver: their mean, and the part that depends on where a run starts in the recording."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.setup.families import RECORDED, ErrorFamily
-from lvnav_trade.engines.setup.receiver.signals import Line, hold
+from lvnav_trade.engines.setup.correlated import RECORDED, EnteringError
+from lvnav_trade.engines.setup.receiver.lines import Lines
+from lvnav_trade.engines.setup.receiver.signals import hold
 from lvnav_trade.frames import earth_angle
 from lvnav_trade.kernels.random import philox, seed_words, source_word
+from lvnav_trade.observables.correlated import CorrelatedError
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Bools, Floats, Sky
 from lvnav_trade.scenario import Scenario
@@ -20,12 +23,15 @@ _NEGLIGIBLE = 1e-12  # of the largest singular value
 
 
 class Recorded(NamedTuple):
-    """mean (n_epoch, 6) over the starts, frame i (m, m/s); families, one for each way in which starts differ; values
-    (n_component, n_start) of these: mean 0, variance 1, uncorrelated.
+    """Recorded errors of a receiver's solution, by the start of a run in the recording.
+
+    mean : (n_epoch, 6) m, m/s. Mean over the starts, frame i.
+    errors : One for each way in which starts differ.
+    values : (n_component, n_start). Sizes of these errors at each start: mean 0, variance 1, uncorrelated.
     """
 
     mean: Floats
-    families: tuple[ErrorFamily, ...]
+    errors: tuple[EnteringError, ...]
     values: Floats
 
 
@@ -35,7 +41,7 @@ def table_of(scenario: Scenario) -> ErrorTable | None:
     return solution.error_table if isinstance(solution, DirectSolution) else None
 
 
-def recorded(scenario: Scenario, theta0: float, line: Line, seen: Sky, channels: Channels, frozen: Bools) -> Recorded:
+def recorded(scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels: Channels, frozen: Bools) -> Recorded:
     """Return the recorded errors of the receiver's solution at the epochs of a flight; zeros where there are none.
 
     A frozen epoch (n_epoch,) has the errors of the one before.
@@ -47,19 +53,19 @@ def recorded(scenario: Scenario, theta0: float, line: Line, seen: Sky, channels:
     card, n_epoch = table_of(scenario), seen.t.size
     if card is None or channels.tight:
         return Recorded(np.zeros((n_epoch, 6)), (), np.zeros((0, 1)))
-    errors = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
-    hold(frozen, np.swapaxes(errors, 0, 1))
-    mean = errors.mean(axis=0)
-    left, size, shapes = np.linalg.svd((errors - mean).reshape(card.starts, -1), full_matrices=False)
-    count = int(np.count_nonzero(size > _NEGLIGIBLE * max(float(size[0]), float(np.max(np.abs(errors))))))
+    table = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
+    hold(frozen, np.swapaxes(table, 0, 1))
+    mean = table.mean(axis=0)
+    left, size, shapes = np.linalg.svd((table - mean).reshape(card.starts, -1), full_matrices=False)
+    count = int(np.count_nonzero(size > _NEGLIGIBLE * max(float(size[0]), float(np.max(np.abs(table))))))
     entering = (size[:count, None] * shapes[:count] / np.sqrt(card.starts)).reshape(count, n_epoch, 6)
     everywhere = np.where(np.arange(channels.n_channel) < 6, 0, -1)
     entering = np.pad(entering, ((0, 0), (0, 0), (0, channels.n_channel - 6)))
-    families = tuple(
-        ErrorFamily(SOURCE, RECORDED, "", (str(number),), everywhere, shape, 1.0, float("inf"))
+    errors = tuple(
+        EnteringError(CorrelatedError(SOURCE, RECORDED, 1.0, "", math.inf, (str(number),)), everywhere, shape)
         for number, shape in enumerate(entering)
     )
-    return Recorded(mean, families, left[:, :count].T * np.sqrt(card.starts))
+    return Recorded(mean, errors, left[:, :count].T * np.sqrt(card.starts))
 
 
 def values_of(found: Recorded, seed: int, runs: NDArray[Any]) -> Floats:

@@ -1,4 +1,4 @@
-"""A receiver's solution on the nominal flight: how its error, truth minus estimate, goes from one epoch to the next.
+"""A receiver's solution on the nominal flight: propagation of its error from epoch to epoch.
 
 Over an epoch the error s of what the receiver has estimated follows s+ = A s + W w + B c + d: A what is left of the one
 before, w white errors of ranges, rates and clock, c errors that measurements share, d what is the same in every run. A
@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.setup.inputs import Signals
-from lvnav_trade.engines.setup.receiver.signals import Line
+from lvnav_trade.engines.setup.receiver.lines import Lines
+from lvnav_trade.engines.setup.receiver.signals import Assumed, Received
+from lvnav_trade.line_of_sight import sight
 from lvnav_trade.receivers.base import BIAS, DRIFT, N_STATE, ReceiverFilter, Solver
 from lvnav_trade.receivers.cascade import (
     SOLUTION,
@@ -31,12 +32,21 @@ RANGE, RATE, CLOCK, PLACE, SPEED, PHASE = 0, 1, 2, 3, 4, 5
 
 
 class Chain(NamedTuple):
-    """The error of a receiver's solution by epochs; m states, of which `pick` (6,) are position and velocity.
+    """Propagation of the error of a receiver's solution from epoch to epoch.
 
-    move (n_epoch, m, m) A; white (n_epoch, m, n_in) W, variance (n_epoch, n_in) of w and kind (n_in,) of its source;
-    shared (n_epoch, m, n_component) B; push (n_epoch, m) d; reported (n_epoch, 6, 6) covariance that comes with the
-    solution; solved (n_epoch,) whether there is one; point (n_epoch, 6) the solution of an error of zero, frame i; own
-    (n_epoch, 11, 11) what a solver assumes of its own error, empty for a simulated solution.
+    At epoch k the error of m states is e_k = A e_(k-1) + W w + B c + d, with white noise w and correlated errors c.
+
+    move : (n_epoch, m, m). A, the effect of the previous error.
+    white : (n_epoch, m, n_in). W, the effect of white noise.
+    variance : (n_epoch, n_in). Variance of the white noise w.
+    kind : (n_in,). Source of the white noise: RANGE, RATE, CLOCK, PLACE, SPEED or PHASE.
+    shared : (n_epoch, m, n_component). B, the effect of correlated measurement errors.
+    push : (n_epoch, m). d, the deterministic error.
+    pick : (6,). States that are position and velocity.
+    reported : (n_epoch, 6, 6). Covariance reported with the solution.
+    solved : (n_epoch,). Whether there is a solution.
+    point : (n_epoch, 6) m, m/s. Position and velocity of a solution without error, frame i.
+    own : (n_epoch, 11, 11). Covariance modelled by the receiver's solver; empty for a simulated solution.
     """
 
     move: Floats
@@ -52,9 +62,9 @@ class Chain(NamedTuple):
     own: Floats = np.zeros((0, N_STATE, N_STATE))
 
 
-def _shared(signals: Signals, epoch: int, channels: Ints) -> Floats:
+def _shared(received: Received, epoch: int, channels: Ints) -> Floats:
     """Return the partials (n_channel, n_component) of channels at an epoch with respect to what measurements share."""
-    shared = signals.shared
+    shared = received.shared
     found = np.zeros((channels.size, shared.start.size))
     for family in range(len(shared.member)):
         member = shared.member[family, channels]
@@ -63,37 +73,40 @@ def _shared(signals: Signals, epoch: int, channels: Ints) -> Floats:
     return found
 
 
-def simulated(signals: Signals) -> Chain:
+def simulated(received: Received, assumed: Floats) -> Chain:
     """Return the chain of a simulated solution: white noise and what its axes share, new at every epoch.
+
+    assumed : (n_epoch, n_channel) SI squared, noise variance that is reported with it
 
     Its arrays lie in memory as those of `solved` do: in another order they would be a kernel of their own.
     """
-    n_epoch, axes = len(signals.n_used), np.arange(6)
-    sigma, variance = (np.ascontiguousarray(found[:, axes]) for found in (signals.sigma, signals.variance))
+    n_epoch, axes = len(received.n_used), np.arange(6)
+    sigma, variance = (np.ascontiguousarray(found[:, axes]) for found in (received.sigma, assumed))
     return Chain(
         move=np.zeros((n_epoch, 6, 6)),
         white=np.tile(-np.eye(6), (n_epoch, 1, 1)),
         variance=sigma**2,
         kind=np.repeat(np.array([PLACE, SPEED]), 3),
-        shared=-np.array([_shared(signals, k, axes) for k in range(n_epoch)]).reshape(n_epoch, 6, -1),
+        shared=-np.array([_shared(received, k, axes) for k in range(n_epoch)]).reshape(n_epoch, 6, -1),
         push=np.zeros((n_epoch, 6)),
         pick=axes,
         reported=variance[:, :, None] * np.eye(6),
-        solved=signals.n_used >= 4,
-        point=np.hstack([signals.position, signals.velocity]),
+        solved=received.n_used >= 4,
+        point=np.hstack([received.position, received.velocity]),
     )
 
 
-def _epoch(point: Floats, signals: Signals, epoch: int) -> tuple[Floats, Floats, Ints]:
+def _epoch(point: Floats, received: Received, epoch: int) -> tuple[Floats, Floats, Ints]:
     """Return rows (n_row, 11) at the true point, what is measured beyond them (n_row,), and channels (n_row,)."""
-    use = signals.used[epoch, : signals.n_used[epoch]]
+    use = received.used[epoch, : received.n_used[epoch]]
     r_i, v_i = point[epoch, :3], point[epoch, 3:]
-    rows = design(r_i, v_i, signals.satellite[epoch, use], signals.satellite_velocity[epoch, use])
-    line = signals.satellite[epoch, use] - r_i
-    distance = np.linalg.norm(line, axis=1)
-    rate = np.sum(line * (signals.satellite_velocity[epoch, use] - v_i), axis=1) / distance
+    rows = design(r_i, v_i, received.satellite[epoch, use], received.satellite_velocity[epoch, use])
+    seen = sight(received.satellite[epoch, use] - r_i, received.satellite_velocity[epoch, use] - v_i)
     innovation, channels = np.empty(2 * use.size), np.empty(2 * use.size, dtype=np.int64)
-    innovation[0::2], innovation[1::2] = signals.range[epoch, use] - distance, signals.rate[epoch, use] - rate
+    innovation[0::2], innovation[1::2] = (
+        received.range[epoch, use] - seen.distance,
+        received.rate[epoch, use] - seen.rate,
+    )
     channels[0::2], channels[1::2] = 2 * use, 2 * use + 1
     return rows, innovation, channels
 
@@ -122,70 +135,76 @@ def _gains(solver: Solver, before: Floats, rows: Floats, acceleration: Floats, s
     return started(model, solver.point, rows) if since == 0 else _NOTHING
 
 
-def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: int, signals: Signals) -> Floats:
+def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: int, received: Received) -> Floats:
     """Return what true motion and clock jumps do to the error of the receiver's filter, (n_epoch, 11)."""
     known = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
     moved = mismatch(model, known, point[:, 3:], point[:, :3])
-    moved[:, BIAS] += signals.clock_jump[:, 0]
-    moved[:, DRIFT] += signals.clock_jump[:, 1]
+    moved[:, BIAS] += received.clock_jump[:, 0]
+    moved[:, DRIFT] += received.clock_jump[:, 1]
     # before it starts the filter knows nothing, so all of the acceleration is its error then
     moved[begun, :3] = known[begun]
     return moved
 
 
-def chain_of(solver: Solver | None, has_covariance: bool, truth: Signals, line: Line) -> Chain | None:
-    """Return how a solution's error goes on, where solutions come with a covariance of their own."""
-    if solver is not None:
-        chain = solved(solver, truth, np.hstack([line.position, line.velocity]), line.push)
-        if solver.smoothing is not None:
-            chain = _with_smoothing(chain, solver.smoothing, truth)
-        return _with_output(chain, truth.frozen) if truth.frozen.any() else chain
-    return simulated(truth) if has_covariance else None
+def chain_of(
+    solver: Solver | None, has_covariance: bool, received: Received, assumed: Assumed, line: Lines
+) -> Chain | None:
+    """Return how a solution's error goes on, where solutions come with a covariance of their own.
+
+    What a receiver reports that solves for itself is scaled as the filter's tuning scales it.
+    """
+    if solver is None:
+        return simulated(received, assumed.variance) if has_covariance else None
+    chain = solved(solver, received, np.hstack([line.position, line.velocity]), line.push, assumed.scale[:, :6])
+    if solver.smoothing is not None:
+        chain = _with_smoothing(chain, solver.smoothing, received)
+    return _with_output(chain, received.frozen) if received.frozen.any() else chain
 
 
-def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats) -> Chain:
+def solved(solver: Solver, received: Received, point: Floats, acceleration: Floats, scale: Floats) -> Chain:
     """Return the chain of a receiver that solves for position and velocity itself.
 
     Parameters
     ----------
     point : (n_epoch, 6) position and velocity of the point that is solved for, frame i, at the times of validity
     acceleration : (n_epoch, 3) of it (m/s^2)
+    scale : (n_epoch, 6) factor on the sigma that the filter takes for reported
     """
     model: ReceiverFilter | None = solver.filter
-    fixed, n_epoch, n_in = signals.n_used >= 4, len(point), 2 * signals.used.shape[1] + 2
+    fixed, n_epoch, n_in = received.n_used >= 4, len(point), 2 * received.used.shape[1] + 2
     begun = int(np.argmax(fixed)) if fixed.any() else n_epoch
-    solved_at = fixed if model is None else _coasts(model, signals.n_used, begun)
-    slope = nominal_acceleration(point[:, 3:], fixed, signals.interval)
+    solved_at = fixed if model is None else _coasts(model, received.n_used, begun)
+    slope = nominal_acceleration(point[:, 3:], fixed, received.interval)
     moved = np.zeros((n_epoch, N_STATE))
     if model is not None:
-        moved = _moved(model, point, acceleration, min(begun, n_epoch - 1), signals)
+        moved = _moved(model, point, acceleration, min(begun, n_epoch - 1), received)
     move, white = np.zeros((n_epoch, N_STATE, N_STATE)), np.zeros((n_epoch, N_STATE, n_in))
-    variance, shared = np.zeros((n_epoch, n_in)), np.zeros((n_epoch, N_STATE, signals.shared.start.size))
+    variance, shared = np.zeros((n_epoch, n_in)), np.zeros((n_epoch, N_STATE, received.shared.start.size))
     push, own, reported = np.zeros((n_epoch, N_STATE)), np.zeros_like(move), np.tile(np.eye(6), (n_epoch, 1, 1))
-    step = signals.clock_step
+    step = received.clock_step
     clock = np.array([[step[0], 0.0], [step[1], step[2]]])
     out = solver.point.reported if model is None else model.reported
     gains = _NOTHING
     for k in range(n_epoch):
-        rows, innovation, channels = _epoch(point, signals, k)
+        rows, innovation, channels = _epoch(point, received, k)
         gains = _gains(solver, gains.P, rows, slope[k], k - begun, bool(fixed[k]))
         n_row = gains.gain.shape[1]  # zero where the receiver takes nothing
         channels = channels[:n_row]
         move[k], own[k] = gains.keep @ gains.phi, gains.P
-        white[k, :, :n_row], variance[k, :n_row] = -gains.gain, signals.sigma[k, channels] ** 2
+        white[k, :, :n_row], variance[k, :n_row] = -gains.gain, received.sigma[k, channels] ** 2
         white[k, :, -2:], variance[k, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock, 1.0
-        shared[k] = -gains.gain @ _shared(signals, k, channels)
+        shared[k] = -gains.gain @ _shared(received, k, channels)
         push[k] = gains.keep @ moved[k] - gains.gain @ innovation[:n_row]
         reported[k] = reported_covariance(out, gains.P) if solved_at[k] else reported[k]
     return Chain(
         move=move,
         white=white,
         variance=variance,
-        kind=np.array([*np.tile([RANGE, RATE], signals.used.shape[1]), CLOCK, CLOCK], dtype=np.int64),
+        kind=np.array([*np.tile([RANGE, RATE], received.used.shape[1]), CLOCK, CLOCK], dtype=np.int64),
         shared=shared,
         push=push,
         pick=SOLUTION.astype(np.int64),
-        reported=reported,
+        reported=reported * scale[:, :, None] * scale[:, None, :],
         solved=solved_at,
         point=point,
         own=own,
@@ -213,7 +232,7 @@ def _with_output(chain: Chain, frozen: Bools) -> Chain:
     return chain._replace(move=move, white=white, shared=shared, push=push, pick=np.arange(m, m + 6))
 
 
-def _with_smoothing(chain: Chain, smoothing: Smoothing, signals: Signals) -> Chain:
+def _with_smoothing(chain: Chain, smoothing: Smoothing, received: Received) -> Chain:
     """Return the chain of a receiver that smooths its ranges: a state more for every satellite that is ever in use, the
     error of its average of code minus carrier, and a white error more for every slot, that of the carrier.
 
@@ -221,7 +240,7 @@ def _with_smoothing(chain: Chain, smoothing: Smoothing, signals: Signals) -> Cha
     of the code, n of the carrier, p and d what errors c that measurements share put into code and code minus carrier.
     """
     ever = np.flatnonzero(np.any(smoothing.gain > 0.0, axis=0))
-    m, n_slot, more = chain.move.shape[1], signals.used.shape[1], ever.size
+    m, n_slot, more = chain.move.shape[1], received.used.shape[1], ever.size
     n_in = chain.white.shape[2]
     move = np.pad(chain.move, ((0, 0), (0, more), (0, more)))
     white = np.pad(chain.white, ((0, 0), (0, more), (0, n_slot)))
@@ -230,24 +249,24 @@ def _with_smoothing(chain: Chain, smoothing: Smoothing, signals: Signals) -> Cha
     move[:, range(m, m + more), range(m, m + more)] = 1.0
     place = {int(satellite): m + number for number, satellite in enumerate(ever)}
     for k in range(len(push)):
-        for slot, satellite in enumerate(signals.used[k, : signals.n_used[k]].tolist()):
+        for slot, satellite in enumerate(received.used[k, : received.n_used[k]].tolist()):
             state, code, phase = place[satellite], 2 * slot, n_in + slot
             a, taken = smoothing.gain[k, satellite], chain.white[k, :, code]  # minus the solver's gain
-            differing = _code_minus_carrier(signals, smoothing, k, satellite)
+            differing = _code_minus_carrier(received, smoothing, k, satellite)
             move[k, :m, state], move[k, state, state] = (1.0 - a) * taken, 1.0 - a
             white[k, :m, code], white[k, state, code] = a * taken, a
             white[k, :m, phase], white[k, state, phase] = (1.0 - a) * taken, -a
-            variance[k, [code, phase]] = signals.sigma[k, 2 * satellite] ** 2, smoothing.sigma[k, satellite] ** 2
+            variance[k, [code, phase]] = received.sigma[k, 2 * satellite] ** 2, smoothing.sigma[k, satellite] ** 2
             shared[k, :m] -= (1.0 - a) * np.outer(taken, differing)
             shared[k, state] = a * differing
     kind = np.concatenate([chain.kind, np.full(n_slot, PHASE)])
     return chain._replace(move=move, white=white, variance=variance, kind=kind, shared=shared, push=push)
 
 
-def _code_minus_carrier(signals: Signals, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
+def _code_minus_carrier(received: Received, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
     """Return code minus carrier of a satellite with respect to the components (n_component,) that are shared."""
-    found = np.zeros(signals.shared.start.size)
-    for family, member in enumerate(signals.shared.member[:, 2 * satellite].tolist()):
+    found = np.zeros(received.shared.start.size)
+    for family, member in enumerate(received.shared.member[:, 2 * satellite].tolist()):
         if member >= 0:
             found[member] += smoothing.code[family, epoch, satellite]
     return found

@@ -13,7 +13,7 @@ from lvnav_trade.engines.setup.receiver.atmosphere import delays
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.world.receiver.visibility import sky
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields
-from tests.engines.setup.test_families import low_hop
+from tests.engines.setup.test_correlated import low_hop
 
 TRUE = {"troposphere": {"kind": "ray_traced"}, "ionosphere": {"kind": "content"}}
 T = np.array([4.0, 9.0, 14.0])

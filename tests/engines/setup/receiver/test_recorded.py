@@ -83,8 +83,8 @@ def every_start(prepared):
 def test_mean_and_components_make_every_start_again(file):
     prepared = recorded_case(file, starts=9)
     found, n_start = prepared.recorded, 9
-    assert len(found.families) == n_start - 1
-    shapes = np.array([family.partial for family in found.families])
+    assert len(found.errors) == n_start - 1
+    shapes = np.array([family.partial for family in found.errors])
     again = found.mean + np.einsum("mec,ms->sec", shapes, found.values)
     np.testing.assert_allclose(again, every_start(prepared), atol=1e-9)
     np.testing.assert_allclose(found.values.mean(axis=1), 0.0, atol=1e-9)
@@ -93,7 +93,7 @@ def test_mean_and_components_make_every_start_again(file):
 
 def test_one_start_is_a_mean_and_no_source(file):
     prepared = recorded_case(file)
-    assert prepared.recorded.families == ()
+    assert prepared.recorded.errors == ()
     assert SOURCE not in source_names(prepared)
     np.testing.assert_allclose(prepared.recorded.mean, every_start(prepared)[0], atol=1e-12)
 
@@ -102,7 +102,7 @@ def test_a_tight_filter_sees_nothing_of_a_solution(file):
     scenario = loaded(MATCHED)
     receiver = with_fields(scenario.receiver, **{"solution.error_table": {**TABLE, "file": file, "starts": 4}})
     prepared = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
-    assert prepared.recorded.families == ()
+    assert prepared.recorded.errors == ()
     assert np.all(prepared.recorded.mean == 0.0)
 
 
@@ -162,7 +162,7 @@ def test_a_frozen_output_keeps_its_error(file):
     prepared = prepare_hop(Scenario.model_validate(text))
     held = np.flatnonzero(prepared.signals.frozen)
     assert held.size >= 2
-    shapes = np.array([family.partial for family in prepared.recorded.families])
+    shapes = np.array([family.partial for family in prepared.recorded.errors])
     for epoch in held:
         np.testing.assert_array_equal(prepared.signals.position[epoch], prepared.signals.position[epoch - 1])
         np.testing.assert_array_equal(shapes[:, epoch], shapes[:, epoch - 1])

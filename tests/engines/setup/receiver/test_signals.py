@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.setup.receiver.signals import Line, _shifts
+from lvnav_trade.engines.setup.receiver.lines import lines_of
+from lvnav_trade.engines.setup.receiver.signals import _shifts
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.world.fault_cards import DegradedNoise
-from lvnav_trade.world.receiver.visibility import sky
 from lvnav_trade.world.sky.constellation import RinexConstellation
 from tests.building import LOOSE, MATCHED, case, hop, loaded, prepare_hop, with_fields
-from tests.world.phase_centres import antenna_states
 
 T = np.array([3.0, 12.0, 25.0])
 PATCHES = [
@@ -30,21 +29,6 @@ def with_patches(*settings):
     return scenario.model_copy(update={"receiver": with_fields(scenario.receiver, antennas=PATCHES)})
 
 
-def test_every_range_is_that_of_the_antenna_that_hears_the_satellite():
-    scenario = with_patches()
-    seen = sky(scenario.constellation, scenario.receiver, hop(), T)
-    line = Line(hop(), np.array(scenario.receiver.lever_b), seen)
-    places, speeds = antenna_states(hop(), scenario.receiver, T)
-    assert set(np.unique(seen.antenna[seen.tracked])) == {0, 1}
-    for epoch in range(T.size):
-        for s in np.flatnonzero(seen.tracked[epoch]):
-            a = seen.antenna[epoch, s]
-            away = seen.r_i[epoch, s] - places[epoch, a]
-            assert line.distance[epoch, s] == pytest.approx(np.linalg.norm(away), abs=1e-8)
-            moving = seen.v_i[epoch, s] - speeds[epoch, a]
-            assert line.rate[epoch, s] == pytest.approx(moving @ away / np.linalg.norm(away), abs=1e-9)
-
-
 def test_the_filter_knows_which_antenna_it_was():
     prepared = prepare_hop(with_patches())
     assert prepared.model.lever_arms.shape == (2, 3)
@@ -55,15 +39,15 @@ def test_the_filter_knows_which_antenna_it_was():
 
 def test_a_common_error_of_all_ranges_is_the_clocks_and_moves_no_solution():
     prepared = case(MATCHED, LOOSE)
-    line = Line(hop(), np.zeros(3), prepared.sky)
+    line = lines_of(hop(), np.zeros(3), prepared.sky)
     shift = _shifts(line, prepared.sky.tracked, np.full(prepared.sky.tracked.shape, 30.0))
     np.testing.assert_allclose(shift, 0.0, atol=1e-9)
 
 
 def test_an_error_along_the_lines_of_sight_moves_the_solution_by_itself():
     prepared = case(MATCHED, LOOSE)
-    line, wanted = Line(hop(), np.zeros(3), prepared.sky), np.array([3.0, -5.0, 2.0])
-    shift = _shifts(line, prepared.sky.tracked, -line.direction @ wanted)
+    line, wanted = lines_of(hop(), np.zeros(3), prepared.sky), np.array([3.0, -5.0, 2.0])
+    shift = _shifts(line, prepared.sky.tracked, -line.sight.direction @ wanted)
     np.testing.assert_allclose(shift, np.tile(wanted, (len(shift), 1)), atol=1e-9)
 
 
@@ -118,3 +102,10 @@ def test_an_ignored_offset_of_a_systems_time_is_in_every_range_of_it_and_in_the_
     moved = np.linalg.norm(means[1][-1])
     assert moved > 0.5
     np.testing.assert_allclose(runs[1] - runs[0], means[1] - means[0], atol=5e-3 * moved)
+
+
+def test_slots_hold_the_tracked_satellites_and_nothing_else():
+    prepared = case()
+    for epoch, slots in enumerate(prepared.signals.used):
+        used = slots[: prepared.signals.n_used[epoch]]
+        np.testing.assert_array_equal(np.sort(used), np.flatnonzero(prepared.sky.tracked[epoch]))

@@ -23,15 +23,20 @@ ERRORS = {
         "ionosphere": {"kind": "content"}, "ionosphere_scale": "60 percent", "ionosphere_scale_time": "20 s",
     },
 }  # fmt: skip
+SLIPS = {
+    "": {},
+    "noticed": {"receiver.cycle_slips": {"rate": "300 1/h"}},
+    "unnoticed": {"faults": [{"kind": "cycle_slip", "size": 40, "start": "12 s"}]},
+}
 N_STATE = 15
 
 
 @lru_cache(maxsize=8)
-def prepared(smoothing, errors=False, filters="loose"):
+def prepared(smoothing, errors=False, filters="loose", slips=""):
     scenario = loaded(MATCHED, LOOSE if filters == "loose" else f"base.filter=filters/{filters}")
     solution = POINT | ({"smoothing": SMOOTHING | dict(smoothing)} if smoothing is not None else {})
     fields = {"receiver.solution": solution} | (ERRORS if errors else {})
-    return prepare_hop(with_fields(scenario, **fields))
+    return prepare_hop(with_fields(scenario, **fields, **SLIPS[slips]))
 
 
 @lru_cache(maxsize=8)
@@ -142,3 +147,19 @@ def test_noise_of_the_carrier_has_tables_of_its_own():
             more.signals.sigma[epoch, rates] / plain.signals.sigma[epoch, rates], factor, rtol=1e-3
         )
     np.testing.assert_array_equal(more.signals.sigma[:, ::2], plain.signals.sigma[:, ::2])
+
+
+def test_a_slip_that_the_receiver_notices_starts_its_average_again():
+    case = prepared((), True, "loose", "noticed")
+    gain, lost = case.options.solver.smoothing.gain, ~case.sky.continuous & case.sky.tracked
+    assert 10 < lost[1:].sum() < lost[1:].size / 4
+    np.testing.assert_array_equal(gain == 1.0, lost)
+
+
+def test_a_slip_that_the_receiver_does_not_notice_moves_the_solution_in_both_engines():
+    _, history, runs = flown((), False, "loose", "unnoticed")
+    before, just_after = 11, 13
+    position = slice(N_STATE + 3, N_STATE + 6)
+    shift = np.linalg.norm(history.mean[:, position], axis=1)
+    assert shift[before] < 0.05 < 1.0 < shift[just_after]
+    agree(history, runs, [before, just_after, 20], list(range(N_STATE, N_STATE + 8)))

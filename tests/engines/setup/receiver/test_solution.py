@@ -101,7 +101,7 @@ def test_a_wrong_delay_displaces_by_the_speed_times_what_is_wrong():
 
 def test_a_simulated_solution_has_no_memory_and_its_axes_their_own_noise():
     case, _, _ = flown("direct", "loose", "extrapolated")
-    chain = simulated(case.signals)
+    chain = simulated(case.signals, case.signals.variance)
     assert not chain.move.any()
     np.testing.assert_array_equal(chain.white[3], -np.eye(6))
     np.testing.assert_allclose(chain.reported[3], np.diag([2.2**2] * 3 + [0.11**2] * 3))

@@ -1,0 +1,106 @@
+"""A filter for flight software: reference vectors that it is tested against, and the filter as C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lvnav_trade.api.campaigns import case_of
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.store.contents import owned
+
+if TYPE_CHECKING:
+    from lvnav_trade.export.filter_code import FilterCode
+    from lvnav_trade.export.vectors.files import Format, ReferenceVectors
+
+
+def export_vectors(
+    campaign: str | Path | Campaign,
+    folder: str | Path,
+    case: str | None = None,
+    run: int = 0,
+    sets: Sequence[str] = (),
+    kind: Format = "csv",
+) -> ReferenceVectors:
+    """Write inputs and expected outputs of a filter in one run, epoch by epoch.
+
+    Another implementation of the filter is tested against them. IMU samples, measurements and satellites are the
+    inputs; estimates and covariance before and after the measurements of every epoch are expected. A README states how
+    they are used, columns.csv the unit and meaning of every column.
+
+    Parameters
+    ----------
+    campaign : str, Path or Campaign
+        Campaign file, name of a campaign that comes with the tool, or a loaded one.
+    folder : str or Path
+        Folder to write.
+    case : str, optional
+        Label of a case, or its digest or the beginning of it; the first case if absent.
+    run : int
+        Number of the run, from 0.
+    sets : sequence of str
+        Assignments such as ``filter=filters/tight``.
+    kind : {"csv", "parquet"}
+        Format of the tables.
+
+    Returns
+    -------
+    ReferenceVectors
+        Tables by name (SI, frame i and body axes), units and meaning of their columns, content of the files.
+
+    Raises
+    ------
+    InputError
+        A mistake in the campaign, redundant IMUs, or a folder that holds anything else: nothing has been written.
+    """
+    from lvnav_trade.export.vectors.files import reference_vectors
+
+    target = owned(folder, "vectors")
+    found = reference_vectors(*case_of(campaign, sets, case), run, kind)
+    target.publish("vectors", found.files)
+    return found
+
+
+def export_filter(
+    campaign: str | Path | Campaign,
+    folder: str | Path,
+    case: str | None = None,
+    runs: int = 10,
+    sets: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> FilterCode:
+    """Write the filter of a case as C99, without allocation, with runs that are replayed where a C compiler is.
+
+    Parameters
+    ----------
+    campaign : str, Path or Campaign
+        Campaign file, name of a campaign that comes with the tool, or a loaded one.
+    folder : str or Path
+        Folder to write.
+    case : str, optional
+        Label of a case, or its digest or the beginning of it; the first case if absent.
+    runs : int
+        Runs that are recorded and replayed.
+    sets : sequence of str
+        Assignments such as ``filter=filters/tight``.
+    progress : callable
+        Called with what is being done.
+
+    Returns
+    -------
+    FilterCode
+        Files, differences of the replay, whether every difference is small enough.
+
+    Raises
+    ------
+    InputError
+        A mistake in the campaign, redundant IMUs, a kernel that cannot be translated (its name), or a folder that holds
+        anything else: nothing has been written.
+    """
+    from lvnav_trade.export.filter_code import filter_code
+
+    target = owned(folder, "code")
+    found = filter_code(*case_of(campaign, sets, case), runs, progress)
+    target.publish("code", found.files)
+    return found

@@ -1,0 +1,23 @@
+"""What scripts draw with: a figure of panels with marks, which the report shows and which is saved as PNG or SVG."""
+
+from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
+from lvnav_trade.plots.overlap import widen_covered
+from lvnav_trade.plots.published import level_sizes, mark_levels
+from lvnav_trade.plots.style import PALETTE, line_of, over_time, scale_up
+
+__all__ = [
+    "GREY",
+    "PALETTE",
+    "SHADE",
+    "Figure",
+    "Panel",
+    "canvas",
+    "level_sizes",
+    "line_of",
+    "mark_levels",
+    "named_ticks",
+    "over_time",
+    "panel",
+    "scale_up",
+    "widen_covered",
+]  # fmt: skip

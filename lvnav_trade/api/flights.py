@@ -1,0 +1,107 @@
+"""Single runs of a case and what its cards give, for scripts that show more than results hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.campaign.definition.axes import Case, cases
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.derived import ProcessNoise, process_noise
+from lvnav_trade.engines.setup.prepare import prepare
+from lvnav_trade.engines.simulate.clock import true_clock
+from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.errors import InputError
+from lvnav_trade.plots.published import steps as steps_figure
+from lvnav_trade.world.receiver.link import gain, gains
+
+__all__ = [
+    "Case",
+    "ProcessNoise",
+    "case_with",
+    "gain",
+    "gains",
+    "process_noise",
+    "receiver_clock",
+    "run_errors",
+    "steps_figure",
+]  # fmt: skip
+
+_SAME_TIME = 1e-6  # seconds
+
+
+def case_with(campaign: Campaign, levels: Mapping[str, str]) -> Case:
+    """Return the first case of a campaign that has these levels.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        A loaded campaign.
+    levels : mapping of str to str
+        Level by axis.
+
+    Returns
+    -------
+    Case
+        Its id, label, axes and scenario.
+
+    Raises
+    ------
+    InputError
+        No case has them.
+    """
+    for case in cases(campaign):
+        if all(case.axes.get(axis) == level for axis, level in levels.items()):
+            return case
+    raise InputError(f"study.yaml: {campaign.name}: no case {dict(levels)}")
+
+
+def run_errors(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
+    """Return the errors of one run at the history times of a campaign, on its draws.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        A loaded campaign.
+    case : Case
+        One of its cases.
+    run : int
+        Number of the run.
+
+    Returns
+    -------
+    pandas.DataFrame
+        t_s, then a column ``QUANTITY_AXIS`` for every error of the filter, SI, in the reporting frame.
+    """
+    prepared = prepare(case.scenario, campaign.keep.history)
+    errors = run_block(prepared, campaign.seed, run, 1).err[0]
+    names = [f"{output.quantity}_{output.axis}" for output in prepared.outputs]
+    found = pd.DataFrame(errors[:, : len(names)], columns=names)
+    found.insert(0, "t_s", prepared.t_hist)
+    return found
+
+
+def receiver_clock(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
+    """Return the true receiver clock of one run at those history times of a campaign that are epochs of the filter.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        A loaded campaign.
+    case : Case
+        One of its cases.
+    run : int
+        Number of the run.
+
+    Returns
+    -------
+    pandas.DataFrame
+        t_s, bias_m, drift_m_per_s.
+    """
+    prepared = prepare(case.scenario, campaign.keep.history)
+    epoch = np.minimum(np.searchsorted(prepared.t_epoch, prepared.t_hist - _SAME_TIME), prepared.t_epoch.size - 1)
+    shown = np.abs(prepared.t_epoch[epoch] - prepared.t_hist) < _SAME_TIME
+    clock = true_clock(prepared, campaign.seed, run)[epoch[shown]]
+    return pd.DataFrame({"t_s": prepared.t_hist[shown], "bias_m": clock[:, 0], "drift_m_per_s": clock[:, 1]})

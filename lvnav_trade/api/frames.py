@@ -1,0 +1,89 @@
+"""Names of the tables of results, so that editors complete them and type checkers know them."""
+
+import pandas as pd
+
+
+class Frames:
+    """Tables of results by name: one row per observation, units in the names of the columns.
+
+    They are read, or computed, when they are first used. ``lvnav-trade metrics`` lists them; the page Tables of the
+    manual describes every column.
+    """
+
+    # Stored tables
+    cases: pd.DataFrame  # cases: digest, label, levels, number of runs
+    outputs: pd.DataFrame  # reported error components with their units
+    runs: pd.DataFrame  # errors of every run at every event
+    spot_runs: pd.DataFrame  # errors of the runs of the spot check
+    traces: pd.DataFrame  # errors over time of the runs with the largest error of a requirement
+    worst: pd.DataFrame  # largest error and RMS of every run over each phase
+    logic: pd.DataFrame  # changes of a filter's mode, run by run
+    integrity: pd.DataFrame  # decisions of tests for faults, run by run
+    nominal_integrity: pd.DataFrame  # decisions of tests for faults by linear covariance
+    starts: pd.DataFrame  # draws at the start of every run
+    history: pd.DataFrame  # RMS, formal and true sigma of every error over time
+    consistency: pd.DataFrame  # normalised estimation errors and innovations squared over time
+    innovations: pd.DataFrame  # mean and sigma of innovations over time
+    whiteness: pd.DataFrame  # autocorrelation of innovations
+    budget: pd.DataFrame  # error variance by source over time
+    covariances: pd.DataFrame  # covariance of the navigation errors at the events
+    states: pd.DataFrame  # states of the filter at the events
+    joint: pd.DataFrame  # joint covariance of true and estimated states at the events
+    adjoint: pd.DataFrame  # when each source causes the error at an event
+    sensitivity: pd.DataFrame  # error with each source's sigma multiplied, filter re-tuned
+    observability: pd.DataFrame  # singular values of the measurements by phase
+    error_bound: pd.DataFrame  # bounds of process and measurement noise
+    allan: pd.DataFrame  # Allan deviations of the inertial sensors
+    protection: pd.DataFrame  # protection levels over time
+    nonlinearity: pd.DataFrame  # nonlinearity index at the events
+    satellites: pd.DataFrame  # satellites over time: place, C/N0, state
+    transitions: pd.DataFrame  # changes of state of the tracking channels
+    reference: pd.DataFrame  # true flight over time
+    nozzle: pd.DataFrame  # movement of the nozzle, run by run
+    movement: pd.DataFrame  # movement of the nozzle over time
+    turning: pd.DataFrame  # angular acceleration and jerk of the vehicle
+    motion: pd.DataFrame  # errors of rate and acceleration over time
+    events: pd.DataFrame  # events of the flight: name, time
+    # Computed tables
+    requirements: pd.DataFrame  # verdict on every requirement in every case
+    corridor: pd.DataFrame  # whether the point of impact keeps to its corridor
+    rms: pd.DataFrame  # errors by case, phase or event, quantity and axis
+    controlled: pd.DataFrame  # 3-D errors at injection, plain and with control variates
+    ranking: pd.DataFrame  # 3-D errors of every case at injection, best velocity first
+    coverage: pd.DataFrame  # share of runs within three sigma
+    agreement: pd.DataFrame  # Monte Carlo RMS over linear covariance RMS
+    contributions: pd.DataFrame  # contribution of each source to the 3-D errors
+    observed: pd.DataFrame  # rank of the observability matrix
+    filter_verdicts: pd.DataFrame  # whether the filter's covariance matches its errors
+    nees: pd.DataFrame  # normalised estimation error squared with its bounds
+    nis: pd.DataFrame  # normalised innovation squared with its bounds
+    autocorrelation: pd.DataFrame  # autocorrelation of each channel
+    modes: pd.DataFrame  # share of runs in each mode over time
+    stops: pd.DataFrame  # starts and stops of a filter with a mode logic
+    decisions: pd.DataFrame  # what tests for faults decide, and when
+    tested_errors: pd.DataFrame  # errors with and without tests for faults
+    in_view: pd.DataFrame  # satellites tracked and above the horizon over time
+    outages: pd.DataFrame  # 3-D errors around every fault
+    tracking: pd.DataFrame  # how well each case has a fix
+    losses: pd.DataFrame  # losses of tracking by reason
+    recovery: pd.DataFrame  # loss and recovery of the receiver at every fault
+    totals: pd.DataFrame  # cost, mass, power and volume of every case
+    pareto: pd.DataFrame  # cost and performance of every case
+    assumptions: pd.DataFrame  # numbers that are marked as assumed
+    configuration: pd.DataFrame  # key numbers of every case
+    curves: pd.DataFrame  # error over each numeric axis
+    crossings: pd.DataFrame  # where these curves cross the limit
+    tornado: pd.DataFrame  # smallest and largest error over each axis
+    expected: pd.DataFrame  # verdicts by linear covariance
+    spot_check: pd.DataFrame  # result of the spot check
+    improvements: pd.DataFrame  # improvements that would meet a requirement
+    margins: pd.DataFrame  # verdict and margin of every requirement
+    windows: pd.DataFrame  # worst error around the event of a requirement
+    unevaluated: pd.DataFrame  # requirements that results cannot be evaluated for, with the reason
+    orbit: pd.DataFrame  # orbit at injection with its errors
+    correction: pd.DataFrame  # delta-v that corrects the orbit
+    normality: pd.DataFrame  # whether errors of the orbit are Gaussian
+    impact: pd.DataFrame  # point of impact over the flight with its error
+    exclusions: pd.DataFrame  # IMUs that are excluded by their test
+    worth: pd.DataFrame  # what filtered rate gains a controller
+    references: pd.DataFrame  # published numbers next to the results

@@ -1,0 +1,112 @@
+"""What scripts read from YAML files: cards with units, published numbers, and mistakes at their line.
+
+A script's card is a subclass of `Card`; `read_input` reads a file into it, and `InputFile.mistake` places a mistake
+that shows only next to a campaign.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Generic, NamedTuple, TypeVar
+
+from pydantic import ValidationError
+
+from lvnav_trade import expression
+from lvnav_trade.campaign.definition.metric_names import metric_of
+from lvnav_trade.campaign.definition.published import Case as Levels
+from lvnav_trade.campaign.definition.published import Measured, Pooled, Published, Stated, require_unit
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading.checks import (
+    axes_of_errors,
+    meant,
+    named_cases,
+    pool_faults,
+    pooled_levels,
+    reference_faults,
+    unknown_axis,
+    unknown_case,
+)
+from lvnav_trade.campaign.reading.explain import explain
+from lvnav_trade.campaign.syntax import tree
+from lvnav_trade.campaign.syntax.tree import Written, hint
+from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
+from lvnav_trade.limits import STATEMENTS
+from lvnav_trade.units import Angle, Card, Duration, Length, Share, parse
+
+__all__ = [
+    "STATEMENTS",
+    "Angle",
+    "Campaign",
+    "Card",
+    "Duration",
+    "InputError",
+    "InputFile",
+    "Length",
+    "Levels",
+    "Measured",
+    "Mistake",
+    "Pooled",
+    "Published",
+    "Share",
+    "Stated",
+    "axes_of_errors",
+    "expression",
+    "hint",
+    "meant",
+    "metric_of",
+    "named_cases",
+    "parse",
+    "pool_faults",
+    "pooled_levels",
+    "quoted",
+    "read_input",
+    "reference_faults",
+    "refuse_all",
+    "require_unit",
+    "unknown_axis",
+    "unknown_case",
+]  # fmt: skip
+
+_Model = TypeVar("_Model", bound=Card)
+
+
+class InputFile(NamedTuple, Generic[_Model]):
+    """A file that was read, with the places of its values.
+
+    content : Its settings.
+    written : Where each is written.
+    """
+
+    content: _Model
+    written: Written
+
+    def mistake(self, path: str, message: str) -> Mistake:
+        """Return a mistake at a dotted path in the file."""
+        return self.written.mistake(path, message)
+
+
+def read_input(file: str | Path, model: type[_Model]) -> InputFile[_Model]:
+    """Read a YAML file as settings.
+
+    Parameters
+    ----------
+    file : str or Path
+        The file.
+    model : type of Card
+        What it holds.
+
+    Returns
+    -------
+    InputFile
+        The settings, and where each is written.
+
+    Raises
+    ------
+    InputError
+        One line per mistake, with file, line and column.
+    """
+    root = tree.read_mapping(Path(file))
+    try:
+        return InputFile(model.model_validate(tree.plain(root)), Written(root))
+    except ValidationError as error:
+        raise InputError(records=explain(error, root, model)) from None

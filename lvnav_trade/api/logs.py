@@ -1,0 +1,118 @@
+"""Recorded data from Python: the card of an inertial unit from its log, a log through the filters of a campaign."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from lvnav_trade.api.shown import FittedImu, ProcessedLog
+from lvnav_trade.errors import writing
+
+
+def fit_unit(
+    log: str | Path,
+    card: str | Path,
+    plot: str | Path | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    shortest: float = 0.0,
+    longest: float = math.inf,
+    counted: bool = False,
+) -> FittedImu:
+    """Write the card of an IMU from its log at rest: Allan variance by axis.
+
+    Parameters
+    ----------
+    log : str or Path
+        Rows of the log, CSV or Parquet, units in the names of the columns.
+    card : str or Path
+        Card to write.
+    plot : str or Path, optional
+        Figure of the Allan deviation, PNG.
+    start, end : float, optional
+        Part of the log, s after its first row.
+    shortest, longest : float
+        Averaging times (s) that are fitted.
+    counted : bool
+        Rows are evenly spaced although their times scatter: count rows.
+
+    Returns
+    -------
+    FittedImu
+        Coefficients with their intervals (SI), Allan deviations, text of the card.
+
+    Raises
+    ------
+    InputError
+        The log cannot be read, has gaps, is uneven or too short: nothing has been written.
+    """
+    from lvnav_trade.campaign import unit_card
+    from lvnav_trade.campaign.syntax.cards import write_text
+    from lvnav_trade.plots.inertial import allan_of_log
+    from lvnav_trade.plots.raster import written
+
+    found = unit_card.fit_unit(str(log), start, end, shortest, longest, counted)
+    write_text(Path(card), found.text)
+    if plot is not None:
+        with writing(plot, "the figure cannot be written there"):
+            Path(plot).write_bytes(written(allan_of_log(found.curves), "png"))
+    return FittedImu(*found)
+
+
+def process_log(
+    campaign: str | Path,
+    log: str | Path,
+    folder: str | Path,
+    lengths: Sequence[float] = (15.0, 60.0),
+    first: float = 20.0,
+    every: float = 5.0,
+    sets: Sequence[str] = (),
+) -> ProcessedLog:
+    """Run a recorded log through the filters of a campaign; write report and tables to a folder.
+
+    Solutions of the receiver are withheld repeatedly; the error at the end of each outage is compared with the sigma.
+
+    Parameters
+    ----------
+    campaign : str or Path
+        Campaign file; each of its cases is processed.
+    log : str or Path
+        Card of the log: files, axes, rest.
+    folder : str or Path
+        Folder of report and tables.
+    lengths : sequence of float
+        Lengths of the outages (s).
+    first : float
+        Begin of the first outage, s after the rest.
+    every : float
+        Time from one outage to the next (s).
+    sets : sequence of str
+        Assignments such as ``filter=filters/loose``.
+
+    Returns
+    -------
+    ProcessedLog
+        Alignment, track, outages and their summary, notes.
+
+    Raises
+    ------
+    InputError
+        Campaign or log cannot be read, or a filter needs what the log does not have: nothing has been written.
+    """
+    from lvnav_trade.campaign.reading.load import load
+    from lvnav_trade.campaign.recorded import Asked, process
+    from lvnav_trade.report.build import html_page, markdown_page, pictures
+    from lvnav_trade.report.escape import csv_text
+    from lvnav_trade.report.recorded import page
+    from lvnav_trade.store.contents import owned
+
+    target, loaded = owned(folder, "report"), load(campaign, sets)
+    done = process(loaded, Path(log), Asked(tuple(lengths), first, every))
+    made = page(done, loaded)
+    tables = {"outages.csv": done.outages, "summary.csv": done.summary, "track.csv": done.track}
+    with writing(folder, "the page cannot be written there"):
+        files = {name: csv_text(frame) for name, frame in tables.items()}
+        pages = {"report.html": html_page(*made), "report.md": markdown_page(*made)}
+        target.publish("report", {**files, **pages, **pictures(made[2])})
+    return ProcessedLog(*done)

@@ -1,0 +1,68 @@
+"""What scripts take from results: cases by their levels, metrics three times, intervals, rows of published numbers.
+
+`evaluate` gives a metric of a case by formal sigma, by the true error of linear covariance and by the runs; `value_of`
+an expression of such values with its interval. `add_metrics` makes metrics of a script known by their names.
+"""
+
+from lvnav_trade.metrics import METRICS as FRAMES
+from lvnav_trade.metrics.basics.select import NAVIGATION, history_of, pick
+from lvnav_trade.metrics.evaluate import difference, name_of
+from lvnav_trade.metrics.families.nees import Nees
+from lvnav_trade.metrics.families.signals import REACQUIRED
+from lvnav_trade.metrics.filter import whiteness
+from lvnav_trade.metrics.metric import Metric, MetricValue, SingleValue
+from lvnav_trade.metrics.pooled import axes_of, cases_of, evaluate, evaluate_single, label_of, members
+from lvnav_trade.metrics.published import (
+    COLUMNS,
+    Rows,
+    in_own_unit,
+    of_cases,
+    published_row,
+    reference_rows,
+    rows_of,
+    written_unit,
+)
+from lvnav_trade.metrics.registry import add_metrics
+from lvnav_trade.metrics.signals import reacquisition_times
+from lvnav_trade.metrics.verdicts import FAILS, HOLDS, NOT_SET_UP, NUMBERS, UNDECIDED, Value, value_of, verdict
+from lvnav_trade.store.read import Tables
+
+__all__ = [
+    "COLUMNS",
+    "FAILS",
+    "FRAMES",
+    "HOLDS",
+    "NAVIGATION",
+    "NOT_SET_UP",
+    "NUMBERS",
+    "REACQUIRED",
+    "UNDECIDED",
+    "Metric",
+    "MetricValue",
+    "Nees",
+    "Rows",
+    "SingleValue",
+    "Tables",
+    "Value",
+    "add_metrics",
+    "axes_of",
+    "cases_of",
+    "difference",
+    "evaluate",
+    "evaluate_single",
+    "history_of",
+    "in_own_unit",
+    "label_of",
+    "members",
+    "name_of",
+    "of_cases",
+    "pick",
+    "published_row",
+    "reacquisition_times",
+    "reference_rows",
+    "rows_of",
+    "value_of",
+    "verdict",
+    "whiteness",
+    "written_unit",
+]  # fmt: skip

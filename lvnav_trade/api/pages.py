@@ -1,0 +1,25 @@
+"""What scripts add to the report of a study: paragraphs, tables and figures, by a `StudyScript`."""
+
+from lvnav_trade.api.studies import load_script
+from lvnav_trade.campaign.reading.study import Figure as FigureEntry
+from lvnav_trade.campaign.reading.study import Part, Question
+from lvnav_trade.report.blocks import Block, Picture, Text, number, shown, table, words
+from lvnav_trade.report.script import Answered, StudyFigure, StudyScript, published_rows
+
+__all__ = [
+    "Answered",
+    "Block",
+    "FigureEntry",
+    "Part",
+    "Picture",
+    "Question",
+    "StudyFigure",
+    "StudyScript",
+    "Text",
+    "load_script",
+    "number",
+    "published_rows",
+    "shown",
+    "table",
+    "words",
+]  # fmt: skip

@@ -1,0 +1,180 @@
+"""Figures of results: `results.plot.NAME()` returns a figure that a notebook shows, and that is saved as PNG or SVG."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lvnav_trade.campaign.syntax.tree import hint
+from lvnav_trade.errors import InputError, writing
+from lvnav_trade.store.read import Tables
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
+    from lvnav_trade.plots.figure import Figure
+
+_QUANTITY = "velocity"
+_FORMATS = ("png", "svg")
+
+
+@dataclass(frozen=True, repr=False)
+class Plot:
+    """A figure of results.
+
+    Attributes
+    ----------
+    name : str
+        Name of the figure.
+    figure : lvnav_trade.plots.figure.Figure
+        Its content: panels with their marks, axes and labels.
+    """
+
+    name: str
+    figure: Figure
+
+    def matplotlib(self) -> Drawing:
+        """Return the figure as one of matplotlib, to be changed further.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            It is not registered with pyplot.
+        """
+        from lvnav_trade.plots.raster import drawn
+
+        return drawn(self.figure)
+
+    def save(self, file: str | Path) -> Path:
+        """Write the figure as PNG or SVG.
+
+        Parameters
+        ----------
+        file : str or Path
+            File to write; its ending, .png or .svg, is the format.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        InputError
+            Another ending, or the file cannot be written.
+        """
+        path = Path(file)
+        if path.suffix.lower().lstrip(".") not in _FORMATS:
+            raise InputError(f"{path}: a figure is saved as .png or .svg")
+        with writing(path, "the figure cannot be written there"):
+            path.write_bytes(self._drawn(path.suffix.lower().lstrip(".")))
+        return path
+
+    def _drawn(self, ending: str) -> bytes:
+        from lvnav_trade.plots.raster import written
+
+        return written(self.figure, ending)
+
+    def _repr_png_(self) -> bytes:
+        return self._drawn("png")
+
+    def __repr__(self) -> str:
+        from lvnav_trade.plots.figure import alt_text
+
+        return f"<Plot {self.name}: {'; '.join(alt_text(panel) for panel in self.figure.panels if panel.marks)}>"
+
+
+class Plots:
+    """Figures of results by name: ``results.plot.budget()``.
+
+    The arguments are those of the figure after the results. `case` takes a label or a digest (or the beginning of it)
+    and is the first case if absent; `quantity` is velocity if absent; other arguments without a default have to be
+    given.
+    """
+
+    # Figures of every campaign; `dir` lists all
+    trajectory: Callable[..., Plot]  # altitude, speed, specific force, ground track
+    envelope: Callable[..., Plot]  # errors of a quantity over time, by axis
+    errors: Callable[..., Plot]  # an error of all cases over time
+    relative: Callable[..., Plot]  # an error of all cases over that of the first
+    comparison: Callable[..., Plot]  # 3-D error of all cases over time
+    rank: Callable[..., Plot]  # cases by their velocity error at injection
+    quantiles: Callable[..., Plot]  # quantiles of a 3-D error over the runs, with limits
+    consistency: Callable[..., Plot]  # ANEES and ANIS with their bounds
+    autocorrelation: Callable[..., Plot]  # autocorrelation of the innovations
+    budget: Callable[..., Plot]  # variance of a 3-D error by source
+    heatmap: Callable[..., Plot]  # contribution of each source by time of origin
+    curves: Callable[..., Plot]  # error over a numeric axis
+    tornado: Callable[..., Plot]  # range of an error by axis
+    pareto: Callable[..., Plot]  # error over cost or mass
+    satellites: Callable[..., Plot]  # satellites tracked over time
+    sky: Callable[..., Plot]  # azimuth and elevation of the satellites
+    timeline: Callable[..., Plot]  # tracking of each satellite over time
+    orbit: Callable[..., Plot]  # errors of the orbit at injection
+    impact: Callable[..., Plot]  # point of impact with its error
+
+    def __init__(self, tables: Tables) -> None:
+        self._tables = tables
+
+    def __dir__(self) -> list[str]:
+        from lvnav_trade.plots import PLOTS
+
+        return sorted(PLOTS)
+
+    def __getattr__(self, name: str) -> Callable[..., Plot]:
+        from lvnav_trade.plots import PLOTS
+
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name not in PLOTS:
+            raise AttributeError(f"there is no figure {name!r}{hint(name, PLOTS)}")
+        return _of_tables(name, PLOTS[name], self._tables)
+
+
+def _of_tables(name: str, plot: Callable[..., Any], tables: Tables) -> Callable[..., Plot]:
+    """Return a figure's function without its first argument, the tables."""
+    taken = list(inspect.signature(plot).parameters.values())[1:]
+    signature = inspect.Signature([_with_default(one) for one in taken], return_annotation=Plot)
+
+    def drawn(*args: Any, **kwargs: Any) -> Plot:
+        given = signature.bind(*args, **kwargs)
+        given.apply_defaults()
+        if "case" in signature.parameters:
+            given.arguments["case"] = case_named(tables, given.arguments["case"])
+        found = plot(tables, *given.args, **given.kwargs)
+        if found is None:
+            raise InputError(f"{name}: there is nothing to draw in these results")
+        return Plot(name, found)
+
+    drawn.__name__, drawn.__doc__ = name, plot.__doc__
+    drawn.__signature__ = signature  # type: ignore[attr-defined]
+    return drawn
+
+
+def _with_default(parameter: inspect.Parameter) -> inspect.Parameter:
+    """Return a parameter, of a case or a quantity with the default that it has here."""
+    defaults: dict[str, Any] = {"case": None, "quantity": _QUANTITY}
+    if parameter.name in defaults and parameter.default is parameter.empty:
+        return parameter.replace(default=defaults[parameter.name], kind=parameter.POSITIONAL_OR_KEYWORD)
+    return parameter.replace(kind=parameter.POSITIONAL_OR_KEYWORD)
+
+
+def case_named(tables: Tables, wanted: str | None) -> str:
+    """Return the digest of the case of a label or digest (or its beginning), the first where none is named.
+
+    InputError where there is none, or several.
+    """
+    labels = tables.labels
+    if wanted is None:
+        return next(iter(labels))
+    found = [case for case, label in labels.items() if label == wanted or case.startswith(wanted)]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise InputError(f"{wanted!r} fits several cases, give more of one: {', '.join(found)}")
+    raise InputError(
+        f"no case {wanted!r}{hint(wanted, list(labels.values()))}; the cases are {', '.join(labels.values())}"
+    )

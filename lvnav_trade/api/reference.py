@@ -1,0 +1,133 @@
+"""Reference from Python: fields of a campaign, its JSON Schema, cards, metrics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lvnav_trade.api.types import MetricNames
+from lvnav_trade.errors import InputError
+
+if TYPE_CHECKING:
+    from lvnav_trade.campaign.reading.reference import Part
+    from lvnav_trade.campaign.syntax.cards import CardInfo
+
+
+def fields(path: str = "") -> list[Part]:
+    """List the fields at a path of a campaign: default, type, meaning.
+
+    Parameters
+    ----------
+    path : str
+        Dotted path, such as ``filter`` or ``receiver.clock``; the whole campaign if empty.
+
+    Returns
+    -------
+    list of Part
+        One part for every kind of settings: kind, title, rows (field, type, default, meaning).
+
+    Raises
+    ------
+    InputError
+        A step of the path is unknown.
+    """
+    from lvnav_trade.campaign.reading.reference import reference
+
+    return reference(path)
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema of campaign files, for editors.
+
+    Returns
+    -------
+    dict
+        The schema, for `json.dumps`.
+    """
+    from lvnav_trade.campaign.reading.reference import json_schema
+
+    return json_schema()
+
+
+def cards(folder: str = "") -> list[CardInfo]:
+    """List the cards that campaigns find: those of the tool and of the working folder.
+
+    Parameters
+    ----------
+    folder : str
+        Folder of the list, such as ``imu``; all cards if empty.
+
+    Returns
+    -------
+    list of CardInfo
+        Name, title, source of the numbers, file.
+
+    Raises
+    ------
+    InputError
+        There is no card in a folder of that name.
+    """
+    from lvnav_trade.campaign.syntax import cards as shelf
+    from lvnav_trade.campaign.syntax.tree import hint
+
+    every = shelf.catalogue(Path.cwd())
+    found = [card for card in every if not folder or card.name.startswith(f"{folder.rstrip('/')}/")]
+    if not found:
+        folders = sorted({card.name.partition("/")[0] for card in every})
+        raise InputError(f"cards: no folder {folder!r}{hint(folder, folders)}")
+    return found
+
+
+def card_text(name: str) -> str:
+    """Return the text of a card.
+
+    Parameters
+    ----------
+    name : str
+        Name or path of the card, such as ``imu/tactical_fog``.
+
+    Returns
+    -------
+    str
+        YAML, with its comments.
+
+    Raises
+    ------
+    InputError
+        There is no such card.
+    """
+    from lvnav_trade.campaign.syntax import cards as shelf
+
+    return shelf.card_text(name, Path.cwd())
+
+
+def metrics(name: str = "") -> MetricNames:
+    """List the metrics that a campaign can name, and the tables that are computed from results.
+
+    Parameters
+    ----------
+    name : str
+        Only those whose name contains this.
+
+    Returns
+    -------
+    MetricNames
+        Metrics with unit and meaning; tables with what they hold.
+
+    Raises
+    ------
+    InputError
+        No name contains it.
+    """
+    import pandas as pd
+
+    from lvnav_trade.campaign.definition.metric_names import known_metrics
+    from lvnav_trade.campaign.syntax.tree import hint
+    from lvnav_trade.metrics import METRICS
+
+    known = [one for one in known_metrics() if name in one.metric]
+    made = {key: (metric.__doc__ or "").partition("\n")[0] for key, metric in METRICS.items() if name in key}
+    if not known and not made:
+        names = [*(one.metric for one in known_metrics()), *METRICS]
+        raise InputError(f"metrics: no metric contains {name!r}{hint(name, names)}")
+    return MetricNames(pd.DataFrame(known, columns=["metric", "unit", "meaning", "named_by"]), made)

@@ -1,0 +1,348 @@
+"""What the public functions return: records with named fields, which notebooks show as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from lvnav_trade.api.display import Displayed, Shown
+from lvnav_trade.metrics.comparison import comparison
+
+if TYPE_CHECKING:
+    from lvnav_trade.campaign.definition.axes import Case
+    from lvnav_trade.campaign.definition.schema import Campaign
+    from lvnav_trade.campaign.derived import ProcessNoise
+    from lvnav_trade.campaign.running.selfcheck import Checked
+    from lvnav_trade.filters.base import FilterCard
+
+
+@dataclass(frozen=True)
+class CheckedCampaign(Displayed):
+    """A campaign that is valid.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        The campaign, which `run` takes.
+    cases : tuple of Case
+        Its cases: id (digest), label, axes (level by axis), scenario.
+    beyond_limits, warnings, notes : tuple of str
+        Remarks: settings outside validated limits, requirements that the runs cannot show, other remarks.
+    """
+
+    campaign: Campaign
+    cases: tuple[Case, ...]
+    beyond_limits: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def remarks(self) -> dict[str, list[str]]:
+        """All remarks by kind, where there are any."""
+        found = {name: list(getattr(self, name)) for name in ("beyond_limits", "warnings", "notes")}
+        return {name: lines for name, lines in found.items() if lines}
+
+    def _shown(self) -> Shown:
+        lines = [line for kind in self.remarks.values() for line in kind]
+        cases = pd.DataFrame([{"case": case.id, "label": case.label} for case in self.cases])
+        return Shown(f"{self.campaign.name}: valid", tuple(lines), {"Cases": cases})
+
+
+@dataclass(frozen=True)
+class Plan(Displayed):
+    """What a campaign takes.
+
+    Attributes
+    ----------
+    cases : pandas.DataFrame
+        A row per case: id, label, runs, done (runs that are stored).
+    blocks : int
+        Blocks of runs that are left to do.
+    seconds : float
+        Time of one core (s), without compilation.
+    disk_mb, memory_mb : float
+        Size of the results, and memory of a worker process (MB).
+    warnings : tuple of str
+        Requirements that the runs cannot show.
+    """
+
+    cases: pd.DataFrame
+    blocks: int
+    seconds: float
+    disk_mb: float
+    memory_mb: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def cost(self) -> str:
+        """Time, disk and memory in one line."""
+        cost = f"{self.disk_mb:.0f} MB of disk, {self.memory_mb:.0f} MB a job"
+        return f"about {self.seconds:.0f} s of one core once compiled, {cost}"
+
+    def _shown(self) -> Shown:
+        return Shown("", (*self.warnings, self.cost), {"Cases": self.cases})
+
+
+@dataclass(frozen=True)
+class SelfCheck(Displayed):
+    """Checks of the configuration of every case.
+
+    Attributes
+    ----------
+    checks : tuple of Checked
+        Each check with the labels of the cases that it holds for.
+    """
+
+    checks: tuple[Checked, ...]
+
+    def count(self, verdict: str) -> int:
+        """Return the number of checks with a verdict: passed, failed or not checked."""
+        return sum(one.check.verdict == verdict for one in self.checks)
+
+    @property
+    def passed(self) -> bool:
+        """Whether no check has failed."""
+        return not self.count("failed")
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """A row per check: case, check, of, figure, allowed, verdict, where."""
+        every = len({label for one in self.checks for label in one.cases})
+        rows = [
+            ["all" if len(cases) == every else "; ".join(cases), check.kind, check.what, *check.words, check.where]
+            for check, cases in self.checks
+        ]
+        return pd.DataFrame(rows, columns=["case", "check", "of", "figure", "allowed", "verdict", "where"])
+
+    def _shown(self) -> Shown:
+        counts = {verdict: self.count(verdict) for verdict in ("passed", "failed", "not checked")}
+        said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
+        return Shown("Self-check", (said,), {"": self.frame})
+
+
+@dataclass(frozen=True)
+class ReplayedRun(Displayed):
+    """A run that was repeated.
+
+    Attributes
+    ----------
+    case, label : str
+        Digest and label of the case.
+    run : int
+        Number of the run.
+    failure : str
+        Why the run failed; empty if it did not.
+    events : pandas.DataFrame
+        Size of the errors at the events: event, t_s, quantity, error (in the unit of the row), unit.
+    history : pandas.DataFrame
+        Errors and formal sigmas at every covariance step, units in the names of the columns.
+    trace : Path
+        Parquet file with the history.
+    """
+
+    case: str
+    label: str
+    run: int
+    failure: str
+    events: pd.DataFrame
+    history: pd.DataFrame
+    trace: Path
+
+    def _shown(self) -> Shown:
+        failed = f": {self.failure}" if self.failure else ""
+        return Shown(f"{self.label}, run {self.run}{failed}", (f"trace: {self.trace}",), {"": self.events})
+
+
+class Comparison(comparison.Comparison, Displayed):
+    """Comparison of two sets of results: `frame` (a row per case and metric), notes, confidence, verdict."""
+
+    def _shown(self) -> Shown:
+        return Shown(f"The candidate is {self.verdict}", self.notes, {"": self.frame})
+
+
+@dataclass(frozen=True)
+class ReportFiles:
+    """Files of a report.
+
+    Attributes
+    ----------
+    page : Path
+        report.html, or brief.html if a brief report was wanted.
+    kept : Path or None
+        report.md in the folder of the kept report.
+    """
+
+    page: Path
+    kept: Path | None = None
+
+
+@dataclass(frozen=True)
+class EstimatedNoise(Displayed):
+    """Process noise estimated from runs.
+
+    Attributes
+    ----------
+    noise : ProcessNoise
+        Densities over the flight and by phase, error per step, filter card.
+    card : Path
+        Filter card that was written.
+    files : tuple of Path
+        Error per step as CSV and PNG.
+    """
+
+    noise: ProcessNoise
+    card: Path
+    files: tuple[Path, Path]
+
+    @property
+    def densities(self) -> pd.DataFrame:
+        """Root spectral densities, SI: phase, attitude, velocity, position; the whole flight first."""
+        phases = {"whole flight": self.noise.whole, **{name: found for name, _, _, found in self.noise.phases}}
+        return pd.DataFrame([{"phase": name, **found._asdict()} for name, found in phases.items()])
+
+    def _shown(self) -> Shown:
+        return Shown("Process noise", (f"card: {self.card}",), {"Densities, SI": self.densities})
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study of several campaigns left.
+
+    Attributes
+    ----------
+    page : Path
+        report.md with the published numbers next to the results.
+    campaigns : dict of str to tuple of int
+        By campaign, published rows that no input decides, and how many of them hold.
+    published, hold : int
+        The same altogether.
+    failures : list of str
+        One line per failed run.
+    """
+
+    page: Path
+    campaigns: dict[str, tuple[int, int]]
+    published: int
+    hold: int
+    failures: list[str]
+
+
+@dataclass(frozen=True)
+class Solution(Displayed):
+    """Answer to an inverse question.
+
+    Attributes
+    ----------
+    answers : pandas.DataFrame
+        A row per case: the largest value that suffices, or the totals of the cases that meet the requirements.
+    confirmed : pandas.DataFrame
+        Verdicts of runs on both sides of each answer; without rows if there is no Monte Carlo.
+    seconds : float
+        Wall time (s).
+    page : Path
+        The report of the search, its tables next to it.
+    """
+
+    answers: pd.DataFrame
+    confirmed: pd.DataFrame
+    seconds: float
+    page: Path
+
+    def _shown(self) -> Shown:
+        tables = {"": self.answers} | ({"Confirmed by runs": self.confirmed} if len(self.confirmed) else {})
+        return Shown("Solution", (f"{self.seconds:.0f} s; report: {self.page}",), tables)
+
+
+@dataclass(frozen=True)
+class Sensitivity(Displayed):
+    """Global sensitivity to the sigmas of error sources.
+
+    Attributes
+    ----------
+    indices : pandas.DataFrame
+        Indices of the largest sources.
+    case, error : str
+        Case and error that they hold for.
+    predicted : float
+        How well the fit predicts left-out designs; 1 exactly.
+    samples : int
+        Number of designs.
+    remark : str
+        Why linear covariance does not describe the case; empty if it does.
+    seconds : float
+        Wall time (s).
+    page : Path
+        The report of the search, its tables next to it.
+    """
+
+    indices: pd.DataFrame
+    case: str
+    error: str
+    predicted: float
+    samples: int
+    remark: str
+    seconds: float
+    page: Path
+
+    def _shown(self) -> Shown:
+        lines = (f"{self.samples} designs, {self.seconds:.0f} s; report: {self.page}", self.remark)
+        return Shown(f"{self.error}, {self.case}", tuple(line for line in lines if line), {"": self.indices})
+
+
+@dataclass(frozen=True)
+class Tuning(Displayed):
+    """A tuned filter.
+
+    Attributes
+    ----------
+    values : pandas.DataFrame
+        Number by number: before and after.
+    cases : pandas.DataFrame
+        Case by case: error over its limit before and after, those held out marked.
+    card : FilterCard
+        The filter.
+    file : Path
+        Its card.
+    evaluations : int
+        Linear covariances of all cases that were computed.
+    seconds : float
+        Wall time (s).
+    page : Path
+        The report of the search, its tables next to it.
+    """
+
+    values: pd.DataFrame
+    cases: pd.DataFrame
+    card: FilterCard
+    file: Path
+    evaluations: int
+    seconds: float
+    page: Path
+
+    def _shown(self) -> Shown:
+        line = f"{self.evaluations} looks, {self.seconds:.0f} s; report: {self.page}"
+        return Shown("Tuning", (line, f"card: {self.file}"), {"Values": self.values, "Cases": self.cases})
+
+
+@dataclass(frozen=True)
+class MetricNames(Displayed):
+    """Metrics that a campaign can name, and tables that are computed from results.
+
+    Attributes
+    ----------
+    metrics : pandas.DataFrame
+        A row per metric: metric, unit, meaning, named_by.
+    tables : dict of str to str
+        What each computed table holds, by name.
+    """
+
+    metrics: pd.DataFrame
+    tables: Mapping[str, str]
+
+    def _shown(self) -> Shown:
+        tables = pd.DataFrame(list(self.tables.items()), columns=["table", "what it holds"])
+        return Shown("", (), {"Metrics": self.metrics, "Tables": tables})

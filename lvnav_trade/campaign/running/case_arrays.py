@@ -1,0 +1,177 @@
+"""Results of one case for the metrics, from the arrays of the engines, before they are stored."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lvnav_trade import frames
+from lvnav_trade.engines.simulate.statistics import BlockSummary, add_norms, columns
+from lvnav_trade.layout import BACKUP
+from lvnav_trade.metrics.basics.case import (
+    SAME_TIME,
+    CaseResults,
+    Gaussian,
+    History,
+    finite_sizes,
+    phase_in,
+    symmetric,
+)
+from lvnav_trade.metrics.metric import NAVIGATION_UNITS
+from lvnav_trade.records import Bools, CovHistory, Floats, Output
+
+if TYPE_CHECKING:
+    from lvnav_trade.metrics.mechanics.mission import Law, State
+
+# Quantities whose covariance is kept at events
+_KEPT = (*NAVIGATION_UNITS, *(f"{BACKUP}{quantity}" for quantity in NAVIGATION_UNITS))
+
+
+class CaseArrays(CaseResults):
+    """One case in memory: the same numbers as `CaseTables` of what `store` writes of it.
+
+    prepared : The prepared scenario.
+    covariance : Its linear covariance.
+    summary : Statistics of some of its runs; None without runs.
+    """
+
+    def __init__(self, prepared: Any, covariance: CovHistory, summary: BlockSummary | None = None) -> None:
+        self.prepared, self.covariance, self.summary = prepared, covariance, summary
+        self._columns = columns(prepared.outputs)
+
+    def output(self, quantity: str, axis: str) -> Output | None:
+        """Return unit and label of an error."""
+        return next((one for one in self._columns if (one.quantity, one.axis) == (quantity, axis)), None)
+
+    def axes(self, quantity: str) -> list[str]:
+        """Return the axes of a quantity."""
+        return [one.axis for one in self.prepared.outputs if one.quantity == quantity]
+
+    def events(self) -> dict[str, float]:
+        """Return the times (s) of the events."""
+        stated = self.prepared.trajectory.events
+        return {name: float(stated[name]) for name in sorted(stated, key=lambda name: (stated[name], name))}
+
+    def phase(self, text: str) -> tuple[float, float]:
+        """Return first and last time (s) of a phase."""
+        t = self.covariance.t if self.summary is None else self.summary.t_bound
+        return phase_in(text, self.events(), (float(t[0]), float(t[-1])))
+
+    def failed(self, event: str) -> Bools:
+        """Return which runs failed, at an event."""
+        known = self.summary is not None and event in self.summary.events
+        return self.failed_runs() if known else np.zeros(0, dtype=bool)
+
+    def failed_runs(self) -> Bools:
+        """Return which runs failed."""
+        return np.zeros(0, dtype=bool) if self.summary is None else self.summary.failed != 0
+
+    def errors(self, event: str, quantity: str) -> Floats:
+        """Return the errors (n_run, n_axis) at an event."""
+        at = self._axes_of(quantity)
+        if self.summary is None or event not in self.summary.events:
+            return np.empty((0, len(at)))
+        return self.summary.event_error[:, self.summary.events.index(event), at]
+
+    def sizes(self, event: str, quantity: str, axis: str) -> Floats:
+        """Return |error| (n_run,) at an event."""
+        column = self._column(quantity, axis)
+        if self.summary is None or event not in self.summary.events or column is None:
+            return np.empty(0)
+        error = self.summary.event_error[:, self.summary.events.index(event), column]
+        return finite_sizes(error, self.failed_runs())
+
+    def largest(self, quantity: str, axis: str, first: float, last: float) -> Floats:
+        """Return the largest |error| (n_run,) of a phase."""
+        column = self._column(quantity, axis)
+        if self.summary is None or column is None:
+            return np.empty(0)
+        spans = [
+            start >= first - SAME_TIME and end <= last + SAME_TIME for start, end in pairwise(self.summary.t_bound)
+        ]
+        if not any(spans):
+            return np.empty(0)
+        return finite_sizes(self.summary.worst[:, spans, column], self.failed_runs()[:, None]).max(axis=1)
+
+    def history(self, quantity: str, axis: str) -> History:
+        """Return an error over the flight by linear covariance."""
+        column = self._column(quantity, axis)
+        if column is None:
+            return History(np.empty(0), np.empty(0), np.empty(0))
+        true, mean = (
+            add_norms(values, self.prepared.outputs)[:, column]
+            for values in (self.covariance.true_sigma, self.covariance.mean)
+        )
+        return History(self.covariance.t, true, mean)
+
+    def gaussian(self, event: str, quantity: str, axis: str) -> Gaussian | None:
+        """Return the Gaussian of an error at an event, without its sources."""
+        at, axes = self._place(event, quantity), self.axes(quantity)
+        chosen = range(len(axes)) if axis == "3d" else [k for k, name in enumerate(axes) if name == axis]
+        if at is None or not len(chosen):
+            return None
+        whole, index = self._axes_of(quantity), list(chosen)
+        covariance = symmetric(self.covariance.true_cov[at][np.ix_(whole, whole)])
+        return Gaussian(self.covariance.mean[at, whole][index], covariance[np.ix_(index, index)], {})
+
+    def formal(self, event: str, quantity: str) -> Floats | None:
+        """Return the filter's own covariance (3, 3) at an event."""
+        at, whole = self._place(event, quantity), self._axes_of(quantity)
+        return None if at is None else symmetric(self.covariance.formal_cov[at][np.ix_(whole, whole)])
+
+    def state(self, event: str) -> State | None:
+        """Return the true state at an event."""
+        return next((one for one in self._states[0] if one.event == event and event), None)
+
+    def joint(self, event: str) -> Law:
+        """Return linear covariance of velocity and position at an event."""
+        states, laws = self._states
+        return laws[[state.event for state in states].index(event)]
+
+    def protection_level(self, quantity: str, at: str, during: str) -> float:
+        """Return NaN: the levels are among the diagnostics, which come after the runs."""
+        return float("nan")
+
+    def largest_tilt(self) -> tuple[float, float]:
+        """Return the largest sigma of attitude (rad) of an axis at or before lift-off, and its time (s)."""
+        early = self.covariance.t <= SAME_TIME
+        sigma = self.covariance.true_sigma[early][:, self._axes_of("attitude")]
+        if not sigma.size:
+            return 0.0, 0.0
+        k = int(np.argmax(sigma.T)) % len(sigma)
+        return float(sigma.max()), float(self.covariance.t[early][k])
+
+    @cached_property
+    def _states(self) -> tuple[list[State], list[Law]]:
+        """The true states at events and linear covariance there, through the columns that would be stored: so that
+        they have the bits that verdicts on stored results have.
+        """
+        from lvnav_trade.metrics.mechanics.mission import State, laws_in
+        from lvnav_trade.store.flight import state_columns
+
+        stored = state_columns(self.prepared, self.covariance)
+        rows, joint = stored["states"], stored["joint"]
+        if not rows:
+            return [], []
+        turns = frames.matrices(np.stack([rows[f"axes_q{k}_ratio"] for k in range(4)], axis=1))
+        r_i, v_i = (
+            np.stack([rows[f"{name}_{axis}_{unit}"] for axis in "xyz"], axis=1)
+            for name, unit in (("position", "m"), ("velocity", "m_per_s"))
+        )
+        parts = zip(rows["event"], rows["t_s"], r_i, v_i, rows["earth_angle_rad"], turns, strict=True)
+        return [State(*part) for part in parts], laws_in(joint["mean_si"], joint["true_si2"], joint["formal_si2"])
+
+    def _column(self, quantity: str, axis: str) -> int | None:
+        return next((k for k, one in enumerate(self._columns) if (one.quantity, one.axis) == (quantity, axis)), None)
+
+    def _axes_of(self, quantity: str) -> list[int]:
+        return [k for k, one in enumerate(self.prepared.outputs) if one.quantity == quantity]
+
+    def _place(self, event: str, quantity: str) -> int | None:
+        """Return the history time of an event, of a quantity whose covariance is kept."""
+        t = self.prepared.trajectory.events.get(event)
+        kept = quantity in _KEPT and len(self._axes_of(quantity)) == 3
+        return int(np.argmin(np.abs(self.covariance.t - t))) if kept and t is not None else None

@@ -1,0 +1,75 @@
+"""Verbs for flight software: export-vectors, export-filter."""
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lvnav_trade.campaign.text import table
+from lvnav_trade.cli.console import Answer, CampaignFile, Sets, verb
+from lvnav_trade.cli.results import CaseOf
+
+
+class TableFormat(StrEnum):
+    """Format of tables."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+
+
+@verb("demo --case 'imu=tactical_mems, filter=tight' -o my_vectors")
+def export_vectors(
+    campaign: CampaignFile,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="folder of the tables")],
+    sets: Sets = None,
+    case: CaseOf = None,
+    run: Annotated[int, typer.Option("--run", metavar="RUN", help="number of the run, from 0")] = 0,
+    kind: Annotated[TableFormat, typer.Option("--format", help="of the tables")] = TableFormat.CSV,
+) -> Answer:
+    """Write inputs and expected outputs of a filter, by epoch.
+
+    Another implementation of the filter is tested against them: IMU samples, measurements, satellites; estimates and
+    covariance before and after the measurements of every epoch. columns.csv states the units.
+    """
+    from lvnav_trade import api
+
+    found = api.export_vectors(campaign, out, case, run, sets or (), kind.value)
+    rows = [[f"{name}.{kind.value}", len(frame)] for name, frame in found.tables.items()]
+    text = f"{table(['file', 'rows'], rows)}\nunits: {out / 'columns.csv'}\nuse: {out / 'README.md'}"
+    return Answer(text, {"folder": str(out), "run": run, "files": sorted(found.files)})
+
+
+@verb("demo --case 'imu=tactical_mems, filter=tight' -o my_filter --runs 10")
+def export_filter(
+    campaign: CampaignFile,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="folder of the C files and the runs")],
+    sets: Sets = None,
+    case: CaseOf = None,
+    runs: Annotated[int, typer.Option("--runs", help="runs that are recorded and replayed; 0: the C alone")] = 10,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+) -> Answer:
+    """Write the filter of a case as C99, without allocation.
+
+    Runs are recorded beside it and replayed, where this machine has a C compiler (CC, cc, gcc, clang). Each estimate
+    should be that of the simulation to 1e-9 of its size.
+    """
+    from lvnav_trade import api
+
+    def progress(what: str) -> None:
+        if not quiet:
+            print(what, file=sys.stderr)
+
+    found = api.export_filter(campaign, out, case, runs, sets or (), progress)
+    lines = [f"files: {out}"]
+    if found.replayed is not None:
+        worst = found.replayed.groupby("estimate", sort=False).agg(runs=("run", "nunique"), worst=("difference", "max"))
+        rows = [[row.Index, row.runs, f"{row.worst:.1e}"] for row in worst.itertuples()]
+        lines.insert(0, table(["estimate", "runs", "largest difference"], rows))
+        lines.append(f"replayed: {'agrees' if found.agrees else 'an estimate differs by more than 1e-9 of its size'}")
+    elif runs:
+        lines.append(f"no C compiler is here; where one is: {found.command}")
+    content = {"folder": str(out), "compiler": found.compiler, "agrees": found.agrees}
+    rows_of = [] if found.replayed is None else found.replayed.to_dict(orient="records")
+    return Answer("\n".join(lines), content | {"replayed": rows_of}, 0 if found.agrees else 1)

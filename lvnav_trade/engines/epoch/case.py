@@ -1,0 +1,71 @@
+"""What an epoch reads of a case, and the arrays of its optional features."""
+
+from collections import namedtuple
+from typing import Any, NamedTuple
+
+from lvnav_trade.engines.setup.prepare import Prepared
+
+
+class FilterCase(NamedTuple):
+    """What the filter of a case reads, the same in every run. Optional parts are None where the case lacks them.
+
+    Steps of an epoch hand it on whole. A leaf takes what it reads of it, so that one compiled version serves many, and
+    an optional part as an argument of its own, so that the compiler drops `if part is None`.
+
+    schedule : Schedule. Windows of IMU ticks.
+    signals : Signals. Satellites and receiver at the epochs.
+    sensors : Sensors. The other sensors.
+    model : FilterModel. The filter as arrays.
+    options : Options. Optional features.
+    tick : s. Sampling interval of the IMU.
+    step : s. Step of the strapdown.
+    """
+
+    schedule: Any
+    signals: Any
+    sensors: Any
+    model: Any
+    options: Any
+    tick: float
+    step: float
+
+
+def case_of(prepared: Prepared, **changed: Any) -> FilterCase:
+    """Return what the filter of a case reads, with fields replaced."""
+    tick = prepared.unit.dt
+    found = FilterCase(
+        prepared.schedule,
+        prepared.signals,
+        prepared.sensors,
+        prepared.model,
+        prepared.options,
+        tick,
+        tick * prepared.model.strapdown.subsamples,
+    )
+    return found._replace(**changed)
+
+
+Parts = namedtuple(
+    "Parts",
+    "run rx open_loop watch past motion held missed units backup earlier last points monitor again tape",
+    defaults=(None, None, None, None, None, None, None, None, None, None, None, None, None, None, None, None),
+)
+"""Arrays of the optional features of a case; None without the feature, so that other kernels are compiled once.
+
+run : (1,). Number of the run; None in linear covariance.
+rx : receivers.base.Receiver. Receiver that computes its solution; in linear covariance the covariance that it reports.
+open_loop : filters.feedforward.OpenLoop. Open-loop correction.
+watch : filters.monitor.Watch. Mode logic.
+past : (n_place + 1, N_PAST). Stored states of delay compensation, see filters.late.
+motion : filters.samples.Motion. IMU samples as measurements, or reported.
+held : Held. Reported error of the receiver's solution.
+missed : Misses. Error of the filter's transition.
+units : UnitWork. IMU array.
+backup : filters.backup.Backup. Strapdown that is never corrected.
+earlier : filters.delayed.Earlier. Differences of two epochs.
+last : (n_sat, n_kind). Observables of the epoch before, from which differences are formed.
+points : filters.unscented.Points. Sigma points.
+monitor : filters.integrity.state.Monitor. Tests for faults.
+again : filters.iterated.Again. Iterated update.
+tape : engines.simulate.tape.Tape. Record of one run.
+"""

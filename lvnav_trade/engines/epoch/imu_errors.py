@@ -1,0 +1,112 @@
+"""How the errors of an IMU enter its samples, and of several IMUs those of the fused triad."""
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.processes import profile_value
+from lvnav_trade.kernels.transition import CONSTANT, GYRO, OTHER_0, OTHER_2, OWN_0, OWN_2, SQUARE, sensed_driver
+
+
+@jit
+def unit_input(frames, c, driver, own, other):
+    """Return what a parameter of axis c multiplies, by the inputs (3,) of its own sensor and of the other one, body
+    axes.
+    """
+    if driver < 0 or driver == CONSTANT:
+        return 1.0
+    k, along = 0, own
+    if OWN_0 <= driver and driver <= OWN_2:
+        k = driver - OWN_0
+    elif OTHER_0 <= driver and driver <= OTHER_2:
+        k, along = (driver - OTHER_0 - c) % 3, other
+    value = frames[c, k, 0] * along[0] + frames[c, k, 1] * along[1] + frames[c, k, 2] * along[2]
+    return value * value if driver == SQUARE else value
+
+
+@jit
+def _fill_partials_of_array(a, true, units, tick, dt):
+    """Set how components of several IMUs enter the samples of a tick of the fused triad."""
+    for j in range(true.sensor.shape[0]):
+        if true.sampled[j] and true.profile[j] < 0:
+            sensor, triad, component = true.sensor[j], true.triad[j], true.first[j]
+            source, k = true.source[component], true.slot[component]
+            for c in range(3):
+                u = tick_input(units, triad, sensor, c, true.driver[j], tick, dt)
+                for i in range(3):
+                    entering = lasting_share(units, tick, triad, sensor, i, c) * u
+                    a[true.group[source], k + c, 3 * sensor + i, true.lane[source]] = entering
+
+
+@jit
+def lasting_share(units, tick, triad, sensor, i, c):
+    """Return how an error of an axis that lasts enters axis i of the fused triad at a tick."""
+    stage = units.stage[tick]
+    return units.solved[stage, triad, sensor, i, c] * units.noisy[stage, sensor, 0, i]
+
+
+@jit
+def tick_input(units, triad, sensor, c, driver, tick, dt):
+    """Return what a parameter of axis c multiplies in the sample of a tick."""
+    a, f = units.dtheta[triad, tick], units.dvel[triad, tick]
+    angle, force = (a[0] / dt, a[1] / dt, a[2] / dt), (f[0] / dt, f[1] / dt, f[2] / dt)
+    if sensor == GYRO:
+        return unit_input(units.frames[triad], c, driver, angle, force)
+    return unit_input(units.frames[triad], c, driver, force, angle)
+
+
+@jit
+def _add_profiles_of_array(z, true, unit, units, tick, t):
+    """Add to the samples' deviations (6,) the errors that the units of a set have alike in every run."""
+    for j in range(true.sensor.shape[0]):
+        if true.profile[j] >= 0:
+            for c in range(3):
+                sensor, solved = true.sensor[j], units.solved[units.stage[tick], true.triad[j], true.sensor[j]]
+                u = tick_input(units, true.triad[j], sensor, c, true.driver[j], tick, unit.dt)
+                value = u * profile_value(unit, true.profile[j], c, t)
+                for i in range(3):
+                    z[3 * sensor + i] += solved[i, c] * value
+
+
+@jit
+def fill_partials(a, true, units, vehicle, tick, dt):
+    """Set how components of one unit, or of a set (Units), enter the samples of a tick, where no state of the filter
+    stands for them.
+    """
+    if units is None:
+        _fill_partials(a, true, vehicle, tick)
+    else:
+        _fill_partials_of_array(a, true, units, tick, dt)
+
+
+@jit
+def _fill_partials(a, true, vehicle, tick):
+    for j in range(true.sensor.shape[0]):
+        if true.sampled[j] and true.profile[j] < 0:
+            u = sensed_driver(true.sensor[j], true.driver[j], vehicle.rate[tick], vehicle.force[tick])
+            source, k = true.source[true.first[j]], true.slot[true.first[j]]
+            for axis in range(3):
+                a[true.group[source], k + axis, 3 * true.sensor[j] + axis, true.lane[source]] = u[axis]
+
+
+@jit
+def _add_profiles(z, true, unit, reference, tick, t):
+    for j in range(true.sensor.shape[0]):
+        if true.profile[j] >= 0 and true.sampled[j]:
+            first = 3 * true.sensor[j]
+            own = reference.dtheta[tick] if true.sensor[j] == GYRO else reference.dvel[tick]
+            for axis in range(3):
+                u = 1.0 if true.driver[j] == CONSTANT else own[axis] / unit.dt
+                z[first + axis] += u * profile_value(unit, true.profile[j], axis, t)
+
+
+@jit
+def deviations(z, true, unit, units, reference, tick):
+    """Set what the samples hold in every run beyond the truth: bandwidth, what sensing elements lack, and profiles that
+    no state stands for.
+    """
+    for i in range(3):
+        z[i] = (unit.dtheta[tick, i] - reference.dtheta[tick, i]) / unit.dt
+        z[3 + i] = (unit.dvel[tick, i] - reference.dvel[tick, i]) / unit.dt
+    t = unit.start + unit.dt * (tick + 0.5)
+    if units is None:
+        _add_profiles(z, true, unit, reference, tick, t)
+    else:
+        _add_profiles_of_array(z, true, unit, units, tick, t)

@@ -1,0 +1,124 @@
+"""Recorded ranges held against the recorded solutions, free of the receiver's clock: what cannot be true is named."""
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.errors import InputError
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.line_of_sight import sight
+from lvnav_trade.records import Bools, Floats
+
+_FEWEST = 4  # satellites of an epoch whose median is taken as the receiver's clock
+_CONTRADICTED = (300.0, 10.0)  # m and m/s, medians: almanacs and delays make less, a wrong time or sign more
+_WILD, _SCATTERS = (500.0, 10.0), 15.0  # m and m/s, and medians, beyond which a single measurement is left out
+_MOST_WILD = 0.1
+_FITS = 0.1  # of the contradiction, by which another reading of the column fits
+_NAMED = 6
+_WAVELENGTH = SPEED_OF_LIGHT / 1575.42e6
+_READINGS = (
+    (-1.0, "its sign is reversed: is it a Doppler shift in m/s?"),
+    (-_WAVELENGTH, "it fits as a Doppler shift in Hz of 1575.42 MHz: multiply it by -0.190294 m"),
+    (_WAVELENGTH, "it fits as a range rate in cycles of 1575.42 MHz: multiply it by 0.190294 m"),
+    (1000.0, "it fits in km/s"),
+    (0.001, "it fits in mm/s"),
+)
+
+
+class Measured(NamedTuple):
+    """Ranges and rates (n_epoch, n_sat, 2) m and m/s as measured, what is added to correct them, which of them are used
+    (n_epoch, n_sat), and the columns of them that the filter takes.
+    """
+
+    observed: Floats
+    added: Floats
+    tracked: Bools
+    needed: list[int]
+
+
+def compared(prepared: Prepared, log: Measured, file: str) -> tuple[Bools, tuple[str, ...]]:
+    """Return which measurements are used (n_epoch, n_sat), and a note on those that are left out because they
+    contradict the solutions; InputError where they do so as a whole.
+    """
+    expected = _expected(prepared)
+    near = _near_solution(prepared)[:, None] & log.tracked
+    gone, worst = np.zeros_like(log.tracked), {}
+    for at in log.needed:
+        left = _left(log.observed[:, :, at] + log.added[:, :, at] - expected[:, :, at], near)
+        seen = np.abs(left[np.isfinite(left)])
+        if not seen.size:
+            continue
+        typical = float(np.median(seen))
+        if typical > _CONTRADICTED[at]:
+            hint = (
+                _range_hint(left, expected[:, :, 1]) if at == 0 else _rate_hint(log, expected[:, :, 1], near, typical)
+            )
+            raise InputError(
+                f"{file}: {('pseudorange_m', 'range_rate_m_s')[at]} contradicts the solutions: without the receiver's "
+                f"clock, half of them are off by more than {_sized(typical, at)}; {hint}"
+            )
+        wild = np.abs(np.nan_to_num(left)) > max(_WILD[at], _SCATTERS * typical)
+        gone |= wild
+        if wild.any():
+            worst[at] = float(np.nanmax(np.abs(left)))
+    count = int(np.count_nonzero(gone))
+    if not count:
+        return log.tracked, ()
+    sizes = " and ".join(_sized(size, at) for at, size in worst.items())
+    names = Counter(prepared.sky.names[k] for k in np.nonzero(gone)[1].tolist())
+    named = ", ".join(f"{name} ({times})" for name, times in sorted(names.items())[:_NAMED])
+    said = f"{count} of {np.count_nonzero(near)} ranges contradict the solutions, by up to {sizes}"
+    if count > max(1.0, _MOST_WILD * np.count_nonzero(near)):
+        raise InputError(f"{file}: {said}: {named}")
+    return log.tracked & ~gone, (f"{said}: left out, by satellite: {named}",)
+
+
+def _sized(size: float, at: int) -> str:
+    return f"{size * 1e-3:.4g} km{('', '/s')[at]}" if size >= 1e3 else f"{size:.3g} m{('', '/s')[at]}"
+
+
+def _expected(prepared: Prepared) -> Floats:
+    """Return ranges and range rates (n_epoch, n_sat, 2) from the solutions, m and m/s, without clocks."""
+    sky, signals = prepared.sky, prepared.signals
+    seen = sight(sky.r_i - signals.position[:, None, :], sky.v_i - signals.velocity[:, None, :])
+    return np.stack([seen.distance, seen.rate], axis=2)
+
+
+def _near_solution(prepared: Prepared) -> Bools:
+    """Return which epochs (n_epoch,) have a solution of the log."""
+    return np.asarray(prepared.signals.n_used > 0)
+
+
+def _left(difference: Floats, used: Bools) -> Floats:
+    """Return differences (n_epoch, n_sat) less the median of their epoch; NaN where unused or the epoch has too few."""
+    found = np.where(used & np.isfinite(difference), difference, np.nan)
+    few = np.isfinite(found).sum(axis=1) < _FEWEST
+    found[few] = np.nan
+    some = ~few
+    found[some] -= np.nanmedian(found[some], axis=1, keepdims=True)
+    return found
+
+
+def _range_hint(left: Floats, rate: Floats) -> str:
+    """Return the time by which the satellites are displaced, where that explains the differences."""
+    motion = _left(rate, np.isfinite(left))
+    on = np.isfinite(left) & np.isfinite(motion)
+    shift = float(np.sum(left[on] * motion[on]) / max(np.sum(motion[on] ** 2), 1e-9))
+    rest = np.median(np.abs(left[on] - shift * motion[on]))
+    if rest <= _FITS * np.median(np.abs(left[on])):
+        return (
+            f"the satellites fit {abs(shift):.1f} s {'later' if shift > 0.0 else 'earlier'}: is the epoch UTC, and do "
+            "the columns of time count from it (leap seconds: time_scale)?"
+        )
+    return "are the epoch, the constellation (of that day) and the unit right?"
+
+
+def _rate_hint(log: Measured, rate: Floats, near: Bools, typical: float) -> str:
+    """Return the reading of the column of rates that fits, where there is one."""
+    for factor, said in _READINGS:
+        left = _left(factor * log.observed[:, :, 1] + log.added[:, :, 1] - rate, near)
+        if np.nanmedian(np.abs(left)) <= min(_CONTRADICTED[1], _FITS * typical):
+            return said
+    return "are the epoch and the unit right?"

@@ -1,0 +1,115 @@
+"""Measurements of a case: what is true of them, what the filter assumes, and the receiver's own solution."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.setup.correlated import EnteringError, entering_errors, shared_of
+from lvnav_trade.engines.setup.filtering import Filtering
+from lvnav_trade.engines.setup.flight import Flight
+from lvnav_trade.engines.setup.inputs import Further, Signals
+from lvnav_trade.engines.setup.options import solver_of
+from lvnav_trade.engines.setup.receiver.further import delayed_of, further_of, references_of
+from lvnav_trade.engines.setup.receiver.recorded import Recorded, recorded
+from lvnav_trade.engines.setup.receiver.signals import (
+    Assumed,
+    InUse,
+    Received,
+    assumed_of,
+    geometry_of,
+    received_of,
+    signals_of,
+)
+from lvnav_trade.engines.setup.receiver.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
+from lvnav_trade.engines.setup.receiver.solution import Chain, chain_of
+from lvnav_trade.engines.setup.watching import failing, satellites_taken, watched
+from lvnav_trade.filters.delayed import Delayed
+from lvnav_trade.filters.monitor import Rules
+from lvnav_trade.line_of_sight import pdop
+from lvnav_trade.observables.correlated import CorrelatedError
+from lvnav_trade.receivers.base import Solver
+from lvnav_trade.records import Floats, Ints
+from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance
+from lvnav_trade.world.sky.satellites import time_offsets
+
+
+class Measurements(NamedTuple):
+    """Measurements of a case.
+
+    signals : Satellites and receiver for the kernels.
+    errors : Correlated measurement errors.
+    recorded : Recorded errors of the receiver's solution.
+    failing : (n_epoch,). Number of the input check that the receiver's sample fails, 0 none.
+    rules : Mode logic of the filter; None without.
+    solver : How the receiver solves for its position; None where it does not.
+    chain : Error propagation of its solution; None without a reported covariance.
+    further : True carrier phases and differences of two epochs; None where none is measured.
+    delayed : How the filter processes these; None where none is measured.
+    """
+
+    signals: Signals
+    errors: tuple[CorrelatedError, ...]
+    recorded: Recorded
+    failing: Ints
+    rules: Rules | None
+    solver: Solver | None
+    chain: Chain | None
+    further: Further | None
+    delayed: Delayed | None
+
+
+class _Ranging(NamedTuple):
+    """What the receiver measures: the true side, its correlated errors, recorded errors, gains (n_epoch, n_sat) of
+    carrier smoothing, and offsets (n_epoch, n_sat, 2) m, m/s of the times of the satellites' systems.
+    """
+
+    received: Received
+    entering: tuple[EnteringError, ...]
+    recorded: Recorded
+    smoothing: Floats | None
+    offsets: Floats
+
+
+def measurements_of(scenario: Scenario, flight: Flight, filtering: Filtering) -> Measurements:
+    """Return the measurements of a case, of the receiver and of the sensors that its filter uses."""
+    card, channels, seen = scenario.filter, flight.channels, flight.sky
+    ranging = _ranging(scenario, flight, filtering)
+    received, assumed = ranging.received, assumed_of(scenario, flight, filtering)
+    check = failing(
+        card, flight.failed, received.n_used, channels, lambda: pdop(flight.lines.sight.direction, seen.tracked)
+    )
+    rules = watched(card, check, channels, filtering.P)
+    smoothing = smoothing_numbers(scenario, ranging.smoothing, seen, flight.lines, ranging.entering)
+    _, receiver, _ = filter_models(scenario)
+    solver = solver_of(scenario, receiver, received.used.shape[1], smoothing)
+    chain = chain_of(solver, has_covariance(scenario), received, assumed, flight.lines)
+    in_use = InUse(received.used, satellites_taken(rules, received.n_used, chain), received.frozen)
+    errors = tuple(one.error for one in ranging.entering)
+    further = further_of(scenario, flight, in_use, errors, ranging.offsets[..., 0])
+    delayed = delayed_of(scenario, flight, filtering, in_use)
+    reference = references_of(scenario, flight, in_use, delayed)
+    assumed = _with_reported(assumed, chain) if solver is not None and chain is not None else assumed
+    signals = signals_of(flight, received, assumed, in_use, reference)
+    return Measurements(signals, errors, ranging.recorded, check, rules, solver, chain, further, delayed)
+
+
+def _ranging(scenario: Scenario, flight: Flight, filtering: Filtering) -> _Ranging:
+    """Return what the receiver measures; of the filter only its states are asked, which stand for errors."""
+    seen, line, late_by, failed = flight.sky, flight.lines, flight.delays, flight.failed
+    geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
+    tabled = recorded(scenario, flight.trajectory.theta0, line, seen, flight.ranging, failed.frozen)
+    entering = (*entering_errors(scenario, geometry, flight.ranging, failed, flight.devices), *tabled.errors)
+    shape = (flight.epochs.t.size, flight.ranging.n_channel)
+    shared = shared_of(entering, filtering.layout, epoch_interval(scenario), shape)
+    offsets = time_offsets(scenario.constellation, seen.systems, flight.trajectory.epoch, seen.t)
+    gain = smoothing_gains(scenario, seen)
+    left = late_by.left + offsets + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], failed.slip, line)
+    received = received_of(scenario, flight, shared, left, tabled.mean)
+    return _Ranging(received, entering, tabled, gain, offsets)
+
+
+def _with_reported(assumed: Assumed, chain: Chain) -> Assumed:
+    """Return what the filter assumes where the receiver reports the covariance of its solution."""
+    variance = assumed.variance.copy()
+    variance[:, :6] = np.diagonal(chain.reported, axis1=1, axis2=2)
+    return Assumed(variance, assumed.scale, assumed.beta, assumed.partial)

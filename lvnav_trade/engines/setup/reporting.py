@@ -1,0 +1,84 @@
+"""What is reported of a case: true state at the history times, axes, outputs, and the names of innovations."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.setup.flight import Flight
+from lvnav_trade.engines.setup.inputs import Record, Report
+from lvnav_trade.engines.setup.receiver.solution import Chain
+from lvnav_trade.engines.setup.times import Times
+from lvnav_trade.frames import reporting_axes
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.layout import StateLayout, backup_outputs, outputs, solution_outputs
+from lvnav_trade.observables.partials import Channels
+from lvnav_trade.receivers.base import Solver
+from lvnav_trade.records import Motion, Output
+from lvnav_trade.scenario import Scenario, measured, reported, solves
+from lvnav_trade.world.truth import motion
+
+
+class Reporting(NamedTuple):
+    """What is reported of a case.
+
+    outputs : Error components, in the order of the history's columns.
+    backup : First output of the strapdown that is never corrected; None without one.
+    solution : The receiver's own solution; None where nothing is reported of it.
+    channel_names : Names of all innovations.
+    record : True state at the ticks of the history times.
+    motion : True motion at the history times, some of which lie between two ticks.
+    """
+
+    outputs: tuple[Output, ...]
+    backup: int | None
+    solution: Report | None
+    channel_names: tuple[str, ...]
+    record: Record
+    motion: Motion
+
+
+def reporting_of(
+    scenario: Scenario, flight: Flight, times: Times, layout: StateLayout, solution: Report | None
+) -> Reporting:
+    """Return what is reported of a case; solution: of the receiver's own, see `solution_of`."""
+    frame, trajectory = scenario.frame, flight.trajectory
+    shown = (*outputs(layout, frame), *(solution_outputs(frame) if reported(scenario) else ()))
+    backup = backup_outputs(frame) if scenario.filter.backup else ()
+    return Reporting(
+        outputs=(*shown, *backup),
+        backup=len(shown) if backup else None,
+        solution=solution,
+        channel_names=_channel_names(scenario, flight.channels, solution),
+        record=_record(scenario, flight, times),
+        motion=motion(trajectory, np.clip(times.t_hist, trajectory.start, trajectory.end)),
+    )
+
+
+def solution_of(
+    scenario: Scenario, chain: Chain | None, channels: Channels, layout: StateLayout, solver: Solver | None
+) -> Report | None:
+    """Return what is reported of the receiver's own solution; None where nothing is."""
+    if chain is None or not reported(scenario):
+        return None
+    first = channels.n_channel + N_SAMPLE * (layout.motion >= 0)
+    n_own = 2 * len(channels.satellites) if solver is not None and solver.filter is not None else 0
+    return Report(chain.point, len(outputs(layout, scenario.frame)), first, n_own)
+
+
+def _channel_names(scenario: Scenario, channels: Channels, report: Report | None) -> tuple[str, ...]:
+    """Return the names of all innovations: of the filter's channels, of the IMU's samples, of the receiver's own."""
+    if not measured(scenario) and not solves(scenario):
+        return ("none",)
+    sensors = ("gyro", "accelerometer") if "imu" in scenario.filter.measurements else ()
+    solved = channels.satellites if report is not None and report.n_channel else ()
+    own = [f"receiver {name} {what}" for name in solved for what in ("range", "range rate")]
+    return (*channels.names, *(f"{sensor} {axis}" for sensor in sensors for axis in "xyz"), *own)
+
+
+def _record(scenario: Scenario, flight: Flight, times: Times) -> Record:
+    ticks, ref = times.hist_tick, flight.reference
+    t, r, v, q = (np.ascontiguousarray(a[ticks]) for a in (ref.t, ref.r_i, ref.v_i, ref.q_b_i))
+    shown = reporting_axes(scenario.frame, t, r, v, flight.trajectory.theta0)
+    marks = np.concatenate([[0], flight.epochs.tick])
+    since = (ticks - marks[np.searchsorted(marks, ticks, side="right") - 1]) / scenario.imu.rate
+    return Record(r, v, q, np.ascontiguousarray(shown), t, since, scenario.diverged)

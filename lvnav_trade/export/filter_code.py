@@ -1,0 +1,153 @@
+"""The filter of a case as C: source files, recorded runs, result of the replay."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+from lvnav_trade.campaign.definition.axes import Case
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.errors import InputError
+
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
+"""Options of the compiler: products and sums are not fused, which would round differently from the kernels."""
+_SLOWEST = 600.0  # s that a compiler, and a replay, may take
+
+
+class FilterCode(NamedTuple):
+    """The filter of a case as C.
+
+    files : content of the files by name
+    replayed : run, estimate, times compared, largest difference (a share of the estimate's size; of `sigmas` in
+        sigmas); None where this machine has no C compiler
+    compiler : that of this machine, empty for none
+    agrees : whether every difference is small enough
+    """
+
+    files: dict[str, bytes | str]
+    replayed: pd.DataFrame | None
+    compiler: str
+    agrees: bool
+
+    @property
+    def command(self) -> str:
+        """The command that compiles and replays the runs."""
+        return f"{build_line()} && ./replay flight.bin run_*.bin"
+
+
+def compiler_of_machine() -> str:
+    """Return the C compiler of this machine: that of the variable CC, else cc, gcc or clang; empty where none is."""
+    wanted = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
+    return next((found for found in map(shutil.which, wanted) if found), "")
+
+
+def filter_code(campaign: Campaign, case: Case, runs: int, progress: Callable[[str], None]) -> FilterCode:
+    """Return the C of the filter of a case with recorded runs, compiled and replayed where a compiler is.
+
+    progress : called with what is being done
+
+    InputError where the case has no filter of the kind, a kernel cannot be translated, or the compiler fails.
+    """
+    from lvnav_trade.engines.setup.prepare import prepare
+    from lvnav_trade.export.code import NAME, exported
+    from lvnav_trade.export.replay import flight_bytes, replay_text, run_bytes
+    from lvnav_trade.export.translation.values import TranslationError
+
+    if runs < 0:
+        raise InputError(f"--runs {runs}: should be 0 or more")
+    prepared = prepare(case.scenario)
+    words = f"Filter of the campaign {campaign.name}, case {case.label} ({case.id})."
+    title = " ".join(words.replace("*/", "* /").replace("/*", "/ *").split())
+    try:
+        made = exported(prepared, title)
+    except TranslationError as error:
+        raise InputError(f"the filter of this case cannot be translated to C: {error}") from None
+    files: dict[str, bytes | str] = {f"{NAME}.h": made.header, f"{NAME}.c": made.source}
+    files["README.md"] = _readme(_MARKUP.sub(r"\\\g<0>", title), made.open_loop, made.counts_epochs, runs)
+    if runs:
+        files["replay.c"] = replay_text(made, prepared.layout.n_state)
+        files["flight.bin"] = flight_bytes(prepared, made)
+    for run in range(runs):
+        progress(f"run {run + 1} of {runs}")
+        files[f"run_{run}.bin"] = run_bytes(prepared, made, campaign.seed, run)
+    compiler = compiler_of_machine()
+    if not runs or not compiler:
+        return FilterCode(files, None, compiler, True)
+    progress("compiling and replaying")
+    replayed, agrees = _replayed(files, compiler, runs)
+    return FilterCode(files | {"replay.csv": replayed.to_csv(index=False)}, replayed, compiler, agrees)
+
+
+def build_line(compiler: str = "cc") -> str:
+    """Return the command that compiles the replay."""
+    return f"{compiler} {' '.join(FLAGS)} -o replay nav_filter.c replay.c -lm"
+
+
+_MARKUP = re.compile(r"[\\`*_<>\[\]#!|~&]")  # of names, which a page shows as they are
+
+
+def _readme(title: str, open_loop: bool, counts_epochs: bool, runs: int) -> str:
+    """Return what stands beside the C: how it is called and built."""
+    text = _CALLS.format(title=title, number=", epoch" if counts_epochs else "")
+    text += _OPEN if open_loop else ""
+    return text + (_REPLAY.format(command=f"{build_line()} && ./replay flight.bin run_*.bin") if runs else "")
+
+
+_CALLS = """# A navigation filter in C99
+
+{title}
+
+No allocation, no recursion, no state beside `struct nav_filter`; `math.h` and `string.h` are all it needs.
+
+```c
+nav_filter_begin(&filter, nav);
+/* every window: set filter.increments and filter.window, then */
+nav_filter_propagate(&filter);
+/* every epoch: set what was measured and filter.epoch, then */
+nav_filter_update(&filter{number});
+```
+
+The header says what every field is. A window is a step of the covariance; its last tick is that of the epoch, where
+there is one. What does not change on the flight of the case is in tables, gains of a schedule among them.
+"""
+_OPEN = """
+The loop is open: between `nav_filter_correct_outputs` and `nav_filter_restore_outputs` the estimates are the corrected
+outputs, else those of the inertial system.
+"""
+_REPLAY = """
+    {command}
+
+replays the recorded runs. It prints by how much each estimate differs from that of the simulation, as a share of its
+size, and `sigmas`: velocity and position in sigmas. The recordings are doubles in the byte order of the machine that
+wrote them, in the order in which `replay.c` reads them.
+"""
+
+
+def _replayed(files: dict[str, bytes | str], compiler: str, runs: int) -> tuple[pd.DataFrame, bool]:
+    with tempfile.TemporaryDirectory(prefix="lvnav-trade-") as place:
+        for name, content in files.items():
+            data = content if isinstance(content, bytes) else content.encode()
+            Path(place, name).write_bytes(data)
+        built = _run([compiler, *FLAGS, "-o", "replay", "nav_filter.c", "replay.c", "-lm"], place)
+        if built.returncode:
+            raise InputError(f"{compiler}: could not compile the filter: {built.stderr.strip().splitlines()[:1]}")
+        done = _run([str(Path(place, "replay")), "flight.bin", *(f"run_{run}.bin" for run in range(runs))], place)
+    if done.returncode not in (0, 1):
+        raise InputError(f"the replay of the filter ended with code {done.returncode}: {done.stderr.strip()[:200]}")
+    return pd.read_csv(io.StringIO(done.stdout)), done.returncode == 0
+
+
+def _run(command: list[str], place: str) -> subprocess.CompletedProcess[str]:
+    try:
+        return subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=_SLOWEST, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise InputError(f"{command[0]}: {error}") from error

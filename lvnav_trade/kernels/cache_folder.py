@@ -1,0 +1,91 @@
+"""Folder of compiled kernels: one per version of the sources, a temporary one where the usual folder is read-only."""
+
+import atexit
+import hashlib
+import logging
+import os
+import shutil
+import stat
+import tempfile
+from pathlib import Path
+
+_LOG = logging.getLogger("lvnav_trade.kernels")
+_VARIABLE, _MARK = "NUMBA_CACHE_DIR", "kernels-"
+
+
+def source_digest(package: Path) -> str:
+    """Return a digest of every module that has a kernel, or registers one: numba's own cache does not see an edit in
+    another file.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        text = path.read_bytes()
+        if b"kernels.jit import" in text or b"Registration(" in text or path.parent.name == "kernels":
+            digest.update(str(path.relative_to(package)).encode())
+            digest.update(text)
+    return digest.hexdigest()[:16]
+
+
+def set_cache_folder() -> None:
+    """Point numba at the folder of this version of the kernels, before numba is first imported.
+
+    It is below NUMBA_CACHE_DIR, else below XDG_CACHE_HOME or ``~/.cache``. Where it cannot be written, it is below a
+    temporary folder that only this user can read, and a warning says so. Worker processes inherit the choice.
+    """
+    given = os.environ.get(_VARIABLE, "")
+    if Path(given).name.startswith(_MARK):
+        return
+    checked = "checked-" if os.environ.get("NUMBA_BOUNDSCHECK", "0") != "0" else ""  # numba's files do not say
+    name = f"{_MARK}{checked}{source_digest(Path(__file__).resolve().parents[1])}"
+    root = _usual_root(given)
+    folder = root / name
+    why = _refusal(folder) if root.is_absolute() else "there is no home folder"
+    if why:
+        folder = _temporary_root(name) / name
+        _LOG.warning(
+            "compiled kernels cannot be stored in %s (%s) and are in %s; set %s to a folder of yours that stays",
+            root, why, folder.parent, _VARIABLE,
+        )  # fmt: skip
+    os.environ[_VARIABLE] = str(folder)
+
+
+def _usual_root(given: str) -> Path:
+    """Return the folder that the environment names for compiled kernels; relative where there is no home folder."""
+    if given:
+        return Path(given).absolute()
+    caches = os.environ.get("XDG_CACHE_HOME", "")
+    return Path(caches if os.path.isabs(caches) else os.path.expanduser("~/.cache"), "lvnav_trade")
+
+
+def _temporary_root(name: str) -> Path:
+    """Return a temporary folder that the next command finds again, or one of this process where another user could
+    have put files into that: compiled kernels are executed.
+    """
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    place = Path(tempfile.gettempdir(), f"lvnav_trade-{user}")
+    try:
+        place.mkdir(mode=0o700, exist_ok=True)
+        found = place.lstat()
+    except OSError:
+        found = None
+    is_own = found is not None and stat.S_ISDIR(found.st_mode) and found.st_uid == user and not found.st_mode & 0o077
+    if is_own and not _refusal(place / name):
+        return place
+    private, owner = tempfile.mkdtemp(prefix="lvnav_trade-"), os.getpid()
+
+    def remove() -> None:
+        if os.getpid() == owner:
+            shutil.rmtree(private, ignore_errors=True)
+
+    atexit.register(remove)
+    return Path(private)
+
+
+def _refusal(folder: Path) -> str:
+    """Return why files cannot be written into a folder, which is made where it is missing; empty where they can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        return os.strerror(error.errno) if error.errno else str(error)
+    return ""

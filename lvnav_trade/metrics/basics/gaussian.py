@@ -1,0 +1,69 @@
+"""Linear covariance's Gaussian of an error, and the moment of a phase that keeps a bound least."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy import special
+
+from lvnav_trade.metrics.basics.case import SAME_TIME, CaseResults, Gaussian
+from lvnav_trade.metrics.basics.probability import norm_probability
+from lvnav_trade.records import Floats
+from lvnav_trade.store.lookup import pick, pick_columns
+from lvnav_trade.store.read import Tables
+
+
+def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) -> Gaussian | None:
+    """Return linear covariance's Gaussian of a metric (axis "3d": three components) at an event; None if unknown."""
+    names = ("t_s", "source", "axis", "other_axis", "true_si2")
+    times, source, *elements = pick_columns(tables.covariances, names, case=case, event=event, quantity=quantity)
+    axes = list(dict.fromkeys(elements[0]))
+    wanted = axes if axis == "3d" else [axis]
+    if not axes or not set(wanted) <= set(axes):
+        return None
+    parts = {str(name): source == name for name in dict.fromkeys(source)}
+    found = {name: _matrix(axes, wanted, *(column[part] for column in elements)) for name, part in parts.items()}
+    mean = []
+    for name in wanted:
+        t, size = pick_columns(tables.history, ("t_s", "lincov_mean_si"), case=case, quantity=quantity, axis=name)
+        mean.append(float(size[np.argmin(np.abs(t - times[0]))]))
+    return Gaussian(np.array(mean), found.pop(""), found)
+
+
+def formal_covariance(tables: Tables, case: str, event: str, quantity: str) -> Floats | None:
+    """Return the filter's own covariance (3, 3) of a quantity at an event, of the nominal flight; None if unknown."""
+    rows = pick(tables.covariances, case=case, event=event, quantity=quantity, source="")
+    axes = list(dict.fromkeys(rows.axis))
+    return _matrix(axes, axes, rows.axis, rows.other_axis, rows.formal_si2.to_numpy()) if axes else None
+
+
+def _matrix(axes: list[str], wanted: list[str], row: Iterable[str], column: Iterable[str], values: Floats) -> Floats:
+    """Return the symmetric matrix (k, k) of the axes wanted from its elements (n,) and the axes (n,) of each."""
+    matrix = np.zeros((len(axes), len(axes)))
+    i, j = ([axes.index(name) for name in names] for names in (row, column))
+    matrix[i, j] = matrix[j, i] = values
+    chosen = [axes.index(name) for name in wanted]
+    return matrix[np.ix_(chosen, chosen)]
+
+
+def least_kept(case: CaseResults, quantity: str, axis: str, during: str, bound: float) -> tuple[Gaussian, str] | None:
+    """Return the Gaussian of the moment of a phase that keeps a bound (SI) least, and which moment that is.
+
+    The length needs the covariance of three axes, which is kept at events; the error along one axis is examined at
+    every time of the history.
+    """
+    first, last = case.phase(during)
+    found: list[tuple[float, Gaussian, str]] = []
+    for event, at in case.events().items():
+        law = case.gaussian(event, quantity, axis) if first - SAME_TIME <= at <= last + SAME_TIME else None
+        if law is not None:
+            found.append((norm_probability(law.mean, law.covariance, bound), law, event.replace("_", " ")))
+    rows = case.history(quantity, axis)
+    inside = (rows.t >= first - SAME_TIME) & (rows.t <= last + SAME_TIME) & (rows.true > 0.0)
+    if axis != "3d" and inside.any():
+        t, sigma, mean = rows.t[inside], rows.true[inside], rows.mean[inside]
+        kept = special.ndtr((bound - mean) / sigma) - special.ndtr((-bound - mean) / sigma)
+        k = int(np.argmin(kept))
+        found.append((float(kept[k]), Gaussian(mean[k : k + 1], sigma[k : k + 1, None] ** 2, {}), f"{t[k]:.0f} s"))
+    return min(found, key=lambda one: one[0])[1:] if found else None

@@ -1,0 +1,55 @@
+"""Values of metrics in cases, and of the difference between two cases."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.layout import split_metric
+from lvnav_trade.metrics.basics.case import Errors
+from lvnav_trade.metrics.basics.case_tables import CaseTables
+from lvnav_trade.metrics.basics.select import errors_by_axis, pick
+from lvnav_trade.metrics.metric import Metric, MetricValue, SingleValue, event_of, no_fit, scale_of
+from lvnav_trade.metrics.registry import metric_of
+from lvnav_trade.store.read import Tables
+
+
+def metric_in(stated: Mapping[str, Any]) -> Metric:
+    """Return the metric that a statement or requirement names."""
+    return metric_of(str(stated["metric"]))
+
+
+def name_of(stated: Mapping[str, Any]) -> str:
+    """Return the metric, the statistic where it is not the root mean square, and where it holds."""
+    return metric_in(stated).label(stated)
+
+
+def evaluate(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    """Return the value of what is stated of a case, three times, in a unit ("-": SI)."""
+    return metric_in(stated).value(tables, case, stated, unit)
+
+
+def evaluate_single(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+    """Return the number that is compared with a published one, in a unit; NaN with the reason where there is none."""
+    return metric_in(stated).single(tables, case, stated, unit)
+
+
+def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | None:
+    """Return the size of a metric's error at an event in every run, in the order of the runs; None where unknown."""
+    return metric_of(metric).errors(CaseTables(tables, case), {"metric": metric, "at": event})
+
+
+def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    """Return the root mean square of the difference of two cases' errors at an event, run by run and axis by axis."""
+    quantity, axis = split_metric(str(stated["metric"]))
+    both = [errors_by_axis(tables, one, event_of(stated), quantity) for one in (case, other)]
+    failed = (both[0].failure != "") | (both[1].failure != "")
+    first, second = (one.drop(columns="failure") for one in both)
+    chosen = [name for name in first.columns if axis == "3d" or f"_{axis}_" in name]
+    si = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0]) if chosen else ""
+    scale = scale_of(unit, si)
+    if scale is None or not chosen or first.empty:
+        return MetricValue(remark="no runs" if scale else no_fit(unit))
+    squares = ((first[chosen] - second[chosen]) ** 2).sum(axis=1).mask(failed, np.inf).to_numpy() / scale**2
+    sound = squares[np.isfinite(squares)]
+    return MetricValue(monte_carlo=float(np.sqrt(sound.mean())) if len(sound) else np.nan, runs=squares)

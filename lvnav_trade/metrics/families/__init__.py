@@ -1,0 +1,1 @@
+"""Families of metrics, one in a module: ``METRICS`` names its members. Read `errors.py` first."""

@@ -1,0 +1,111 @@
+"""Difference of two inertial units: increments of one minus those of the other, summed since the last measurement.
+
+z - z_hat = T (b - b_hat) + v, body axes: b the bias of the first minus that of the second, T s since the measurement
+before. Where units are weighted by their noise, v is not correlated with the noise of the fused increments.
+"""
+
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.observables.base import clear
+from lvnav_trade.observables.evidence import Check, Evidence
+from lvnav_trade.observables.sensor import FlightView, Registration, SensorCard, SensorModel
+from lvnav_trade.records import Floats
+from lvnav_trade.units import AngleRandomWalk, VelocityRandomWalk
+
+
+class AngleDifferenceModel(SensorModel):
+    """Difference of angle increments as the filter models it: the random walks of both units together, per axis."""
+
+    noise_field: ClassVar[str] = "random_walk"
+
+    random_walk: AngleRandomWalk = Field(gt=0.0)
+
+
+class VelocityDifferenceModel(SensorModel):
+    """Difference of velocity increments as the filter models it: the random walks of both units, per axis."""
+
+    noise_field: ClassVar[str] = "random_walk"
+
+    random_walk: VelocityRandomWalk = Field(gt=0.0)
+
+
+class ImuDifferenceCard(SensorCard):
+    """What two of several inertial units differ by; its errors are those of the units."""
+
+    labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    jacobian: ClassVar[tuple[str, ...]] = ()
+    noise_fields: ClassVar[tuple[str, ...]] = ()
+    at_once: ClassVar[bool] = True
+
+    name: str = "difference of two units"
+    source: str = ""
+    units: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] = Field(
+        (1, 2), description="numbers of the two in the list of units; each senses along three axes or more"
+    )
+
+    @model_validator(mode="after")
+    def _two(self) -> Self:
+        if self.units[0] == self.units[1]:
+            raise ValueError("units: a unit does not differ from itself")
+        return self
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return zeros (n_epoch, 3): what is measured is the units' own errors."""
+        return np.zeros((flight.t.size, 3))
+
+
+class AngleDifferenceCard(ImuDifferenceCard):
+    """Difference of the angle increments of two inertial units, body axes."""
+
+    measurement: ClassVar[str] = "angle_difference"
+    model: ClassVar[type[SensorModel]] = AngleDifferenceModel
+    unit: ClassVar[str] = "rad"
+    noise: ClassVar[str] = "angle difference noise"
+
+    kind: Literal["angle_difference"] = "angle_difference"
+
+
+class VelocityDifferenceCard(ImuDifferenceCard):
+    """Difference of the velocity increments of two inertial units, body axes, lever arms as the set has them."""
+
+    measurement: ClassVar[str] = "velocity_difference"
+    model: ClassVar[type[SensorModel]] = VelocityDifferenceModel
+    unit: ClassVar[str] = "m/s"
+    noise: ClassVar[str] = "velocity difference noise"
+
+    kind: Literal["velocity_difference"] = "velocity_difference"
+
+
+@jit
+def fill(H, z, at, observed):
+    """Set three Jacobian rows from `at` on, without entries of the navigation state, and what is measured."""
+    for axis in range(3):
+        clear(H[at + axis])
+        z[at + axis] = observed[axis]
+
+
+_EVIDENCE = Evidence(
+    "Difference of two inertial units",
+    checks=(
+        Check(
+            "closed form",
+            "what is left of the fused bias, s1 s2 / sqrt(s1² + s2²), to 1e-4",
+            "tests/observables/sensors/test_imu_difference.py"
+            "::test_a_difference_of_two_units_tells_which_is_the_better_one_whatever_their_weights",
+        ),
+        Check(
+            "both engines",
+            "64 runs, skewed axes and lever arms included",
+            "tests/observables/sensors/test_imu_difference.py::test_both_engines_agree_on_a_difference",
+        ),
+    ),
+    omits="Bending of the structure between the units.",
+)
+SENSORS = (
+    Registration(AngleDifferenceCard, _EVIDENCE, fill=fill, measure=None, order=5),
+    Registration(VelocityDifferenceCard, _EVIDENCE, fill=fill, measure=None, order=6),
+)

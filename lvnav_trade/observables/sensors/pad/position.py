@@ -1,0 +1,84 @@
+"""Known position: the surveyed place where the inertial unit is while its vehicle stands on the pad.
+
+z - z_hat = C_i_e pos + s + v, axes of frame e: s the error of the survey, which lasts.
+"""
+
+import math
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from lvnav_trade.frames import ecef_from_eci
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.strapdown import R
+from lvnav_trade.observables.base import H_POS
+from lvnav_trade.observables.correlated import CorrelatedError
+from lvnav_trade.observables.evidence import Check, Evidence
+from lvnav_trade.observables.sensor import FlightView, Registration, SensorModel, each_scalar
+from lvnav_trade.observables.sensors.pad.standing import RestCard, begin_rows, to_earth
+from lvnav_trade.records import Floats
+from lvnav_trade.units import LengthSigma
+
+
+class PadPositionModel(SensorModel):
+    """Known position as the filter models it: white noise per axis in place of the sway."""
+
+    sigma: LengthSigma = Field(gt=0.0)
+
+
+class PadPositionCard(RestCard):
+    """The surveyed position of the inertial unit of a vehicle that stands on its pad."""
+
+    measurement: ClassVar[str] = "pad_position"
+    model: ClassVar[type[SensorModel]] = PadPositionModel
+    unit: ClassVar[str] = "m"
+    jacobian: ClassVar[tuple[str, ...]] = ("position",)
+    noise: ClassVar[str] = "pad position noise"
+
+    kind: Literal["pad_position"] = "pad_position"
+    sigma: LengthSigma = Field(gt=0.0, description="of the sway, per axis, as a matched filter assumes it")
+    jitter: LengthSigma = Field(0.0, description="true white noise per axis, beside the sway of the trajectory")
+    survey: LengthSigma = Field(0.0, description="error of the survey, per axis, the same all the time")
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the place at rest (n_epoch, 3) in m, frame e."""
+        return ecef_from_eci(flight.r_rest, flight.theta)
+
+    def lasting(self) -> tuple[CorrelatedError, ...]:
+        """Return the error of the survey."""
+        error = CorrelatedError("pad survey", "survey", self.survey, "survey", math.inf, self.labels, each_scalar(3))
+        return (error,)
+
+
+@jit
+def fill(H, z, at, observed, nav, theta):
+    """Set three Jacobian rows from `at` on, and measured minus predicted position (m); theta rad of the Earth."""
+    x, y = to_earth(theta, nav[R], nav[R + 1])
+    z[at], z[at + 1], z[at + 2] = observed[0] - x, observed[1] - y, observed[2] - nav[R + 2]
+    begin_rows(H, at, H_POS, theta)
+
+
+SENSORS = (
+    Registration(
+        PadPositionCard,
+        Evidence(
+            "Known position of the pad",
+            checks=(
+                Check(
+                    "closed form",
+                    "survey error plus averaged jitter to 0.5 %",
+                    "tests/engines/test_alignment.py"
+                    "::test_a_known_position_is_known_to_its_survey_and_its_averaged_jitter",
+                ),
+                Check(
+                    "both engines",
+                    "64 runs at lift-off, while the vehicle sways",
+                    "tests/engines/test_alignment.py::test_both_engines_agree_at_lift_off",
+                ),
+            ),
+            omits="A slow movement of the pad, as by fuelling or the Sun.",
+        ),
+        fill=fill,
+        order=3,
+    ),
+)

@@ -1,0 +1,138 @@
+"""Baro-altimeter: the height that the static pressure has in the standard atmosphere.
+
+z = h + b + s h + k v^2 / (2 g) + v: b of the reference pressure and the instrument, s in proportion to the height (air
+that is dT warmer than the standard's T is thicker by dT / T), k of the pressure that the flow adds at the port, in
+shares of the dynamic pressure rho v^2 / 2, and white noise of the pressure, which is a height of dp / (rho g). Row and
+measured value are those of an altimeter.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.frames import earth_velocity
+from lvnav_trade.kernels.media.atmosphere import TOP_OF_LAYERS, atmosphere
+from lvnav_trade.observables.correlated import CorrelatedError
+from lvnav_trade.observables.evidence import Check, Evidence
+from lvnav_trade.observables.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit
+from lvnav_trade.observables.sensors.altitude import fill
+from lvnav_trade.records import Bools, Floats
+from lvnav_trade.units import Fraction, Length, LengthSigma, Pressure, TimeConstant
+
+_GRAVITY = 9.80665
+
+
+def _height_per_pressure(height: Floats) -> Floats:
+    """Return by how much height (m) a pascal stands, (n_epoch, 1); above the layers of the standard as at their top."""
+    density = [atmosphere(min(h, TOP_OF_LAYERS))[0] for h in height.tolist()]
+    return 1.0 / (np.array(density)[:, None] * _GRAVITY)
+
+
+class BarometerModel(SensorModel):
+    """Baro-altimeter as the filter models it: white noise of the pressure; bias and scale as states."""
+
+    states: ClassVar[Mapping[str, StateUnit]] = {
+        "bias": StateUnit("pressure_altitude_bias", "m", "m", 1.0),
+        "scale": StateUnit("pressure_altitude_scale", "1", "%", 1e2),
+    }
+
+    sigma: Pressure = Field(description="white noise of the static pressure")
+    bias: LengthSigma = Field(0.0, description="of the extra state pressure_altitude_bias: its initial one-sigma")
+    bias_time: TimeConstant | None = None
+    scale: Fraction = Field(0.0, description="of the extra state pressure_altitude_scale: its initial one-sigma")
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance (n_epoch, 1) in m^2."""
+        return np.asarray((self.sigma * _height_per_pressure(flight.height)) ** 2)
+
+
+class BarometerCard(SensorCard):
+    """A baro-altimeter: pressure altitude, where there is air. Its height stands for that over the ellipsoid: geoid and
+    reference pressure are known and subtracted, up to the bias.
+    """
+
+    measurement: ClassVar[str] = "pressure_altitude"
+    model: ClassVar[type[SensorModel]] = BarometerModel
+    unit: ClassVar[str] = "m"
+    jacobian: ClassVar[tuple[str, ...]] = ("position",)
+    noise: ClassVar[str] = "barometer noise"
+    able: ClassVar[str] = "the height is within its range"
+
+    kind: Literal["barometer"] = "barometer"
+    sigma: Pressure = Field(description="white noise of the static pressure; dp / (rho g) of height")
+    bias: LengthSigma = Field(0.0, description="lasting error: of reference pressure (8.3 m each hPa) and instrument")
+    bias_time: TimeConstant | None = Field(None, description="its time constant; none: the same all flight")
+    scale: Fraction = Field(0.0, description="lasting error in proportion to the height: of the air's temperature")
+    flow: Fraction = Field(0.0, description="lasting error of the port: share of the dynamic pressure that it takes in")
+    highest: Length = Field(description="height above which it does not measure; at most 86 km")
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if not 0.0 < self.highest <= TOP_OF_LAYERS:
+            yield f"highest: there is air to measure from the ground up to {TOP_OF_LAYERS / 1e3:g} km"
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the height (n_epoch, 1) in m."""
+        return flight.height[:, None]
+
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return the one-sigma (n_epoch, 1) in m."""
+        return self.sigma * _height_per_pressure(flight.height)
+
+    def available(self, flight: FlightView) -> Bools:
+        """Return whether it is low enough, (n_epoch,)."""
+        return np.asarray(flight.height <= self.highest)
+
+    @property
+    def limiting(self) -> str:
+        """Its greatest height."""
+        return "highest"
+
+    def lasting(self) -> tuple[CorrelatedError, ...]:
+        """Return its bias, its scale error and the error of its port."""
+        return (
+            CorrelatedError("barometer bias", "bias", self.bias, "bias", self.bias_time or math.inf),
+            CorrelatedError("barometer scale", "scale", self.scale, "scale", math.inf, ("",), _of_height),
+            CorrelatedError("barometer port", "flow", self.flow, "flow", math.inf, ("",), _of_flow),
+        )
+
+
+def _of_height(flight: FlightView) -> Floats:
+    return flight.height[:, None, None]
+
+
+def _of_flow(flight: FlightView) -> Floats:
+    """Return the height (n_epoch, 1, 1) that the dynamic pressure stands for: rho v^2 / 2 over rho g."""
+    speed = np.linalg.norm(earth_velocity(flight.r_i, flight.v_i), axis=1)
+    return np.asarray(speed**2 / (2.0 * _GRAVITY))[:, None, None]
+
+
+SENSORS = (
+    Registration(
+        BarometerCard,
+        Evidence(
+            "Baro-altimeter",
+            checks=(
+                Check(
+                    "closed form",
+                    "noise is the slope of the standard pressure to 0.1 %",
+                    "tests/observables/sensors/test_pressure.py"
+                    "::test_noise_of_the_pressure_is_that_height_by_which_the_standard_pressure_changes_so_much",
+                ),
+                Check(
+                    "both engines",
+                    "bias, scale and port error beside two stations",
+                    "tests/engines/test_ground.py"
+                    "::test_both_engines_agree_on_two_stations_of_different_scalars_and_a_barometer",
+                ),
+            ),
+            omits="Lag of the pressure line, shocks, angle of attack; the real atmosphere differs by a bias "
+            "and a scale only.",
+        ),
+        fill=fill,
+        order=9,
+    ),
+)

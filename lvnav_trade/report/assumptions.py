@@ -1,0 +1,92 @@
+"""Assumptions: numbers that cards mark as assumed or second hand, and what ranking rests on them."""
+
+from collections.abc import Callable, Collection, Sequence
+
+import pandas as pd
+
+from lvnav_trade.metrics.assumptions import compared_by
+from lvnav_trade.report.blocks import Block, Text, of, stated, words
+from lvnav_trade.report.escape import note
+from lvnav_trade.store.read import Tables
+
+_FEW = 4
+_RESOURCES = r"(?:^|\.)resources\."
+_ORDER = "The errors and the order of the cases are no better than these numbers."
+_COST_ALONE = "They decide the section Cost and performance alone: no error and no margin depends on them."
+_NAMES = {"imu": "IMU", "receiver": "Receiver"}
+
+
+@of("assumptions")
+def assumptions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return every assumed or second-hand number once, with the cases that it affects; marks of one card that have the
+    same reason together.
+    """
+    once_each = [name for name in frame if name != "case"]
+    several = frame.groupby(once_each, sort=False).case.agg(tuple).reset_index()
+    several["cases"] = several.case.map(lambda cases: cases_in_words(tables, cases))
+    several["number"] = several.field + several.value_text.map(lambda value: f" ({value})" if value else "")
+    several["place"] = several.place.str.replace(r"\.\d+$", "", regex=True)  # one line for all items of a list
+    together = several.groupby(["place", "mark", "reason", "cases"], sort=False)
+    grouped = together[["card", "number"]].agg(lambda names: ", ".join(dict.fromkeys(names))).reset_index()
+    grouped = grouped.sort_values("place", key=lambda places: places.map(_first_of(frame)), kind="stable")
+    return [Text(note("assumptions")), stated("assumptions", grouped)]
+
+
+def _first_of(frame: pd.DataFrame) -> Callable[[str], int]:
+    """Return the order of places: sections of the scenario as they come, the cards of each together."""
+    sections = list(dict.fromkeys(frame.place.str.partition(".")[0]))
+    return lambda place: sections.index(place.partition(".")[0])
+
+
+def ranked_by_assumptions(tables: Tables) -> list[Block]:
+    """Return a warning where products are compared by assumed or second-hand numbers, and what these decide: the errors
+    of the cases, or their cost and performance alone; nothing where none does.
+    """
+    frame = compared_by(tables)
+    if len(tables.labels) < 2 or frame.empty:
+        return []
+    of_cost = frame.field.str.contains(_RESOURCES)
+    said = [
+        f"{_marked(rows)}. {decided}"
+        for rows, decided in ((frame[~of_cost], _ORDER), (frame[of_cost], _COST_ALONE))
+        if len(rows)
+    ]
+    lead = "The cases are compared by numbers that are not the maker's own."
+    if of_cost.all():
+        lead = "Cost and performance are compared by numbers that are not the maker's own."
+    return [Text(f"{' '.join(said)} See Assumptions.", lead)]
+
+
+def _marked(frame: pd.DataFrame) -> str:
+    """Return the marked fields of each device, and in how many cases they are."""
+    parts = []
+    for device, rows in frame.groupby("device", sort=False):
+        name = _NAMES.get(str(device), f"Sensor {str(device).partition('.')[2]}")
+        said = []
+        for mark, of_mark in rows.groupby("mark", sort=False):
+            count = f"in {of_mark.marked.max()} of {of_mark.cases.iloc[0]} cases"
+            said.append(f"{_fields(list(of_mark.field))} ({mark} {count})")
+        parts.append(f"{name}: {'; '.join(said)}")
+    return ". ".join(parts)
+
+
+def _fields(fields: Sequence[str]) -> str:
+    """Name fields as an engineer says them; of many the first ones and how many more there are."""
+    names = list(dict.fromkeys(words(one.removeprefix("resources.").replace(".", " ")) for one in fields))
+    more = len(names) - _FEW
+    return ", ".join(names[:_FEW]) + f" and {more} more" * (more > 0)
+
+
+def cases_in_words(tables: Tables, cases: Collection[str]) -> str:
+    """Name cases (labels): all, or those of levels of one axis, or the first ones and how many more there are."""
+    chosen = set(cases)
+    if chosen == set(tables.labels.values()):
+        return "all" if len(chosen) > 1 else "the one case"
+    levels = {tables.labels[case]: axes for case, axes in tables.levels.items()}
+    for axis in next(iter(levels.values()), {}):
+        own = list(dict.fromkeys(levels[label].get(axis, "") for label in levels if label in chosen))
+        if len(own) <= _FEW and {label for label in levels if levels[label].get(axis) in own} == chosen:
+            return f"{axis}={' or '.join(own)}"
+    listed = [label for label in levels if label in chosen]
+    more = len(listed) - _FEW
+    return "; ".join(listed[:_FEW]) + f"; and {more} more" * (more > 0)

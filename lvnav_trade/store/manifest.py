@@ -1,0 +1,93 @@
+"""The manifest of results as a file that may be damaged: read whole, its parts of the kinds that results have."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.input_files import read_bytes
+from lvnav_trade.store.contents import MANIFEST, refuse_foreign
+
+DIGESTS = "digests"
+"""Key of the manifest: SHA-256 of each table and of the resolved campaign, by the name of its file."""
+MANIFEST_BYTES = 2**26  # far beyond what results of the largest campaign have
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """Return the content of a manifest; InputError where it cannot be read, is damaged or of another tool."""
+    try:
+        content = json.loads(read_bytes(path, MANIFEST_BYTES).decode())
+    except (ValueError, RecursionError) as error:
+        raise damaged(path, error) from None
+    refuse_foreign(path, content)
+    for is_kind, keys in _KINDS.items():
+        for key in keys:
+            if key in content and not is_kind(content[key]):
+                raise damaged(path, f"{key} cannot be {quoted(content[key])}")
+    return dict(content)
+
+
+def digests(paths: Iterable[Path]) -> dict[str, str]:
+    """Return the digests of files that are there, by name."""
+    return {path.name: digest(path.read_bytes()) for path in paths if path.is_file()}
+
+
+def digest(content: bytes) -> str:
+    """Return the SHA-256 of a file's content; line breaks count alike, as a repository may change those of a text."""
+    return hashlib.sha256(content if content[:4] == b"PAR1" else content.replace(b"\r\n", b"\n")).hexdigest()
+
+
+def refuse_changed(path: Path) -> None:
+    """InputError where a file of results is not the one that its manifest names; earlier versions named none."""
+    manifest = path.parent / MANIFEST
+    if not (manifest.is_file() and path.is_file()):
+        return
+    state = manifest.stat()
+    wanted = _digests_in(manifest, state.st_mtime_ns, state.st_size).get(path.name)
+    if wanted is not None and wanted != digest(path.read_bytes()):
+        raise damaged(path, "its content is not what the campaign wrote")
+
+
+@lru_cache(maxsize=8)
+def _digests_in(manifest: Path, _changed_ns: int, _size: int) -> dict[str, str]:
+    found: dict[str, str] = read_manifest(manifest).get(DIGESTS, {})
+    return found
+
+
+def damaged(path: Path, why: object) -> InputError:
+    """Return the error of a damaged file of results, in one line with the remedy."""
+    line = str(why).strip().partition("\n")[0] or type(why).__name__
+    return InputError(f"{path}: damaged: {line}; the same lvnav-trade run makes it again")
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_texts(value: object) -> bool:
+    return isinstance(value, list) and all(map(_is_text, value))
+
+
+def _is_mapping_to_texts(value: object) -> bool:
+    return isinstance(value, dict) and all(map(_is_text, value.values()))
+
+
+def _is_count(value: object) -> bool:
+    return type(value) is int and 0 <= value < 2**63
+
+
+def _is_above_zero(value: object) -> bool:
+    return _is_count(value) and value != 0
+
+
+_KINDS: dict[Callable[[object], bool], tuple[str, ...]] = {
+    _is_text: ("campaign", "campaign_digest", "tool", "code_digest", "created", "finished", "cpu", "system"),
+    _is_texts: ("cases", "lost", "warnings", "notes", "beyond_limits"),
+    _is_mapping_to_texts: ("asked_cases", DIGESTS),
+    _is_count: ("asked_runs", "workers_died"),
+    _is_above_zero: ("asked_block",),
+}
+"""What the content of a manifest has to be, by key, where the key is there."""

@@ -1,0 +1,169 @@
+"""The units that quantities are written in: what datasheets use, each with its size in SI and its dimension.
+
+What is not listed here is refused, prefixes included: a library's list of all units reads ``kg`` as a thousand standard
+gravities where ``g`` is gravity, ``mil`` as a tenth of one, and ``t`` or ``kmg`` as whatever letters make of it.
+Reasons: docs/decisions/0068-units-are-a-list.md.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from typing import NamedTuple
+
+Powers = Mapping[float, float]
+Dimension = Mapping[str, float]
+
+
+class Unit(NamedTuple):
+    """A unit: its size in SI as a product of numbers to powers, its dimension as powers of base units, and what a
+    temperature scale adds (K).
+
+    Powers of few numbers, and not their product, so that what cancels in ``deg/h/sqrt(h)`` cancels exactly.
+    """
+
+    size: Powers
+    dimension: Dimension
+    offset: float = 0.0
+
+
+class _Listed(NamedTuple):
+    """A unit by all its spellings: symbols, which take its prefixes as letters, and words, which take them in full and
+    have a plural.
+    """
+
+    symbols: str
+    words: str
+    size: Powers
+    dimension: Dimension
+    prefixes: str = ""
+    offset: float = 0.0
+
+
+_PREFIXES = {
+    "n": ("nano", 1e-9), "u": ("micro", 1e-6), "m": ("milli", 1e-3), "c": ("centi", 1e-2), "d": ("deci", 0.1),
+    "h": ("hecto", 100.0), "k": ("kilo", 1e3), "M": ("mega", 1e6), "G": ("giga", 1e9),
+}  # fmt: skip
+MICRO = "u\u00b5\u03bc"
+"""The letters of the prefix micro: u, the micro sign, the Greek mu."""
+_DEGREE = math.pi / 180.0
+_FOOT = 0.3048
+_POUND = 0.45359237  # kg, exactly (NIST SP 811, B.8)
+_GRAVITY = 9.80665
+_RATE, _SPEED, _ACCELERATION = {"rad": 1, "s": -1}, {"m": 1, "s": -1}, {"m": 1, "s": -2}
+_FORCE, _PRESSURE, _POWER = {"kg": 1, "m": 1, "s": -2}, {"kg": 1, "m": -1, "s": -2}, {"kg": 1, "m": 2, "s": -3}
+_LIST = (
+    # length
+    _Listed("m", "metre meter", {}, {"m": 1}, "umcdk"),  # without n: nm is a nautical mile as well
+    _Listed("in", "", {0.0254: 1}, {"m": 1}),
+    _Listed("inch inches", "", {0.0254: 1}, {"m": 1}),
+    _Listed("ft", "", {_FOOT: 1}, {"m": 1}, "k"),
+    _Listed("foot feet", "", {_FOOT: 1}, {"m": 1}),
+    _Listed("mi", "mile", {1609.344: 1}, {"m": 1}),
+    _Listed("nmi NM", "nautical_mile", {1852.0: 1}, {"m": 1}),
+    # time
+    _Listed("s sec", "second", {}, {"s": 1}, "num"),
+    _Listed("min", "minute", {60.0: 1}, {"s": 1}),
+    _Listed("h hr hrs Hr", "hour", {60.0: 2}, {"s": 1}),
+    _Listed("d", "day", {24.0: 1, 60.0: 2}, {"s": 1}),
+    _Listed("", "week", {7.0: 1, 24.0: 1, 60.0: 2}, {"s": 1}),
+    _Listed("", "month", {1.0 / 12.0: 1, 365.25: 1, 24.0: 1, 60.0: 2}, {"s": 1}),
+    _Listed("yr", "year", {365.25: 1, 24.0: 1, 60.0: 2}, {"s": 1}),
+    # angle
+    _Listed("rad", "radian", {}, {"rad": 1}, "num"),
+    _Listed("deg \u00b0 \u00ba \u02da", "degree", {_DEGREE: 1}, {"rad": 1}, "um"),
+    _Listed("arcmin arc-min \u2032", "arcminute", {1.0 / 60.0: 1, _DEGREE: 1}, {"rad": 1}),
+    _Listed("arcsec arc-sec asec \u2033", "", {1.0 / 60.0: 2, _DEGREE: 1}, {"rad": 1}),
+    _Listed("", "arcsecond", {1.0 / 60.0: 2, _DEGREE: 1}, {"rad": 1}, "um"),
+    _Listed("mas", "", {1e-3: 1, 1.0 / 60.0: 2, _DEGREE: 1}, {"rad": 1}),
+    _Listed("mil mils", "", {2.0 * math.pi / 6400.0: 1}, {"rad": 1}),  # NATO: 1600 mil are 90 deg
+    _Listed("gon", "", {math.pi / 200.0: 1}, {"rad": 1}),
+    _Listed("rev", "revolution turn", {2.0 * math.pi: 1}, {"rad": 1}),
+    # angular rate
+    _Listed("dps", "", {_DEGREE: 1}, _RATE, "um"),
+    _Listed("dph", "", {_DEGREE: 1, 60.0: -2}, _RATE),
+    _Listed("rpm RPM", "", {2.0 * math.pi: 1, 60.0: -1}, _RATE),
+    # speed
+    _Listed("mps", "", {}, _SPEED),
+    _Listed("fps", "", {_FOOT: 1}, _SPEED),
+    _Listed("kph", "", {1000.0: 1, 60.0: -2}, _SPEED),
+    _Listed("mph", "", {1609.344: 1, 60.0: -2}, _SPEED),
+    _Listed("kn kt kts", "knot", {1852.0: 1, 60.0: -2}, _SPEED),
+    # acceleration: g is standard gravity and never a gram
+    _Listed("g", "", {_GRAVITY: 1}, _ACCELERATION, "num"),
+    _Listed("milli-g milli_g", "", {1e-3: 1, _GRAVITY: 1}, _ACCELERATION),
+    _Listed("micro-g micro_g", "", {1e-6: 1, _GRAVITY: 1}, _ACCELERATION),
+    _Listed("Gal", "", {0.01: 1}, _ACCELERATION, "um"),
+    # frequency
+    _Listed("Hz", "hertz", {}, {"s": -1}, "mkMG"),
+    _Listed("hz HZ", "", {}, {"s": -1}),
+    _Listed("khz KHz", "", {1e3: 1}, {"s": -1}),
+    # mass
+    _Listed("kg", "kilogram", {}, {"kg": 1}),
+    _Listed("", "gram", {1e-3: 1}, {"kg": 1}),
+    _Listed("t Mg", "tonne", {1000.0: 1}, {"kg": 1}),
+    _Listed("lb lbs lbm", "pound", {_POUND: 1}, {"kg": 1}),
+    _Listed("oz", "ounce", {_POUND / 16.0: 1}, {"kg": 1}),
+    _Listed("slug slugs", "", {_POUND: 1, _GRAVITY: 1, _FOOT: -1}, {"kg": 1}),
+    # force, pressure, power
+    _Listed("N", "newton", {}, _FORCE, "umkM"),
+    _Listed("lbf", "", {_POUND: 1, _GRAVITY: 1}, _FORCE, "k"),
+    _Listed("kgf", "", {_GRAVITY: 1}, _FORCE),
+    _Listed("Pa", "pascal", {}, _PRESSURE, "mhkM"),
+    _Listed("bar", "", {1e5: 1}, _PRESSURE, "m"),
+    _Listed("atm", "", {101325.0: 1}, _PRESSURE),
+    _Listed("torr Torr", "", {101325.0: 1, 760.0: -1}, _PRESSURE),
+    _Listed("psi psia", "", {_POUND: 1, _GRAVITY: 1, 0.0254: -2}, _PRESSURE),
+    _Listed("inHg", "", {25.4: 1, 13.5951: 1, _GRAVITY: 1}, _PRESSURE),  # mercury of 13595.1 kg/m^3
+    _Listed("mmHg", "", {13.5951: 1, _GRAVITY: 1}, _PRESSURE),
+    _Listed("W", "watt", {}, _POWER, "umk"),
+    # volume
+    _Listed("l L", "litre liter", {0.1: 3}, {"m": 3}, "mcd"),
+    _Listed("cc", "", {0.01: 3}, {"m": 3}),
+    # temperature
+    _Listed("K", "kelvin", {}, {"K": 1}, "m"),
+    _Listed("degC \u00b0C \u00baC \u02daC \u2103 celsius", "", {}, {"K": 1}, offset=273.15),
+    _Listed("degF \u00b0F \u00baF \u02daF \u2109 fahrenheit", "", {5.0 / 9.0: 1}, {"K": 1}, offset=459.67 * 5.0 / 9.0),
+    # magnetic flux density
+    _Listed("T", "tesla", {}, {"T": 1}, "num"),
+    _Listed("G Gs Gauss", "gauss", {1e-4: 1}, {"T": 1}, "um"),
+    # fractions and electron content
+    _Listed("ppm PPM", "", {1e-6: 1}, {}),
+    _Listed("ppb PPB", "", {1e-9: 1}, {}),
+    _Listed("\u2030", "", {1e-3: 1}, {}),
+    _Listed("% percent", "", {0.01: 1}, {}),
+    _Listed("dimensionless", "", {}, {}),
+    _Listed("TECU", "", {1e16: 1}, {"m": -2}),
+)
+
+
+def _spellings(one: _Listed) -> Iterator[tuple[str, Powers]]:
+    """Yield every spelling of a unit with its size."""
+    words = [word + end for word in one.words.split() for end in ("", "s") if not (end and word.endswith(("s", "z")))]
+    yield from ((name, one.size) for name in (*one.symbols.split(), *words))
+    for prefix in one.prefixes:
+        word, factor = _PREFIXES[prefix]
+        # the prefix first: the order in which numbers are multiplied decides the last bit
+        size = {factor: 1.0, **one.size} | {factor: 1.0 + one.size.get(factor, 0.0)}
+        letters = MICRO if prefix == "u" else prefix
+        yield from ((letter + name, size) for name in one.symbols.split() for letter in letters)
+        yield from ((word + name, size) for name in words)
+
+
+def _listed(entries: Iterable[_Listed]) -> Iterator[tuple[str, Unit]]:
+    for one in entries:
+        for name, size in _spellings(one):
+            yield name, Unit(size, one.dimension, one.offset)
+
+
+@cache
+def units() -> Mapping[str, Unit]:
+    """Return every unit of the list by each of its spellings."""
+    return dict(_listed(_LIST))
+
+
+AMBIGUOUS = {
+    "nm": "is a nanometre or a nautical mile; write nmi",
+    "ton": "is one of three masses; write t (1000 kg) or lb",
+    "tons": "is one of three masses; write t (1000 kg) or lb",
+}
+"""Spellings that mean more than one unit, with the remedy."""

@@ -1,0 +1,102 @@
+"""Time stamps of single precision: restored to their grid, or reported with their rounding error."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.records import Floats
+
+_CLEAR = 2.0  # roundings apart: n rows at random are within rounding of a grid as wide by chance once in 2^n
+_HALF = 0.501  # of the distance of two numbers: what rounding moves a number by, at most
+_MEANT = 1e-3  # of that distance: a column whose numbers move less was not rounded
+_ALL_DIGITS = 7  # of single precision
+_SEEN = 5000  # rows whose digits are looked at
+_DIGITS = range(-3, 7)
+
+
+class Stamps(NamedTuple):
+    """A column of time after restoration.
+
+    column : (n,), unit of the file. Times on their grid, or as they were.
+    note : Remark for the user; empty where the column is as it was.
+    apart : Unit of the file. Largest distance between neighbouring numbers of single precision in the column; zero
+        where the column has all digits or is on its grid again.
+    """
+
+    column: Floats
+    note: str
+    apart: float
+
+    @property
+    def sigma(self) -> float:
+        """One sigma of the remaining rounding error, in the unit of the column."""
+        return self.apart / math.sqrt(12.0)
+
+
+def restored(column: Floats, unit: str) -> Stamps:
+    """Return time stamps (n,) with the rounding to single precision removed.
+
+    It is removed where every time is within rounding of a grid of decimal digits or of even intervals, and the grid is
+    far wider than the rounding. Without such a grid the column stays as it is. unit : of the column, for the remark.
+    """
+    as_is = Stamps(column, "", 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        single = column.astype(np.float32)
+    if column.size < 2 or not np.all(np.isfinite(single)) or not _is_single(column, single):
+        return as_is
+    near = np.abs(np.spacing(single)).astype(float)  # of each number from the next
+    apart = float(np.max(near))
+    said = f"time stamps of single precision, up to {apart:.2g} {unit} apart"
+    grid = _grid(column, near, apart)
+    if grid is None:
+        ticks = column / (_CLEAR * apart)
+        if np.all(ticks == np.rint(ticks)):  # a clock of binary ticks
+            return as_is
+        return Stamps(column, f"{said}, fit no grid: the noise of the rows includes their rounding", apart)
+    if np.max(np.abs(grid - column)) <= _MEANT * apart:
+        return as_is
+    return Stamps(grid, f"{said}, are restored to the grid that they were rounded from", 0.0)
+
+
+def _is_single(column: Floats, single: np.ndarray) -> bool:
+    """Whether numbers (n,) are of single precision, or decimals that are short for those.
+
+    Decimals are only where most have all the digits of single precision: a file that rounds to some places, and has few
+    rows off its grid, is as exact as it says.
+    """
+    if np.all(single == column):
+        return True
+    some = slice(None, None, 1 + column.size // _SEEN)
+    decimals = column[some].tolist()
+    if any(float(str(one)) != number for one, number in zip(single[some], decimals, strict=True)):
+        return False
+    return 2 * sum(_significant(number) >= _ALL_DIGITS for number in decimals) > len(decimals)
+
+
+def _significant(number: float) -> int:
+    return len(repr(abs(number)).partition("e")[0].replace(".", "").strip("0"))
+
+
+def _grid(column: Floats, near: Floats, apart: float) -> Floats | None:
+    """Return the numbers of a wide grid within rounding of all of a column (n,); None where there is no such grid."""
+    for digits in _DIGITS:
+        if 10.0**-digits < _CLEAR * apart:
+            break
+        grid = np.round(column, digits)
+        if np.all(np.abs(grid - column) <= _HALF * near):
+            return np.asarray(grid)
+    usual = float(np.median(np.diff(column)))
+    if usual < _CLEAR * apart:
+        return None
+    count = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(column) / usual))])
+    if count[-1] < 1.0:
+        return None
+    slope, base = np.polyfit(count, column - column[0], 1)
+    grid = column[0] + base + slope * count
+    return grid if np.all(np.abs(grid - column) <= near) else None
+
+
+def coarse(apart: float, unit: str) -> str:
+    """Return why times of single precision repeat, and what to do; apart : distance of two such numbers, in `unit`."""
+    return f"single precision resolves {apart:.3g} {unit} here; write more digits, or count from a later zero"

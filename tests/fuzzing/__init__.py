@@ -1,0 +1,1 @@
+"""Seeded mutants of data files, campaigns and results: `python -m tests.fuzzing KIND COUNT [FIRST SEED]`."""

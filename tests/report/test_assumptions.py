@@ -1,0 +1,71 @@
+"""The section on assumptions, and the first screen's sentence on what a ranking rests on."""
+
+from __future__ import annotations
+
+import pytest
+
+from lvnav_trade.metrics.assumptions import compared_by
+from lvnav_trade.report.assumptions import assumptions, cases_in_words, ranked_by_assumptions
+from lvnav_trade.report.blocks import Table, Text
+from lvnav_trade.report.build import make
+from lvnav_trade.report.summary import summary
+from lvnav_trade.store.read import load
+from tests import synthetic
+from tests.metrics.test_assumptions import BASE
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory):
+    head = synthetic.CAMPAIGN.partition("requirements:")[0]
+    return load(synthetic.results(tmp_path_factory.mktemp("marked"), n_run=8, campaign=head + BASE))
+
+
+def test_every_mark_stands_once_with_the_cases_that_it_affects(tables) -> None:
+    (listed,) = (block for block in assumptions(tables) if isinstance(block, Table))
+    assert listed.rows == (
+        ("imu", "fine", "rate (200 Hz)", "assumed", "usual", "imu=fine"),
+        ("imu", "fine", "resources (cost 5, mass 1 kg)", "assumed", "no price", "imu=fine"),
+        ("imu", "fine", "gyro.bias_repeatability (1 deg/h)", "second hand", "a paper", "imu=fine"),
+        ("imu", "coarse", "rate (200 Hz)", "assumed", "usual", "imu=coarse"),
+        ("receiver", "patch", "rate (1 Hz)", "assumed", "usual", "all"),
+        ("receiver.antennas", "a, b", "cutoff (100 deg)", "assumed", "hidden", "all"),
+        ("filter", "tight", "update_rate (1 Hz)", "assumed", "usual", "all"),
+    )
+
+
+def test_the_first_screen_says_by_which_assumed_numbers_products_are_ranked(tables) -> None:
+    (warning,) = ranked_by_assumptions(tables)
+    assert warning.text == (
+        "IMU: gyro bias repeatability (second hand in 1 of 2 cases). The errors and the order of the cases are no "
+        "better than these numbers. IMU: cost (assumed in 1 of 2 cases). They decide the section Cost and performance "
+        "alone: no error and no margin depends on them. See Assumptions."
+    )
+    assert warning.lead == "The cases are compared by numbers that are not the maker's own."
+    assert warning in summary(tables)
+
+
+def test_assumed_costs_are_said_to_decide_no_error(tables, monkeypatch) -> None:
+    frame = compared_by(tables)
+    assert set(frame.field) == {"resources.cost", "gyro.bias_repeatability"}
+    monkeypatch.setattr(
+        "lvnav_trade.report.assumptions.compared_by", lambda _: frame[frame.field.str.startswith("resources.")]
+    )
+    (warning,) = ranked_by_assumptions(tables)
+    assert warning == Text(
+        "IMU: cost (assumed in 1 of 2 cases). They decide the section Cost and performance alone: no error and no "
+        "margin depends on them. See Assumptions.",
+        "Cost and performance are compared by numbers that are not the maker's own.",
+    )
+
+
+def test_without_marks_there_is_neither_sentence_nor_section_nor_table(tmp_path) -> None:
+    plain = load(synthetic.results(tmp_path, n_run=8))
+    assert ranked_by_assumptions(plain) == []
+    made = make(plain)
+    assert "assumptions" not in [section.name for section in made.sections]
+    assert "assumptions.csv" not in made.csv
+
+
+def test_cases_are_named_by_what_they_have_in_common(tables) -> None:
+    assert cases_in_words(tables, tables.labels.values()) == "all"
+    assert cases_in_words(tables, ["imu=coarse"]) == "imu=coarse"
