@@ -15,7 +15,7 @@ from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
-from lvnav_trade.filters.scheduled import GainSchedule, schedule_of
+from lvnav_trade.filters.scheduled import FlownGains, GainSchedule, schedule_of
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.layout import state_names
 from lvnav_trade.per_axis import rms
@@ -131,16 +131,19 @@ def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], 
     if not np.any(updated):
         raise InputError(f"case {case.label}: the filter takes no measurement on this flight")
     label = f", {case.label}" if case.axes else ""
+    flown = FlownGains(
+        states=state_names(prepared.layout),
+        measurements=[names[channel] for channel in taken],
+        t=prepared.t_epoch[updated],
+        gains=gains[updated][:, taken],
+    )
     schedule = schedule_of(
         f"Gains of {case.scenario.filter.name}, {case.scenario.trajectory.name}, by {by}",
         f"schedule-gains of {campaign.name}{label}: nominal flight, linear to {tolerance:g} between knots",
         by,
-        state_names(prepared.layout),
-        prepared.t_epoch[updated],
-        gains[updated][:, taken],
+        flown,
         flown_events(prepared),
         tolerance,
-        measurements=[names[channel] for channel in taken],
     )
     card = case.scenario.trajectory
     return schedule.model_copy(update={"flight": card.name, "flight_digest": identity(card)})

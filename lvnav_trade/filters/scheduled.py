@@ -142,29 +142,45 @@ def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float 
     return sorted(kept)
 
 
+class FlownGains(NamedTuple):
+    """Gains that a filter had on a flight.
+
+    states : Names of the states (n_state).
+    measurements : Names of the measurements (n_measurement).
+    t : (n,) s since lift-off. Times of the gains.
+    gains : (n, n_measurement, n_state).
+    """
+
+    states: Sequence[str]
+    measurements: Sequence[str]
+    t: Floats
+    gains: Floats
+
+
 def schedule_of(
     name: str,
     source: str,
     by: Literal["event", "time"],
-    states: Sequence[str],
-    t: Floats,
-    gains: Floats,
+    flown: FlownGains,
     events: Mapping[str, float],
     tolerance: float = 0.02,
-    measurements: Sequence[str] = ROWS,
 ) -> GainSchedule:
-    """Return the schedule of gains (n, n_measurement, n_state) that a filter had at times t (n,) s of a flight with
-    these events.
+    """Return the schedule of gains that a filter had on a flight with these events (s since lift-off).
 
     Between knots the gains are linear to `tolerance` of their largest size in the segment; they are rounded to four
     digits. Gains below `NEGLIGIBLE` of their largest size on the flight are zero.
     """
+    t, gains = flown.t, flown.gains
     negligible = NEGLIGIBLE * np.abs(gains).max(axis=0)
     gains = np.where(np.abs(gains) < negligible, 0.0, gains)
     marks = [("liftoff", 0.0)] if by == "time" else sorted(events.items(), key=lambda item: (item[1], item[0]))
     if by == "event":
-        marks = [mark for mark, after in zip(marks, [*marks[1:], ("", np.inf)], strict=True)
-                 if np.any((t >= mark[1] - 1e-6) & (t < after[1] - 1e-6)) or mark is marks[0]]  # fmt: skip
+        ends = [*(start for _, start in marks[1:]), np.inf]
+        marks = [
+            (event, start)
+            for k, ((event, start), end) in enumerate(zip(marks, ends, strict=True))
+            if k == 0 or np.any((t >= start - 1e-6) & (t < end - 1e-6))
+        ]
     segments = []
     for k, (event, start) in enumerate(marks):
         end = marks[k + 1][1] if k + 1 < len(marks) else np.inf
@@ -178,9 +194,14 @@ def schedule_of(
         ]
         segments.append(GainSegment(event=event, knots=tuple(knots)))
     return GainSchedule(
-        name=name, source=source, by=by, states=tuple(states), measurements=tuple(measurements),
-        segments=tuple(segments), digest=digest_of(tuple(states), segments, measurements),
-    )  # fmt: skip
+        name=name,
+        source=source,
+        by=by,
+        states=tuple(flown.states),
+        measurements=tuple(flown.measurements),
+        segments=tuple(segments),
+        digest=digest_of(tuple(flown.states), segments, flown.measurements),
+    )
 
 
 def _rounded(gain: Floats) -> tuple[Column, ...]:

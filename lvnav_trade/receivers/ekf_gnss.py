@@ -129,10 +129,13 @@ def _take_row(rx, model, innovation, limit, variance, entries, columns):
 
 
 @jit
-def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ranges, range_variance, rate_variance):
+def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ranges, variances):
     """Process what is measured of the satellites in use, all rows at one point; return how many rows there were, were
     accepted, and how many satellites have one that was.
+
+    variances : of a range (m^2) and of a range rate (m^2/s^2).
     """
+    range_variance, rate_variance = variances
     nav, x = rx.nav, rx.x
     zero = like(nav[0], 0.0)
     for i in range(3):
@@ -229,7 +232,7 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
     )
     propagate(rx, model, x, y, z)
     asked, accepted, satellites = _update_by_ranges(
-        rx, model, satellite, satellite_velocity, used, n_used, ranges, range_variance, rate_variance
+        rx, model, satellite, satellite_velocity, used, n_used, ranges, (range_variance, rate_variance)
     )
     memory[MISSES] = where(fixed & (accepted < 0.5 * asked), memory[MISSES] + 1.0, 0.0)
     begin = fixed & ((memory[STARTED] == 0.0) | (memory[MISSES] >= model.restart))

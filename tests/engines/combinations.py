@@ -21,7 +21,7 @@ from lvnav_trade.engines.lincov.history import covariance, forward_tape
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
-from lvnav_trade.filters.scheduled import schedule_of
+from lvnav_trade.filters.scheduled import FlownGains, schedule_of
 from lvnav_trade.layout import state_names
 from lvnav_trade.scenario import Scenario
 from tests.building import loaded, prepare_hop, with_fields, with_units
@@ -188,10 +188,13 @@ def with_stored_gains(case: Case, scenario: Scenario) -> Scenario:
     taken = np.unique(tape.channel[:used])
     if not taken.size:
         raise InputError("filter.gains: the filter has no measurement that a gain could be for")
-    schedule = schedule_of(
-        "stored", "test", "time", state_names(prepared.layout), prepared.t_epoch, gains[:, taken],
-        flown_events(prepared), tolerance=1e-6, measurements=[names[k] for k in taken],
-    )  # fmt: skip
+    flown = FlownGains(
+        states=state_names(prepared.layout),
+        measurements=[names[k] for k in taken],
+        t=prepared.t_epoch,
+        gains=gains[:, taken],
+    )
+    schedule = schedule_of("stored", "test", "time", flown, flown_events(prepared), tolerance=1e-6)
     return with_fields(scenario, **{"filter.gains": schedule.model_dump(mode="json")})
 
 

@@ -11,12 +11,13 @@ from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.lincov.workspace import UpdateTape
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.rows import NOISE_STATES
+from lvnav_trade.filters.samples import VehicleModel
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector, fill_samples
-from lvnav_trade.records import Floats, Ints
+from lvnav_trade.records import Floats, Ints, Reference
 
 TOLERANCE = 1e-2
 
@@ -58,9 +59,42 @@ def fold(triangle, row):
             row[j] = c * row[j] - s * above
 
 
+class _Samples(NamedTuple):
+    """Samples of the IMU as measurements.
+
+    dt : Length of a tick (s).
+    vehicle : Model of the vehicle's motion that the filter has.
+    reference : The nominal flight.
+    """
+
+    dt: float
+    vehicle: VehicleModel
+    reference: Reference
+
+
+class _Folding(NamedTuple):
+    """The rows folded so far, and what is needed to fold in the next one.
+
+    triangle : (n_state, n_state). Triangle of the rows so far.
+    phi : (n_state, n_state). Columns of the transition since the stretch began.
+    blocks : (n_block, 9). Blocks of the transition over a window.
+    row : (n_state,). A Jacobian row times the transition, in sigmas of its noise.
+    sums : (18,). Strapdown integrals over a tick.
+    h : (6, n_entry). Jacobian rows of the samples of a tick.
+    """
+
+    triangle: Floats
+    phi: Floats
+    blocks: Floats
+    row: Floats
+    sums: Floats
+    h: Floats
+
+
 @jit
-def _fold_samples(triangle, phi, row_of, sums, h, dt, vehicle, reference, first, n_tick):
+def _fold_samples(folding, samples, first, n_tick):
     """Fold in the samples of a window's ticks, and carry the transition over them; return how many rows."""
+    vehicle, phi, h, row = samples.vehicle, folding.phi, folding.h, folding.row
     n = phi.shape[0]
     for tick in range(first, first + n_tick):
         fill_samples(h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
@@ -70,11 +104,11 @@ def _fold_samples(triangle, phi, row_of, sums, h, dt, vehicle, reference, first,
                 total = 0.0
                 for k in range(vehicle.columns.shape[1]):
                     total += h[r, k] * phi[j, vehicle.columns[r, k]]
-                row_of[j] = weight * total
-            fold(triangle, row_of)
-        nominal_tick(sums, reference, tick, dt)
+                row[j] = weight * total
+            fold(folding.triangle, row)
+        nominal_tick(folding.sums, samples.reference, tick, samples.dt)
         for j in range(n):
-            advance_vector(phi[j], sums, dt, vehicle.motion)
+            advance_vector(phi[j], folding.sums, samples.dt, vehicle.motion)
     return N_SAMPLE * n_tick
 
 
@@ -122,36 +156,32 @@ class _Rows(NamedTuple):
 
 
 @jit
-def _gather(
-    triangle, phi, D, row_of, sums, h, rows, dt, delayed, extra_offset, vehicle, reference, first_window, last_window
-):
+def _gather(folding, rows, samples, delayed, extra_offset, first_window, last_window):
     """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
 
-    triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9), row_of (n,), sums (18,) and
-    h (6, n_entry) work; rows : _Rows. Where samples of the IMU are measurements (vehicle: VehicleModel, reference:
-    Reference, dt s, or None), rate and specific force are taken for constant over a stretch, which asks most of the
-    other states.
+    folding : _Folding, updated. rows : _Rows. samples : _Samples where the filter takes samples of the IMU as
+    measurements, or None; rate and specific force are then taken for constant over a stretch, which asks most of the
+    other states. delayed : what the filter knows of late measurements and clones, or None.
     """
-    n, count = phi.shape[0], 0
+    phi, n, count = folding.phi, folding.phi.shape[0], 0
     block_rows, block_columns, kinds, drivers = rows.blocks
     for w in range(first_window, last_window + 1):
         if rows.n_tick[w] > 0:
-            if vehicle is not None:
-                first, n_tick = rows.first_tick[w], rows.n_tick[w]
-                count += _fold_samples(triangle, phi, row_of, sums, h, dt, vehicle, reference, first, n_tick)
+            if samples is not None:
+                count += _fold_samples(folding, samples, rows.first_tick[w], rows.n_tick[w])
             at = rows.position[w]
             seconds, decay = rows.seconds[rows.length[w]], rows.decay[rows.length[w]]
-            transition.fill(D, kinds, drivers, rows.sums[w], at[0], at[1], at[2], seconds)
+            transition.fill(folding.blocks, kinds, drivers, rows.sums[w], at[0], at[1], at[2], seconds)
             for j in range(n):
-                apply_phi(phi[j], D, block_rows, block_columns, decay, rows.clock, seconds)
+                apply_phi(phi[j], folding.blocks, block_rows, block_columns, decay, rows.clock, seconds)
         for row in range(rows.first[w], rows.first[w + 1]):
             channel = rows.channel[row]
             for j in range(n):
                 total = 0.0
                 for k in range(rows.n_entry[channel]):
                     total += rows.h[row, rows.entry[channel, k]] * phi[j, rows.column[channel, k]]
-                row_of[j] = rows.weight[row] * total
-            fold(triangle, row_of)
+                folding.row[j] = rows.weight[row] * total
+            fold(folding.triangle, folding.row)
             count += 1
         if delayed is not None and rows.epoch[w] >= 0:
             _begin_epoch(phi, delayed, extra_offset, rows.epoch[w])
@@ -164,10 +194,24 @@ def _rows(prepared: Prepared, true: Components, tape: UpdateTape) -> _Rows:
     whitened = model.has_covariance & (tape.channel[used] < signals.n_receiver)
     variance = np.where(whitened, 1.0, _variances(prepared)[tape.epoch[used], tape.channel[used]])
     return _Rows(
-        schedule.first_tick, schedule.n_tick, schedule.length, schedule.epoch, tape.first, tape.channel, tape.sums,
-        tape.position, tape.h, 1.0 / np.sqrt(variance), model.n_entry, model.entry, model.column, model.seconds,
-        model.decay, (true.nav_rows, true.nav_columns, true.nav_kinds, true.nav_drivers), model.clock,
-    )  # fmt: skip
+        first_tick=schedule.first_tick,
+        n_tick=schedule.n_tick,
+        length=schedule.length,
+        epoch=schedule.epoch,
+        first=tape.first,
+        channel=tape.channel,
+        sums=tape.sums,
+        position=tape.position,
+        h=tape.h,
+        weight=1.0 / np.sqrt(variance),
+        n_entry=model.n_entry,
+        entry=model.entry,
+        column=model.column,
+        seconds=model.seconds,
+        decay=model.decay,
+        blocks=(true.nav_rows, true.nav_columns, true.nav_kinds, true.nav_drivers),
+        clock=model.clock,
+    )
 
 
 @jit
@@ -183,17 +227,21 @@ def _begin_epoch(phi, delayed, extra_offset, epoch):
 
 def _folded(prepared: Prepared, rows: _Rows, first: int, last: int) -> tuple[int, Floats]:
     """Return how many rows the windows from first to last have, and the triangle (n, n) that they fold into."""
-    n, vehicle = prepared.layout.n_state, prepared.options.vehicle
-    n_entry = 1 if vehicle is None else vehicle.columns.shape[1]
-    triangle, phi, delayed = np.zeros((n, n)), np.eye(n), prepared.options.delayed
+    n, vehicle, delayed = prepared.layout.n_state, prepared.options.vehicle, prepared.options.delayed
+    folding = _Folding(
+        triangle=np.zeros((n, n)),
+        phi=np.eye(n),
+        blocks=np.zeros((rows.blocks[0].size, 9)),
+        row=np.zeros(n),
+        sums=np.zeros(N_SUM),
+        h=np.zeros((N_SAMPLE, 1 if vehicle is None else vehicle.columns.shape[1])),
+    )
+    phi = folding.phi
     for clone, state in enumerate(prepared.layout.cloned, start=prepared.layout.clone):
         phi[clone, clone], phi[state, clone] = 0.0, 1.0  # row j of phi is the column of Phi that belongs to state j
-    count = _gather(
-        triangle, phi, np.zeros((rows.blocks[0].size, 9)), np.zeros(n), np.zeros(N_SUM), np.zeros((N_SAMPLE, n_entry)),
-        rows, prepared.unit.dt, delayed, prepared.model.extra_offset, vehicle,
-        None if vehicle is None else prepared.reference, first, last,
-    )  # fmt: skip
-    return count, triangle
+    samples = None if vehicle is None else _Samples(prepared.unit.dt, vehicle, prepared.reference)
+    count = _gather(folding, rows, samples, delayed, prepared.model.extra_offset, first, last)
+    return count, folding.triangle
 
 
 def _stretch(prepared: Prepared, rows: _Rows, start: float, end: float) -> Stretch:

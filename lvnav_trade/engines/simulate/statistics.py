@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.simulate.sums import add_errors, add_lags, count_bins
+from lvnav_trade.engines.simulate.sums import ErrorBins, ErrorSums, LagSums, Spans, add_errors, add_lags, count_bins
 from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, Bools, Floats, Ints, Output, RunBlock
 
 # Axis name of the norm of a three-axis quantity.
@@ -210,11 +210,18 @@ def _errors(block: RunBlock, until: Floats, unit: Floats, at: Ints, outputs: tup
     total, squares, sigma_squares = np.zeros((3, n_hist, n_column))
     worst, mean_square = np.zeros((2, n_run, n_span, n_column))
     bins = np.empty((n_run, n_hist, n_column), dtype=np.uint16)
-    add_errors(
-        np.ascontiguousarray(block.err), np.ascontiguousarray(block.sigma), groups, np.searchsorted(block.t, until),
-        (unit * LOWEST).ravel(), BIN, total.ravel(), squares.ravel(), sigma_squares.ravel(), bins.reshape(n_run, -1),
-        N_BIN, block.t, at, worst, mean_square, np.empty((n_hist, n_column)),
-    )  # fmt: skip
+    sums = ErrorSums(
+        total=total.ravel(),
+        squares=squares.ravel(),
+        sigma_squares=sigma_squares.ravel(),
+        bins=bins.reshape(n_run, -1),
+        worst=worst,
+        mean_square=mean_square,
+    )
+    error, sigma = np.ascontiguousarray(block.err), np.ascontiguousarray(block.sigma)
+    counted = np.searchsorted(block.t, until)
+    size = ErrorBins((unit * LOWEST).ravel(), BIN, N_BIN)
+    add_errors(error, sigma, groups, counted, size, Spans(block.t, at), sums, np.empty((n_hist, n_column)))
     mean_square /= np.diff(block.t[at])[:, None]
     return {
         "total": total,
@@ -239,11 +246,16 @@ def _lag_products(block: RunBlock, until: Floats) -> tuple[Floats, Ints]:
     innovation = np.ascontiguousarray(block.innovation)
     _, n_epoch, n_channel = innovation.shape
     used = np.flatnonzero(np.isfinite(innovation).any(axis=(0, 1)))
-    value, there = np.zeros((2, n_epoch, len(used)))
+    sums = LagSums(
+        total=np.zeros((N_LAG, len(used))),
+        number=np.zeros((N_LAG, len(used))),
+        value=np.zeros((n_epoch, len(used))),
+        there=np.zeros((n_epoch, len(used))),
+        count_of_run=np.zeros((N_LAG, len(used))),
+    )
+    add_lags(innovation, block.t_epoch, until, used, sums)
     total, count = np.zeros((2, N_LAG, n_channel))
-    found, pairs, pairs_of_run = np.zeros((3, N_LAG, len(used)))
-    add_lags(innovation, block.t_epoch, until, used, value, there, found, pairs, pairs_of_run)
-    total[:, used], count[:, used] = found, pairs
+    total[:, used], count[:, used] = sums.total, sums.number
     return total, count.astype(np.int64)
 
 

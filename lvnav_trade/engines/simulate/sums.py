@@ -3,11 +3,56 @@
 Loops are over neighbours in memory and touch few arrays each, so that the compiler makes vectors of them.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.random import log_unit
 from lvnav_trade.records import Floats, Ints
+
+
+class ErrorBins(NamedTuple):
+    """Bins of errors, of equal width in the logarithm of their size.
+
+    unit : (n * n_column,). Upper edge of the first bin.
+    width : Width of a bin in ln(|error| / unit).
+    number : Number of bins; the last is for all that is larger or not counted.
+    """
+
+    unit: Floats
+    width: float
+    number: int
+
+
+class Spans(NamedTuple):
+    """Spans of the history over which errors are bounded.
+
+    t : (n,) s. Times of the history.
+    at : (n_span + 1,). Indices of the times at which spans begin and end.
+    """
+
+    t: Floats
+    at: Ints
+
+
+class ErrorSums(NamedTuple):
+    """What is added up of the errors of a block of runs.
+
+    total, squares : (n * n_column,). Sums of errors and of their squares.
+    sigma_squares : (n * n_column,). Sums of the squares of the filter's standard deviations.
+    bins : (n_run, n * n_column). Bin of each error.
+    worst : (n_run, n_span, n_column). Largest size of an error in each span.
+    mean_square : (n_run, n_span, n_column). Mean square in each span, times its length (s).
+    """
+
+    total: Floats
+    squares: Floats
+    sigma_squares: Floats
+    bins: NDArray[np.uint16]
+    worst: Floats
+    mean_square: Floats
 
 
 @jit
@@ -16,28 +61,18 @@ def add_errors(
     sigma: Floats,
     groups: Ints,
     counted: Ints,
-    unit: Floats,
-    width: float,
-    total: Floats,
-    squares: Floats,
-    sigma_squares: Floats,
-    bins: Ints,
-    n_bin: int,
-    t: Floats,
-    at: Ints,
-    worst: Floats,
-    mean_square: Floats,
+    size: ErrorBins,
+    spans: Spans,
+    sums: ErrorSums,
     row: Floats,
 ) -> None:
     """Add up errors and standard deviations (n_run, n, n_out), run after run; count and bound them.
 
     groups (n_norm, 3) indices of three-axis quantities, whose norms are the columns after the outputs. The first
-    counted (n_run,) times of a run count in total, squares and sigma_squares (n * n_column,), see `BlockSummary`. bins
-    (n_run, n * n_column) gets the bin of each error: `width` wide in ln(|error| / unit), unit (n * n_column,) the upper
-    edge of the first; the last one of n_bin is for all that is larger or not counted. worst and mean_square (n_run,
-    n_span, n_column) are those of the spans between the times t (n,) number at (n_span + 1,), the latter times their
-    length. row (n, n_column) is a work array.
+    counted (n_run,) times of a run count in the sums, which are updated. row (n, n_column) is a work array.
     """
+    total, squares, sigma_squares, bins = sums.total, sums.squares, sums.sigma_squares, sums.bins
+    worst, mean_square, t, at = sums.worst, sums.mean_square, spans.t, spans.at
     n_run, n, _ = error.shape
     n_column, n_span = row.shape[1], worst.shape[1]
     flat = row.reshape(n * n_column)
@@ -50,14 +85,14 @@ def add_errors(
         for cell in range(n_cell):
             total[cell] += flat[cell]
             squares[cell] += flat[cell] * flat[cell]
-        _find_bins(flat[:n_cell], unit, width, n_bin, bins[run])
-        bins[run, n_cell:] = n_bin - 1
+        _find_bins(flat[:n_cell], size.unit, size.width, size.number, bins[run])
+        bins[run, n_cell:] = size.number - 1
         for span in range(n_span):
             for k in range(at[span], at[span + 1] + 1):
                 for c in range(n_column):
-                    size = abs(row[k, c])
-                    if size > worst[run, span, c] or size != size:  # what is no number stays
-                        worst[run, span, c] = size
+                    magnitude = abs(row[k, c])
+                    if magnitude > worst[run, span, c] or magnitude != magnitude:  # what is no number stays
+                        worst[run, span, c] = magnitude
             for k in range(at[span], at[span + 1]):
                 step = t[k + 1] - t[k]
                 for c in range(n_column):
@@ -94,23 +129,31 @@ def count_bins(histogram: Ints, bins: Ints) -> None:
                 histogram[k, c, bins[run, k, c]] += 1
 
 
+class LagSums(NamedTuple):
+    """Sums of products of innovations some epochs apart, and the arrays that they are computed in.
+
+    total : (n_lag, n_used). Sums of products.
+    number : (n_lag, n_used). Numbers of products.
+    value : (n_epoch, n_used). Innovations of a run, 0 where there is none.
+    there : (n_epoch, n_used). 1 where the run has an innovation.
+    count_of_run : (n_lag, n_used). Numbers of products of a run.
+    """
+
+    total: Floats
+    number: Floats
+    value: Floats
+    there: Floats
+    count_of_run: Floats
+
+
 @jit
-def add_lags(
-    innovation: Floats,
-    t: Floats,
-    until: Floats,
-    channels: Ints,
-    value: Floats,
-    there: Floats,
-    total: Floats,
-    count: Floats,
-    count_of_run: Floats,
-) -> None:
+def add_lags(innovation: Floats, t: Floats, until: Floats, channels: Ints, sums: LagSums) -> None:
     """Add up products of innovations (n_run, n, n_channel) some epochs apart, where both exist and the run counts.
 
-    channels (n_used,) those that have any; total, count (n_lag, n_used) sums and their number; value, there
-    (n, n_used) and count_of_run (n_lag, n_used) work arrays.
+    A run counts at times t (n,) s before until (n_run,) s. channels (n_used,) those that have any innovation; sums are
+    updated.
     """
+    total, number, value, there, count_of_run = sums
     n_run, n, _ = innovation.shape
     for run in range(n_run):
         is_other = run == 0  # most runs have their innovations at the same epochs
@@ -128,7 +171,7 @@ def add_lags(
                 _add_products(value[k - lag], value[k], total[lag])
                 if is_other:
                     _add_products(there[k - lag], there[k], count_of_run[lag])
-        count += count_of_run
+        number += count_of_run
 
 
 @jit
