@@ -30,6 +30,7 @@ def test_an_interrupt_among_the_causes_is_raised(link: str) -> None:
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_one_that_was_discarded_is_remembered_within_the_command_alone(sent: signal.Signals) -> None:
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background has it ignored
     try:
         with remembering_interrupts():
             with suppress(KeyboardInterrupt):

@@ -151,7 +151,11 @@ def discarded(*_: object) -> dict[str, float]:
 def test_so_is_one_that_compiled_code_turns_into_another_error(monkeypatch, tmp_path: Path, events) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(work, "ENGINE", work.ENGINE._replace(events=events))
-    result = call("check", SMOKE)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background has it ignored
+    try:
+        result = call("check", SMOKE)
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert (result.exit_code, result.stderr) == (130, "interrupted; the same command resumes\n")
 
 

@@ -16,6 +16,7 @@ from tests.export.vectors.independent import covariance_of, error, state_of, tab
 
 TIGHT = {"measurements": "ranges", "correction": "closed"}
 SOME = (0, 1, 17, 58)
+ROUNDING = 5e-8  # in sigmas; the last digit of a range is 4e-9 m, and processors round a sum of several differently
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +54,9 @@ def test_a_textbook_update_gives_innovations_estimates_and_covariance(stored, ep
     assert len(ratios) == stored["epochs"].n_accepted[epoch] > 8
     apart = error(state_of(rows.loc[("after", epoch)]), state) / _sigma(after)
     record_property(f"innovations of epoch {epoch}", np.abs(ratios - measured.innovation_ratio).max())
-    assert ratios == pytest.approx(measured.innovation_ratio, abs=1e-9)
-    assert np.abs(apart).max() < 1e-9
-    assert _apart(P, after) < 1e-9
+    assert ratios == pytest.approx(measured.innovation_ratio, abs=ROUNDING)
+    assert np.abs(apart).max() < ROUNDING
+    assert _apart(P, after) < ROUNDING
     assert np.abs(error(state, before)).max() > 1e-4  # the update has moved it
 
 
