@@ -29,7 +29,7 @@ def test_the_users_card_hides_the_tools_card_of_the_same_name(study) -> None:
 
 def test_a_card_of_the_tool_is_found_without_a_file_of_the_user(study) -> None:
     study.edit("campaign.yaml", "imu/good", "imu/tactical_fog")
-    assert load(study.path).base.imu.name.startswith("Tactical grade")
+    assert load(study.path).base.imu.name.startswith("Tactical FOG")
 
 
 def test_the_first_level_of_an_axis_stands_in_for_what_the_base_leaves_out(study) -> None:

@@ -145,7 +145,7 @@ def test_a_unit_at_its_three_sigma_bound_has_three_times_every_error() -> None:
 def test_the_catalogue_lists_the_users_cards_beside_the_tools(study) -> None:
     found = {card.name: card for card in catalogue(Path())}
     assert found["imu/good"].file == "configs/imu/good.yaml"
-    assert found["imu/tactical_fog"].title.startswith("Tactical grade")
+    assert found["imu/tactical_fog"].title.startswith("Tactical FOG")
 
 
 def test_a_card_that_cannot_be_read_is_listed_and_not_an_end(study) -> None:
