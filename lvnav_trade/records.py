@@ -34,6 +34,14 @@ NO_CHANGES = np.zeros((0, 5))
 OF_CHANNEL, OF_CLOCK, OF_INERTIAL, OF_UNIT, OF_SEPARATION = 1, 2, 3, 4, 5
 ISOLATED = ("", "channel", "clock", "inertial", "unit", "separation")
 NO_DECISIONS = np.zeros((0, 4))
+
+# How a guided ascent ends, by number and by name, and the numbers of its orbit.
+OUTCOMES = ("injected", "depleted", "guidance diverged", "navigation failed")
+ORBIT = (
+    "semi_major_axis", "perigee", "apogee", "eccentricity_along_node", "eccentricity_ahead_of_node", "inclination",
+    "node",
+)  # fmt: skip
+NO_INJECTIONS = np.zeros((0, 3 + 2 * len(ORBIT)))
 # In a decision on inertial units, what stands in the place of a channel: this for the first, one less for the next.
 FIRST_UNIT = -2
 
@@ -140,6 +148,9 @@ class RunBlock(NamedTuple):
         REASONS).
     decisions : (n_decision, 4). Fault decisions: run, time (s), kind isolated (see ISOLATED), channel excluded (-1
         none; of an IMU see FIRST_UNIT).
+    injections : (n_run, 3 + 2 n_orbit). Of guided ascents: outcome (see OUTCOMES), time (s) of the last cut-off,
+        propellant (kg) left, and of each number in ORBIT what the achieved orbit has more than the target, then what it
+        has more than the navigated one.
     """
 
     first_run: int
@@ -156,6 +167,7 @@ class RunBlock(NamedTuple):
     t_failed: Floats
     changes: Floats = NO_CHANGES
     decisions: Floats = NO_DECISIONS
+    injections: Floats = NO_INJECTIONS
 
 
 class CovHistory(NamedTuple):

@@ -20,6 +20,7 @@ class Frames:
     logic: pd.DataFrame  # changes of a filter's mode, run by run
     integrity: pd.DataFrame  # decisions of tests for faults, run by run
     nominal_integrity: pd.DataFrame  # decisions of tests for faults by linear covariance
+    injections: pd.DataFrame  # orbit that every guided run achieves
     starts: pd.DataFrame  # draws at the start of every run
     history: pd.DataFrame  # RMS, formal and true sigma of every error over time
     consistency: pd.DataFrame  # normalised estimation errors and innovations squared over time
@@ -83,6 +84,8 @@ class Frames:
     orbit: pd.DataFrame  # orbit at injection with its errors
     correction: pd.DataFrame  # delta-v that corrects the orbit
     normality: pd.DataFrame  # whether errors of the orbit are Gaussian
+    injection: pd.DataFrame  # injection accuracy of guided ascents: achieved orbit against target
+    cutoff: pd.DataFrame  # how guided ascents end: depletion, time, propellant left
     impact: pd.DataFrame  # point of impact over the flight with its error
     exclusions: pd.DataFrame  # IMUs that are excluded by their test
     worth: pd.DataFrame  # what filtered rate gains a controller

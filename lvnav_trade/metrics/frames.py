@@ -21,7 +21,7 @@ from lvnav_trade.metrics import (
 )
 from lvnav_trade.metrics.basics.select import once
 from lvnav_trade.metrics.errors import covariances, coverage, rms
-from lvnav_trade.metrics.mission import impact, orbit
+from lvnav_trade.metrics.mission import impact, injection, orbit
 from lvnav_trade.metrics.requirements import confirmation, margins, windows
 from lvnav_trade.metrics.requirements import curves as along
 from lvnav_trade.store.read import Tables, load
@@ -65,6 +65,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     windows: ("windows", "unevaluated"),
     orbit: ("orbit", "correction", "normality"),
     impact: ("impact",),
+    injection: ("injection", "cutoff"),
     inertial: ("allan", "exclusions"),
     protection: ("protection",),
     vehicle: ("motion", "nozzle", "turning", "worth"),
@@ -82,5 +83,5 @@ CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "windows", "filter_verdicts", "budget", "expected",
     "spot_check", "sensitivity", "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity",
     "tested_errors", "curves", "crossings", "tornado", "totals", "pareto", "motion", "nozzle", "turning", "allan",
-    "protection", "exclusions", "assumptions", "configuration",
+    "protection", "exclusions", "assumptions", "configuration", "injection", "cutoff",
 )  # fmt: skip

@@ -5,6 +5,7 @@ from lvnav_trade.plots import (
     curves,
     errors,
     inertial,
+    injection,
     integrity,
     limits,
     mission,
@@ -18,6 +19,6 @@ from lvnav_trade.plots import (
 from lvnav_trade.plots.style import PLOTS
 
 __all__ = [
-    "PLOTS", "budget", "curves", "errors", "inertial", "integrity", "limits", "mission", "protection", "published",
-    "search", "signals", "validity", "vehicle",
+    "PLOTS", "budget", "curves", "errors", "inertial", "injection", "integrity", "limits", "mission", "protection",
+    "published", "search", "signals", "validity", "vehicle",
 ]  # fmt: skip

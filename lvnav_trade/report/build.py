@@ -15,7 +15,7 @@ from lvnav_trade.metrics.basics.names import named
 from lvnav_trade.plots.style import share_scales
 from lvnav_trade.report import assumptions as assumed
 from lvnav_trade.report import configuration as configured
-from lvnav_trade.report import curves, evidence, flight, integrity
+from lvnav_trade.report import curves, evidence, flight, injection, integrity
 from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report import models as registered
 from lvnav_trade.report.answers import answers
@@ -53,6 +53,7 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "references": ("Published numbers", evidence.references),
     "exclusions": ("Inertial units excluded", flight.exclusions),
     "protection": ("Protection levels", flight.protection),
+    "injection": ("Injection accuracy", injection.injection),
     "orbit": ("Orbit at injection", flight.orbit),
     "impact": ("Point of impact", flight.impact),
     "budget": ("Error budget", explained.budget),

@@ -7,21 +7,27 @@ import numpy as np
 
 from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import NORM, BlockSummary, add_norms, columns
-from lvnav_trade.records import FIRST_UNIT, ISOLATED, MODES, REASONS, Floats, Output, RunBlock
+from lvnav_trade.records import FIRST_UNIT, ISOLATED, MODES, ORBIT, OUTCOMES, REASONS, Floats, Output, RunBlock
 from lvnav_trade.store.schema import error_column, rms_column
 
 DRAWN = ("attitude", "velocity", "position")
 """Quantities of which budget and single runs are kept over the whole flight."""
 MOST_TIMES = 400
 """Times of a run that is kept over the flight."""
+ORBIT_UNITS = {
+    **dict.fromkeys(("semi_major_axis", "perigee", "apogee"), "m"),
+    **dict.fromkeys(("inclination", "node"), "rad"),
+    **dict.fromkeys(("eccentricity_along_node", "eccentricity_ahead_of_node"), "dimensionless"),
+}
+"""SI units of the numbers of an achieved orbit."""
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 
 
 def run_columns(
     outputs: tuple[Output, ...], summary: BlockSummary | None, channels: tuple[str, ...] = ()
 ) -> dict[str, dict[str, Any]]:
-    """Return the columns of `runs`, `worst`, `logic` and `integrity` for some runs; without runs those of the
-    outputs, empty.
+    """Return the columns of `runs`, `worst`, `logic`, `integrity` and `injections` for some runs; without runs those of
+    the outputs, empty.
 
     `worst` has one row per run and span from an event to the next. channels: names of the filter's channels.
     """
@@ -35,6 +41,7 @@ def run_columns(
             "worst": {name: [] for name in (*errors, *means)},
             "logic": {},
             "integrity": {},
+            "injections": {},
         }
     n_event, n_span = len(summary.events), summary.worst.shape[1]
     failures = np.array([FAILURES.get(int(code), f"code {code}") for code in summary.failed])
@@ -62,7 +69,31 @@ def run_columns(
     }
     runs |= _named(errors, summary.event_error)
     worst |= _named(errors, summary.worst) | _named(means, np.sqrt(summary.mean_square))
-    return {"runs": runs, "worst": worst, "logic": logic, "integrity": integrity_columns(summary.decisions, channels)}
+    return {
+        "runs": runs,
+        "worst": worst,
+        "logic": logic,
+        "integrity": integrity_columns(summary.decisions, channels),
+        "injections": _injection_columns(summary),
+    }
+
+
+def _injection_columns(summary: BlockSummary) -> dict[str, Any]:
+    """Return the columns of `injections`: a row per run and number of the orbit."""
+    if not len(summary.injections):
+        return {}
+    n = len(ORBIT)
+    outcome, t, left = (np.repeat(one, n) for one in summary.injections[:, :3].T)
+    return {
+        "run_number": np.repeat(summary.runs, n),
+        "outcome": np.array(OUTCOMES)[outcome.astype(int)],
+        "t_s": t,
+        "propellant_left_kg": left,
+        "quantity": list(ORBIT) * summary.n_run,
+        "unit": [ORBIT_UNITS[name] for name in ORBIT] * summary.n_run,
+        "error_si": summary.injections[:, 3 : 3 + n].ravel(),
+        "knowledge_si": summary.injections[:, 3 + n :].ravel(),
+    }
 
 
 def integrity_columns(decisions: Floats, channels: tuple[str, ...]) -> dict[str, Any]:

@@ -21,10 +21,16 @@ def _load(name: str) -> dict[str, Any]:
     return YAML(typ="safe").load((CONFIGS / f"{name}.yaml").read_text())
 
 
+def _load_vehicle(name: str) -> dict[str, Any]:
+    """Settings of a vehicle, its spreads filled in."""
+    vehicle = _load(name)
+    return {**vehicle, "dispersions": _load(vehicle["dispersions"])}
+
+
 def ascent_settings() -> dict[str, Any]:
     """Settings of the two-stage ascent, its vehicle filled in."""
     settings = _load("trajectories/two_stage_leo")
-    settings["vehicle"] = _load(settings["vehicle"])
+    settings["vehicle"] = _load_vehicle(settings["vehicle"])
     return settings
 
 
@@ -60,7 +66,7 @@ def recorded() -> Trajectory:
 def launcher_settings(name: str) -> dict[str, Any]:
     """Settings of a shipped ascent, its vehicle filled in, its record made absolute."""
     settings = _load(f"trajectories/{name}")
-    settings["vehicle"] = _load(settings["vehicle"])
+    settings["vehicle"] = _load_vehicle(settings["vehicle"])
     recorded = settings.get("recorded", {})
     if "file" in recorded:
         recorded["file"] = str(CONFIGS / "trajectories" / recorded["file"])

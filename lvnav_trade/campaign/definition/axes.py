@@ -20,6 +20,7 @@ from lvnav_trade.limits import DATA_BYTES
 from lvnav_trade.marks import MARKS, unmarked
 from lvnav_trade.resources import Resources
 from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
 
 RESULTS_VERSION = 1  # raised when the same scenario and seed no longer give the same numbers
 
@@ -259,7 +260,7 @@ def case_id(
     content, not by its path: the same question asked in another folder has the same digest, an edited almanac another.
     """
     data = {
-        "scenario": _canonical(scenario, known),
+        "scenario": _undrawn(_canonical(scenario, known), scenario),
         "seed": seed,
         "history": history,
         "results_version": RESULTS_VERSION,
@@ -267,11 +268,23 @@ def case_id(
     return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()[:12]
 
 
+def _undrawn(found: dict[str, Any], scenario: Scenario) -> dict[str, Any]:
+    """Return the content of a scenario without the spreads of a vehicle that no run is dispersed by."""
+    card = scenario.trajectory
+    if not isinstance(card, VehicleAscent) or card.guidance != "nominal":
+        return found
+    flight = found["trajectory"]
+    vehicle = {key: value for key, value in flight["vehicle"].items() if key != "dispersions"}
+    return {**found, "trajectory": {**flight, "vehicle": vehicle}}
+
+
 def _canonical(model: BaseModel, known: dict[int, tuple[BaseModel, Any]] | None = None) -> dict[str, Any]:
     kind, without, below = type(model), set(), {}
     for name in kind.model_fields:
         value = getattr(model, name)
-        if name in MARKS or isinstance(value, Resources) or (name == "resources" and value is None):
+        extra = kind.model_fields[name].json_schema_extra
+        unset = isinstance(extra, dict) and extra.get("digest_if_set") and value == kind.model_fields[name].default
+        if unset or name in MARKS or isinstance(value, Resources) or (name == "resources" and value is None):
             without.add(name)
         elif isinstance(value, BaseModel):
             _, found = (known or {}).get(id(value), (None, None))

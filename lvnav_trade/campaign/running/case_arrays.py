@@ -16,12 +16,13 @@ from lvnav_trade.metrics.basics.case import (
     CaseResults,
     Gaussian,
     History,
+    Injections,
     finite_sizes,
     phase_in,
     symmetric,
 )
 from lvnav_trade.metrics.metric import NAVIGATION_UNITS
-from lvnav_trade.records import Bools, CovHistory, Floats, Output
+from lvnav_trade.records import ORBIT, OUTCOMES, Bools, CovHistory, Floats, Output
 
 if TYPE_CHECKING:
     from lvnav_trade.metrics.mechanics.mission import Law, State
@@ -130,6 +131,14 @@ class CaseArrays(CaseResults):
         """Return linear covariance of velocity and position at an event."""
         states, laws = self._states
         return laws[[state.event for state in states].index(event)]
+
+    def injections(self, quantity: str) -> Injections | None:
+        """Return what guided ascents achieve of a number of the orbit."""
+        if self.summary is None or not len(self.summary.injections):
+            return None
+        rows, at = self.summary.injections, 3 + ORBIT.index(quantity)
+        outcome = np.array(OUTCOMES)[rows[:, 0].astype(int)]
+        return Injections(outcome, rows[:, 1], rows[:, 2], rows[:, at], rows[:, at + len(ORBIT)])
 
     def protection_level(self, quantity: str, at: str, during: str) -> float:
         """Return NaN: the levels are among the diagnostics, which come after the runs."""

@@ -14,7 +14,9 @@ from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
 from lvnav_trade.engines.setup.watching import integrity_of
 from lvnav_trade.records import Floats, Reference
 from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.flight.trajectory import Trajectory
+from lvnav_trade.world.guided.reference import Plan, plan_of
 
 
 def prepare(
@@ -71,7 +73,14 @@ def prepare(
         channels=flight.channels,
         channel_names=reporting.channel_names,
         failing=measured.failing,
+        plan=_plan(scenario),
     )
+
+
+def _plan(scenario: Scenario) -> Plan | None:
+    """Return what guidance knows before lift-off; None where every run flies the nominal ascent."""
+    card = scenario.trajectory
+    return plan_of(card) if isinstance(card, VehicleAscent) and card.guidance != "nominal" else None
 
 
 def _options(

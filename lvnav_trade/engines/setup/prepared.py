@@ -16,6 +16,7 @@ from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Floats, Ints, Motion, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.flight.trajectory import Trajectory
+from lvnav_trade.world.guided.reference import Plan
 
 
 class Prepared(NamedTuple):
@@ -48,6 +49,7 @@ class Prepared(NamedTuple):
     channels: Channels  # measurement channels of the filter
     channel_names: tuple[str, ...]  # names of all innovations
     failing: Ints  # (n_epoch,) number of the input check that the receiver's sample fails, 0 none
+    plan: Plan | None  # what guidance knows before lift-off; None without guidance
 
     @property
     def hist_tick(self) -> Ints:

@@ -12,6 +12,7 @@ from lvnav_trade.engines.setup.inputs import Record, Schedule, Start, Unit
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.receiver.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly
+from lvnav_trade.engines.simulate.guided import injections
 from lvnav_trade.engines.simulate.redundancy import RedundantWork
 from lvnav_trade.engines.simulate.tape import Tape, new_tape
 from lvnav_trade.engines.simulate.units import new_units
@@ -288,6 +289,7 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
         t_epoch=prepared.t_epoch,
         changes=np.concatenate(changes),
         decisions=np.concatenate(decisions),
+        injections=injections(prepared, seed, first_run, joined["err"]),
         **joined,
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.simulate.sums import ErrorBins, ErrorSums, LagSums, Spans, add_errors, add_lags, count_bins
-from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, Bools, Floats, Ints, Output, RunBlock
+from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, NO_INJECTIONS, Bools, Floats, Ints, Output, RunBlock
 
 # Axis name of the norm of a three-axis quantity.
 NORM = "3d"
@@ -57,6 +57,7 @@ class BlockSummary(NamedTuple):
     mean_square : (n_run, n_interval, n_column). Mean over time of the squared error (trapezoidal rule).
     changes : (n_change, 5). Mode changes, as in RunBlock.
     decisions : (n_decision, 4). Fault decisions, as in RunBlock.
+    injections : (n_run, n). How guided ascents end, as in RunBlock; no rows without guidance.
     histogram : (n_hist, n_column, N_BIN). Counts of `bins` after blocks are merged.
     """
 
@@ -88,6 +89,7 @@ class BlockSummary(NamedTuple):
     mean_square: Floats
     changes: Floats = NO_CHANGES
     decisions: Floats = NO_DECISIONS
+    injections: Floats = NO_INJECTIONS
     histogram: NDArray[np.uint32] = NO_COUNTS
 
     @property
@@ -106,7 +108,7 @@ _SUMMED = (
     "lag_count",
 )  # fmt: skip
 _PER_RUN = ("runs", "failed", "t_failed")
-_ROWS = ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes", "decisions")
+_ROWS = ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes", "decisions", "injections")
 _SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
 
 
@@ -180,6 +182,7 @@ def summarise(
         t_bound=t_bound,
         changes=block.changes,
         decisions=block.decisions,
+        injections=block.injections,
     )
 
 

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lvnav_trade.records import Bools, Floats, Output
+from lvnav_trade.records import OUTCOMES, Bools, Floats, Output
 from lvnav_trade.units import parse
 
 if TYPE_CHECKING:
@@ -82,6 +83,28 @@ class History(NamedTuple):
     mean: Floats
 
 
+class Injections(NamedTuple):
+    """How guided ascents end.
+
+    outcome : (n_run,). As in `records.OUTCOMES`.
+    t : (n_run,) s since lift-off. Last cut-off.
+    left : (n_run,) kg. Propellant left in the last stage.
+    error : (n_run,) SI. What the achieved orbit has more than the target of a number.
+    knowledge : (n_run,) SI. What it has more than the navigated orbit.
+    """
+
+    outcome: NDArray[np.str_]
+    t: Floats
+    left: Floats
+    error: Floats
+    knowledge: Floats
+
+    @property
+    def injected(self) -> Bools:
+        """Which runs reach their cut-off, (n_run,)."""
+        return np.asarray(self.outcome == OUTCOMES[0])
+
+
 class CaseResults(Protocol):
     """What metrics read of one case. `case_tables.CaseTables` reads results; `campaign.running.case_arrays.CaseArrays`
     reads the arrays of the engines before they are stored. Both give the same numbers.
@@ -128,6 +151,9 @@ class CaseResults(Protocol):
 
     def joint(self, event: str) -> Law:
         """Return linear covariance of velocity and position at an event whose state is known."""
+
+    def injections(self, quantity: str) -> Injections | None:
+        """Return what guided ascents achieve of a number of the orbit; None where no run is guided."""
 
     def protection_level(self, quantity: str, at: str, during: str) -> float:
         """Return the protection level (SI) at an event, or the largest of a phase; NaN where there is none."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lvnav_trade.metrics.basics.case import CaseResults, Gaussian, History, finite_sizes
+from lvnav_trade.metrics.basics.case import CaseResults, Gaussian, History, Injections, finite_sizes
 from lvnav_trade.metrics.basics.gaussian import formal_covariance, gaussian
 from lvnav_trade.metrics.basics.select import ends_of, flight_events, history_columns, instant, phase, rows_between
 from lvnav_trade.metrics.mechanics import mission
@@ -104,6 +104,15 @@ class CaseTables(CaseResults):
     def joint(self, event: str) -> mission.Law:
         """Return linear covariance of velocity and position at an event."""
         return mission.law_at(self.tables, self.case, event)
+
+    def injections(self, quantity: str) -> Injections | None:
+        """Return what guided ascents achieve of a number of the orbit."""
+        rows = pick(self.tables.injections, case=self.case, quantity=quantity)
+        if rows.empty:
+            return None
+        names = ("t_s", "propellant_left_kg", "error_si", "knowledge_si")
+        t, left, error, knowledge = (rows[name].to_numpy(dtype=float) for name in names)
+        return Injections(rows.outcome.to_numpy(dtype=str), t, left, error, knowledge)
 
     def protection_level(self, quantity: str, at: str, during: str) -> float:
         """Return the protection level at an event or of a phase."""

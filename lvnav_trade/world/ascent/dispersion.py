@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.world.ascent.dispersion_card import Dispersion
 from lvnav_trade.world.ascent.legs import Aim, Flight, fly_ascent, law_span
 from lvnav_trade.world.ascent.targeting import left_in_orbit, require_possible, solve
-from lvnav_trade.world.ascent.vehicle import Boosters, Dispersion, Stage, VehicleAscent
+from lvnav_trade.world.ascent.vehicle import Boosters, Stage, VehicleAscent
 
 _EMPTY = 1e-6  # kg of propellant that count as none
 _GROUND = 1e3  # m below the start: the Earth is no sphere
@@ -17,10 +18,11 @@ _DEPLETION = 20  # corrections of the time at which a stage is empty
 def flown(card: VehicleAscent) -> tuple[VehicleAscent, Aim, Flight]:
     """Return the vehicle that is flown, its aim and its ascent: those of the card, or dispersed as the card says.
 
-    InputError where the card's own vehicle does not reach the orbit, or the dispersed one cannot be flown.
+    Under guidance that is the nominal flight: there, vehicles differ from run to run. InputError where the card's own
+    vehicle does not reach the orbit, or the dispersed one cannot be flown.
     """
     aim = solve(card)
-    if card.dispersion is None:
+    if card.dispersion is None or card.guidance != "nominal":
         return card, aim, fly_ascent(card, aim)
     return fly_dispersed(card, aim, card.dispersion)
 

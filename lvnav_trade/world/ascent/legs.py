@@ -188,8 +188,8 @@ def law_span(card: VehicleAscent, aim: Aim) -> float:
     return max(1.0, float(span))  # a solver on its way may ask for no burn at all
 
 
-class _Pilot:
-    """Flies leg after leg, keeping state, steering and events; used by `fly_ascent` alone."""
+class Pilot:
+    """Flies leg after leg, keeping state, steering and events."""
 
     def __init__(self, card: VehicleAscent, aim: Aim, span: float | None) -> None:
         vehicle = card.vehicle
@@ -209,6 +209,7 @@ class _Pilot:
         self.events = {"liftoff": 0.0, "kick": card.vertical_rise}
 
     def leg(self, name: str, duration: float, engine: Engine = COASTING) -> None:
+        """Fly a stretch without a jump for a duration (s)."""
         if duration <= 0.0:
             return
         n_step = max(8, math.ceil(duration / STEP))
@@ -257,6 +258,7 @@ class _Pilot:
         self.events[f"stage{number}_cutoff{mark}"] = self.t
 
     def stage(self, number: int) -> None:
+        """Fly a stage that is not cut off in orbit, from the coast before it to its separation."""
         self.ignite_after(number)
         self.burn(number, None)
         self.separate(number)
@@ -297,7 +299,7 @@ def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True, span: fl
     Without the final coast the last state is that of injection. The last stage may burn more than its propellant: the
     caller checks for a shortfall. span (s): of the steering law, where it is that of another vehicle.
     """
-    pilot = _Pilot(card, aim, span)
+    pilot = Pilot(card, aim, span)
     for number in range(1, card.inserting):
         pilot.stage(number)
     pilot.into_orbit()

@@ -82,7 +82,7 @@ def _aim(card: VehicleAscent, x: Floats, kick: float) -> Aim:
     return aim if card.azimuth is None else aim._replace(azimuth=card.azimuth, yaw=first)
 
 
-class _Point(NamedTuple):
+class Point(NamedTuple):
     """Where an orbit is entered: radius (m), speed (m/s), flight-path angle (rad)."""
 
     radius: float
@@ -90,7 +90,7 @@ class _Point(NamedTuple):
     climb: float = 0.0
 
 
-def _residuals(y: Floats, at: _Point, inclination: float) -> Floats:
+def _residuals(y: Floats, at: Point, inclination: float) -> Floats:
     """Return what a state y (7,) has too much of radius, speed, flight-path angle and inclination, (4,)."""
     length, pace = (float(np.linalg.norm(part)) for part in (y[:3], y[3:6]))
     turn = float(elements_from_state(y[:3], y[3:6]).inclination) - inclination
@@ -102,14 +102,14 @@ def _climb(r_i: Floats, v: Floats) -> float:
     return math.asin(max(-1.0, min(1.0, float(r_i @ v) / float(np.linalg.norm(r_i) * np.linalg.norm(v)))))
 
 
-def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> _Point:
+def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> Point:
     """Return perigee, or apogee, of an orbit given by its altitudes in m."""
     low, high = SEMI_MAJOR + perigee, SEMI_MAJOR + apogee
     radius = high if at_apogee else low
-    return _Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))))
+    return Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))))
 
 
-def _entry(card: VehicleAscent) -> _Point:
+def entry_of(card: VehicleAscent) -> Point:
     """Return the point of the target orbit at its card's true anomaly, or the perigee of the parking orbit."""
     orbit = card.target
     if card.parking is not None or orbit.anomaly == 0.0:
@@ -118,12 +118,12 @@ def _entry(card: VehicleAscent) -> _Point:
     e = (high - low) / (high + low)
     along, out = 1.0 + e * math.cos(orbit.anomaly), e * math.sin(orbit.anomaly)
     radius = low * (1.0 + e) / along
-    return _Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))), math.atan2(out, along))
+    return Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))), math.atan2(out, along))
 
 
 def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> OptimizeResult:
     """Solve for azimuth, law and burn of an insertion; x of the result is in the units of `_aim`."""
-    entry = _entry(card)
+    entry = entry_of(card)
     longest = _LONGEST * card.vehicle.stages[card.inserting - 1].full_burn
 
     def miss(z: Floats) -> Floats:
@@ -193,7 +193,7 @@ def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
     start = _second_burn(card, aim)
     first = start.azimuth if card.azimuth is None else start.yaw
     begin = np.array([first, start.tangent, start.tangent_end, start.burn])
-    low = _Point(SEMI_MAJOR + card.parking.perigee, 0.0)
+    low = Point(SEMI_MAJOR + card.parking.perigee, 0.0)
     high = _apse(card.target.perigee, card.target.apogee, at_apogee=True)
 
     def full(z: Floats) -> Aim:

@@ -10,11 +10,11 @@ from pydantic import Field, model_validator
 from lvnav_trade import units
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
 from lvnav_trade.units import Card, parse, require_rising
+from lvnav_trade.world.ascent.dispersion_card import Dispersion, SpreadsCard
 from lvnav_trade.world.control_cards import SteeredCard
 from lvnav_trade.world.events import Instant
 from lvnav_trade.world.oscillation import OscillationCard
 
-Factor = Annotated[float, Field(gt=0.5, lt=2.0)]
 STANDARD_GRAVITY = 9.80665  # m/s^2, converts specific impulse in seconds to exhaust speed
 
 
@@ -113,15 +113,19 @@ class Fairing(Card):
 class VehicleCard(units.NamedCard):
     """A launch vehicle as a point mass with stages, strap-on boosters, drag and a load limit."""
 
-    stages: tuple[Stage, ...] = Field(min_length=1)
+    stages: tuple[Stage, ...] = Field(min_length=1)  # from the first
     boosters: tuple[Boosters, ...] = Field((), description="groups of strap-on boosters of the first stage")
-    payload: units.Mass
-    fairing: Fairing | None = None
+    payload: units.Mass  # above the last stage
+    fairing: Fairing | None = None  # none: nothing is released
     reference_area: Annotated[units.Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
     mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, rising")
-    drag_coefficient: tuple[float, ...] = Field(min_length=2)
+    drag_coefficient: tuple[float, ...] = Field(min_length=2)  # at the Mach numbers
     max_load: units.AccelerationLimit | None = Field(
         None, description="what can be throttled is, to stay below this specific force; none: no throttling"
+    )
+    dispersions: SpreadsCard | None = Field(
+        None,
+        description="one sigma of what differs from vehicle to vehicle",
     )
 
     def _faults(self) -> Iterator[str]:
@@ -232,25 +236,6 @@ class Roll(Card):
             yield f"{' and '.join(idle)}: no effect: pad and flight have the same roll angle; change one, or leave out"
 
 
-class Dispersion(Card):
-    """How the vehicle that is flown differs from the one that the steering is solved for: an off-nominal mission.
-
-    All motors have factors in common; a motor burns as long as its propellant lasts. Steering and times are the nominal
-    ones; nothing corrects the orbit that is missed.
-    """
-
-    thrust: Factor = Field(1.0, description="factor on the vacuum thrust of all motors")
-    specific_impulse: Factor = Field(1.0, description="factor on the vacuum specific impulse of all motors")
-    mass: Factor = Field(1.0, description="factor on all masses that do not burn: stages, boosters, fairing, payload")
-    pitch_program: units.Angle = Field(
-        0.0, description="nose up: the kick is less by it, the elevation of the steered burns more"
-    )
-
-    def _faults(self) -> Iterator[str]:
-        if (self.thrust, self.specific_impulse, self.mass, self.pitch_program) == (1.0, 1.0, 1.0, 0.0):
-            yield "changes nothing: give thrust, specific_impulse, mass or pitch_program, or leave it out"
-
-
 class FlightCard(units.NamedCard):
     """What the cards of all trajectories begin with."""
 
@@ -276,6 +261,18 @@ class VehicleAscent(FlightCard):
     )
     dispersion: Dispersion | None = Field(
         None, description="the vehicle flown differs from the card's, its steering is solved for that of the card"
+    )
+    guidance: Literal["nominal", "open_loop", "explicit"] = Field(
+        "nominal",
+        description="nominal: every run flies the nominal ascent; open_loop: its attitude over time, held by the "
+        "navigated attitude; explicit: the last stage steers by the navigated state",
+        json_schema_extra={"digest_if_set": True},
+    )
+    cutoff: Literal["energy", "time"] = Field(
+        "energy",
+        description="of the last stage, with guidance: at the orbit's energy by the navigated state, or at the "
+        "nominal time",
+        json_schema_extra={"digest_if_set": True},
     )
     recorded: Recorded | None = Field(None, description="a flight to compare with")
     pad_hold: units.Pause = 60.0  # rest on the pad before lift-off
@@ -313,6 +310,26 @@ class VehicleAscent(FlightCard):
             yield "anomaly has no effect: a circular target has no perigee to count it from; leave it out"
         if self.parking is not None and last.profile is not None:
             yield f"stage {last.name!r} burns as long as guidance asks: it cannot have a thrust profile"
+        yield from self._unguided() if self.guidance == "nominal" else self._misguided()
+
+    def _unguided(self) -> Iterator[str]:
+        if self.dispersion is not None and (self.dispersion.sigmas or self.dispersion.drawn):
+            yield "dispersion.sigmas and dispersion.draw need guidance: open_loop or explicit"
+        if self.cutoff != "energy":
+            yield "cutoff has no effect without guidance: give guidance: open_loop or explicit"
+
+    def _misguided(self) -> Iterator[str]:
+        if self.parking is not None:
+            yield (
+                f"guidance: {self.guidance} steers one burn into the target; with a parking orbit give guidance: "
+                "nominal, or leave parking out"
+            )
+        if self.control is not None or self.oscillation:
+            yield f"guidance: {self.guidance} flies a point mass: leave out control and oscillation"
+        if self.dispersion is not None:
+            yield from self.dispersion.misfits(self.vehicle.dispersions)
+            if self.dispersion.pitch_program != 0.0:
+                yield "dispersion.pitch_program moves a programme that guidance flies as it is; leave it out"
 
     @property
     def inserting(self) -> int:

@@ -76,9 +76,18 @@ def content(card: TrajectoryCard) -> str:
 
 
 def identity(card: TrajectoryCard) -> str:
-    """Return 16 hex digits of a flight: every number of its card and the content of the file that it names."""
+    """Return 16 hex digits of a flight: every number of its card and the content of the file that it names.
+
+    What guided runs do beside the nominal flight does not count: the navigation flies along that.
+    """
     unread = {"name", "source", "file", "named_times"}
-    data = without_marks(card.model_dump(mode="json", exclude_defaults=True, exclude=unread))
+    dumped = card.model_dump(mode="json", exclude_defaults=True, exclude=unread)
+    if isinstance(card, VehicleAscent):
+        dumped["vehicle"].pop("dispersions", None)  # runs differ by them, and the flight does not
+        guided = dumped.pop("guidance", None) is not None
+        for name in ("cutoff", "dispersion") if guided else ():
+            dumped.pop(name, None)
+    data = without_marks(dumped)
     text = json.dumps([type(card).__name__, data, content(card)], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -9,9 +9,9 @@ import pytest
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.world.ascent.dispersion import flown, fly_dispersed, pitched
+from lvnav_trade.world.ascent.dispersion_card import Dispersion
 from lvnav_trade.world.ascent.legs import Aim, fly_ascent
 from lvnav_trade.world.ascent.targeting import left_in_orbit, solve
-from lvnav_trade.world.ascent.vehicle import Dispersion
 from lvnav_trade.world.flight.trajectory import build
 from lvnav_trade.world.truth import motion
 from tests.world.flights import ascent_card

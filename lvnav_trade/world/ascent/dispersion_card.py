@@ -1,0 +1,101 @@
+"""By how much a launch vehicle differs from its card: spreads of the vehicle, and what a mission flies of them."""
+
+from collections.abc import Iterator
+from typing import Annotated, Literal, get_args
+
+from pydantic import Field
+
+from lvnav_trade import units
+
+Factor = Annotated[float, Field(gt=0.5, lt=2.0)]
+SourceName = Literal[
+    "thrust", "specific_impulse", "propellant", "dry_mass", "drag", "density", "wind", "thrust_misalignment",
+    "separation_impulse", "ignition_delay", "tail_off",
+]  # fmt: skip
+SOURCES: tuple[SourceName, ...] = get_args(SourceName)
+
+
+class SpreadsCard(units.NamedCard):
+    """One sigma of everything in which vehicles and days of one kind differ; zero: no difference.
+
+    Motors, stages and their separations are drawn independently of one another.
+    """
+
+    thrust: units.Fraction = Field(0.0, description="of each motor's vacuum thrust")
+    specific_impulse: units.Fraction = Field(0.0, description="of each motor's vacuum specific impulse")
+    propellant: units.Fraction = Field(0.0, description="of each motor's usable propellant")
+    dry_mass: units.Fraction = Field(0.0, description="of each motor's mass that does not burn")
+    drag: units.Fraction = Field(0.0, description="of the drag coefficient")
+    density: units.Fraction = Field(0.0, description="of the density of the air, alike at all heights")
+    wind: units.SpeedSigma = Field(0.0, description="of each horizontal component, a Gauss-Markov process over height")
+    wind_length: units.ScaleHeight = Field(5e3, description="height over which the wind is correlated")
+    thrust_misalignment: units.AngleSigma = Field(
+        0.0, description="between thrust and body, per axis, constant over a stage's burn"
+    )
+    separation_impulse: units.SpeedSigma = Field(
+        0.0, description="speed along the thrust that a separation gives what flies on, beside what is planned"
+    )
+    ignition_delay: units.Pause = Field(0.0, description="of the ignition of each stage above the first")
+    tail_off: units.SpeedSigma = Field(0.0, description="speed gained after the last cut-off, beside what is planned")
+
+    def _faults(self) -> Iterator[str]:
+        if self.wind == 0.0 and self.wind_length != 5e3:
+            yield "wind_length has no effect without wind; leave it out"
+
+
+class Dispersion(units.Card):
+    """How the vehicle that is flown differs from the one that the steering is solved for.
+
+    Fixed: factors that all motors have in common, or multiples of the vehicle's own spreads. Drawn: anew in every run.
+    A motor burns as long as its propellant lasts. Without guidance, steering and times are the nominal ones, and
+    nothing corrects the orbit that is missed.
+    """
+
+    thrust: Factor = Field(1.0, description="factor on the vacuum thrust of all motors")
+    specific_impulse: Factor = Field(1.0, description="factor on the vacuum specific impulse of all motors")
+    mass: Factor = Field(1.0, description="factor on all masses that do not burn: stages, boosters, fairing, payload")
+    pitch_program: units.Angle = Field(
+        0.0, description="nose up: the kick is less by it, the elevation of the steered burns more"
+    )
+    sigmas: dict[SourceName, float] = Field(
+        {},
+        description="fixed, as multiples of the spreads in vehicle.dispersions; with guidance",
+        json_schema_extra={"digest_if_set": True},
+    )
+    draw: Literal["none", "all"] | tuple[SourceName, ...] = Field(
+        "none",
+        description="spreads in vehicle.dispersions that every run draws; with guidance",
+        json_schema_extra={"digest_if_set": True},
+    )
+
+    def _faults(self) -> Iterator[str]:
+        if not self.is_common and not self.sigmas and not self.drawn:
+            yield (
+                "changes nothing: give thrust, specific_impulse, mass or pitch_program, with guidance sigmas or draw, "
+                "or leave it out"
+            )
+        for name in self.sigmas:
+            if abs(self.sigmas[name]) > 6.0:
+                yield f"sigmas.{name}: beyond six sigma the vehicle is another one"
+
+    @property
+    def is_common(self) -> bool:
+        """Whether factors or the pitch programme change something."""
+        return (self.thrust, self.specific_impulse, self.mass, self.pitch_program) != (1.0, 1.0, 1.0, 0.0)
+
+    @property
+    def drawn(self) -> tuple[SourceName, ...]:
+        """Names of the spreads that every run draws; `all` are those of the vehicle that are not zero."""
+        if self.draw == "all":
+            return SOURCES
+        return () if self.draw == "none" else self.draw
+
+    def misfits(self, spreads: SpreadsCard | None) -> Iterator[str]:
+        """Yield what asks for a spread that a vehicle does not have."""
+        named = {*self.sigmas, *(self.draw if isinstance(self.draw, tuple) else ())}
+        if spreads is None and (named or self.drawn):
+            yield "dispersion asks for spreads, and the vehicle has none; give vehicle.dispersions"
+            return
+        for name in SOURCES:
+            if name in named and getattr(spreads, name) == 0.0:
+                yield f"dispersion names {name}, whose spread in vehicle.dispersions is zero"

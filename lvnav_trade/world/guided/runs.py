@@ -1,0 +1,119 @@
+"""Guided ascents, run by run: from draws and navigation errors to the state at cut-off."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.records import Floats
+from lvnav_trade.world.ascent.dynamics import Engine
+from lvnav_trade.world.ascent.legs import COASTING, STEP, Pilot, cuts, engine, mass_above
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.guided.draws import Deviations, Sigmas, deviations, vehicle_of
+from lvnav_trade.world.guided.dynamics import (
+    CUT_OFF,
+    DIVERGED,
+    EMPTY,
+    Cutoff,
+    Law,
+    Navigation,
+    Surroundings,
+    commanded,
+    error_at,
+    fly_last,
+    fly_piece,
+)
+from lvnav_trade.world.guided.explicit import N_KEPT
+from lvnav_trade.world.guided.reference import Plan
+
+INJECTED, DEPLETED, LOST, ADRIFT = "injected", "depleted", "guidance diverged", "navigation failed"
+_OUTCOMES = {CUT_OFF: INJECTED, EMPTY: DEPLETED, DIVERGED: LOST}
+_CYCLE = 1.0  # s between two passes of explicit guidance
+_FREEZE = 10.0  # s to go, below which it keeps its law: what it divides by vanishes with them
+_LONGEST = 3.0  # whole burns, by which any propellant is gone
+PERFECT = Navigation(np.array([0.0, 1.0]), np.zeros((2, 9)))
+
+
+class Injection(NamedTuple):
+    """How a run ends: outcome, time (s) of the cut-off, true state (7,) there, propellant (kg) left in the last stage,
+    and navigation errors (9,), truth less estimate, of attitude, velocity and position in frame i.
+    """
+
+    outcome: str
+    t: float
+    y: Floats
+    left: float
+    error: Floats
+
+
+class _Guided(Pilot):
+    """Flies a dispersed vehicle by a plan."""
+
+    def __init__(self, plan: Plan, flown: VehicleAscent, differs: Deviations, navigation: Navigation) -> None:
+        super().__init__(flown, plan.aim, None)
+        self.plan, self.differs = plan, differs
+        last = plan.card.vehicle.stages[-1]
+        law = Law(math.inf, plan.card.slew, _CYCLE, _FREEZE, last.exhaust_speed, plan.target, np.zeros(N_KEPT))
+        self.around = Surroundings(
+            plan.programme, navigation, self.drag, differs.wind, differs.misalignment[0].copy(), law
+        )
+
+    def leg(self, name: str, duration: float, engine: Engine = COASTING) -> None:
+        if duration > 0.0:
+            self.y = fly_piece(self.t, self.t + duration, STEP, self.y, engine, self.around)
+            self.t += duration
+
+    def ignite_after(self, number: int) -> None:
+        super().ignite_after(number)
+        self.around = self.around._replace(misalignment=self.differs.misalignment[number - 1].copy())
+
+    def separate(self, number: int) -> None:
+        super().separate(number)
+        self.push(float(self.differs.separation[number - 1]))
+
+    def push(self, speed: float) -> None:
+        """Add a speed (m/s) along the thrust."""
+        if speed != 0.0:
+            self.y[3:6] += speed * np.array(commanded(self.t, self.around))
+
+    def last_burn(self) -> str:
+        """Fly the last stage to its cut-off; return the outcome."""
+        card, plan = self.card, self.plan
+        number, vehicle = card.inserting, card.vehicle
+        self.ignite_after(number)
+        if plan.explicit:
+            self.around = self.around._replace(law=self.around.law._replace(start=self.t))
+        stage, begin = vehicle.stages[number - 1], self.t
+        cutoff = Cutoff(plan.by_energy, plan.energy, plan.cutoff, self.y[6] - stage.propellant)
+        for cut in [*cuts(vehicle, number), None]:
+            end = begin + (cut.after if cut is not None else _LONGEST * stage.full_burn)
+            push = engine(vehicle, number, begin, self.t, end)
+            self.t, self.y, why = fly_last(self.t, end, STEP, self.y, push, self.around, cutoff)
+            if why in _OUTCOMES:
+                return _OUTCOMES[why]
+            if cut is not None:
+                self.y[6] -= cut.drop
+                cutoff = cutoff._replace(empty=cutoff.empty - cut.drop)
+        return DEPLETED
+
+
+def inject(plan: Plan, sigmas: Sigmas, navigation: Navigation = PERFECT) -> Injection:
+    """Fly one run.
+
+    Parameters
+    ----------
+    plan : Plan
+    sigmas : Draws in sigmas of the sources of the vehicle card, see `draws`.
+    navigation : Navigation errors over the flight, as the filter has them on the nominal flight.
+    """
+    if not np.all(np.isfinite(navigation.error)):
+        return Injection(ADRIFT, np.nan, np.full(7, np.nan), np.nan, np.full(9, np.nan))
+    flown = vehicle_of(plan.card, sigmas)
+    pilot = _Guided(plan, flown, deviations(plan.card, sigmas), navigation)
+    for number in range(1, flown.inserting):
+        pilot.stage(number)
+    outcome = pilot.last_burn()
+    left = float(pilot.y[6]) - flown.vehicle.stages[-1].dry - mass_above(flown, len(flown.vehicle.stages))
+    if outcome == INJECTED:
+        pilot.push(pilot.differs.tail_off)
+    return Injection(outcome, pilot.t, pilot.y, max(0.0, left), error_at(pilot.t, navigation))

@@ -1,0 +1,80 @@
+"""Metrics of the injection of guided runs: by tables and by arrays, with known numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.campaign.running.case_arrays import CaseArrays
+from lvnav_trade.engines.simulate.statistics import summarise
+from lvnav_trade.metrics.basics.case_tables import CaseTables
+from lvnav_trade.metrics.registry import metric_of
+from lvnav_trade.store.read import load
+from tests import synthetic
+from tests.injections import rows, with_injections
+
+CASE = synthetic.CASES[0][0].id
+
+
+@pytest.fixture(scope="module")
+def guided(tmp_path_factory):
+    return with_injections(load(synthetic.results(tmp_path_factory.mktemp("guided"), n_run=8, size=8)))
+
+
+@pytest.mark.parametrize(("metric", "unit", "factor"), [
+    ("injection_perigee_error", "km", 1e-3),
+    ("injection_inclination_error", "rad", 1.0),
+])  # fmt: skip
+def test_a_run_that_is_not_injected_has_an_infinite_error(guided, metric, unit, factor):
+    found = metric_of(metric).errors(CaseTables(guided, CASE), {"metric": metric, "at": "injection"})
+    quantity = metric.removeprefix("injection_").removesuffix("_error")
+    wanted = CaseTables(guided, CASE).injections(quantity)
+    np.testing.assert_allclose(found.size[:6], np.abs(wanted.error[:6]))
+    assert np.all(np.isinf(found.size[6:]))
+    assert metric_of(metric).value(guided, CASE, {"metric": metric}, unit).monte_carlo == np.inf
+
+
+def test_the_eccentricity_vector_is_the_length_of_both_parts(guided):
+    metric = metric_of("injection_eccentricity_vector_error")
+    case = CaseTables(guided, CASE)
+    parts = [case.injections(name).error for name in ("eccentricity_along_node", "eccentricity_ahead_of_node")]
+    np.testing.assert_allclose(metric.errors(case, {}).size[:6], np.hypot(*parts)[:6])
+    assert metric.bounded_as == "norm"
+
+
+def test_depletion_cutoff_and_propellant(guided):
+    share = metric_of("depletion").value(guided, CASE, {}, "-")
+    assert share.monte_carlo == pytest.approx(1.0 / 8.0)
+    np.testing.assert_array_equal(
+        metric_of("depletion").errors(CaseTables(guided, CASE), {}).size, [0.0] * 6 + [1.0, np.inf]
+    )
+    assert metric_of("cutoff_time").value(guided, CASE, {}, "s").monte_carlo == pytest.approx(
+        np.mean(500.0 + np.arange(6))
+    )
+    left = metric_of("propellant_left").value(guided, CASE, {}, "kg")
+    assert left.monte_carlo == pytest.approx(np.mean(10.0 * np.arange(6)))
+
+
+def test_linear_covariance_has_no_law_and_says_why(guided):
+    law = metric_of("injection_apogee_error").law(CaseTables(guided, CASE), {})
+    assert "linear covariance" in law
+
+
+def test_without_guidance_there_is_no_number(tmp_path):
+    plain = load(synthetic.results(tmp_path / "plain", n_run=4, size=4))
+    assert metric_of("injection_apogee_error").errors(CaseTables(plain, CASE), {}) is None
+    assert "guidance" in metric_of("cutoff_time").value(plain, CASE, {}, "s").remark
+
+
+def test_arrays_and_tables_have_the_same_runs(guided):
+    cov = synthetic.covariance()
+    block = synthetic.block(cov, 0, 8)._replace(injections=rows())
+    summary = summarise(block, synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)
+
+    class Prepared:
+        outputs = synthetic.OUTPUTS
+
+    mine = CaseArrays(Prepared(), cov, summary).injections("apogee")
+    stored = CaseTables(guided, CASE).injections("apogee")
+    for one, other in zip(mine, stored, strict=True):
+        np.testing.assert_array_equal(one, other)
