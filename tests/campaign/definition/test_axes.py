@@ -10,6 +10,7 @@ from lvnav_trade.campaign.definition.schema import Axis
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import Scenario
+from tests.world.flights import ascent_card, ascent_settings
 
 TWO = "axes:\n  - {path: imu, cards: [imu/good, imu/poor]}\n  - {path: filter.gate, values: [4, 5]}\n"
 
@@ -185,3 +186,19 @@ def test_a_digest_does_not_take_another_card_for_one_that_is_gone(study):
     case_id(scenario, 1, 1.0, kept)
     assert all(id(card) == place for place, (card, _) in kept.items())
     assert case_id(scenario, 1, 1.0, kept) == case_id(scenario, 1, 1.0)
+
+
+def test_spreads_that_no_run_uses_are_in_no_digest(study) -> None:
+    def digest(**changes):
+        card = ascent_card(**changes)
+        scenario = cases(load(study.path))[0].scenario.model_copy(update={"trajectory": card})
+        return case_id(scenario, 1, 1.0)
+
+    settings = ascent_settings()["vehicle"]
+    bare = {name: value for name, value in settings.items() if name != "dispersions"}
+    assert digest() == digest(vehicle=bare)
+    guided = {"guidance": "explicit", "dispersion": {"draw": "all"}}
+    assert digest(**guided) != digest()
+    other = {**settings, "dispersions": {**settings["dispersions"], "thrust": "2 %"}}
+    assert digest(**guided) != digest(**guided, vehicle=other)
+    assert digest(guidance="explicit") != digest(guidance="open_loop")

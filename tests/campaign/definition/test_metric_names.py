@@ -48,7 +48,7 @@ def test_what_is_listed_can_be_named_in_a_statement(one) -> None:
 
 def test_the_command_lists_metrics_and_tables_and_finds_what_is_meant() -> None:
     found = json.loads(call("metrics", "perigee", "--json").output)
-    assert [one["metric"] for one in found["metrics"]] == ["perigee_error"]
+    assert [one["metric"] for one in found["metrics"]] == ["injection_perigee_error", "perigee_error"]
     assert "curves" in json.loads(call("metrics", "--json").output)["tables"]
     wrong = call("metrics", "perige_eror")
     assert wrong.exit_code == 2
