@@ -118,13 +118,19 @@ class OwnedFolder:
         """Remove every listed file, and the folders that become empty."""
         for name in sorted(self.names):
             self._remove(self.place(name))
+        self.remove_case_tables()
         for case in self.cases:
-            place = self._place_case(case)
-            tables = [place / "tables" / f"{table}{end}" for table in TABLES for end in _CASE_TABLES]
-            for path in [*tables, *part_files.paths(place)]:
+            for path in part_files.paths(self._place_case(case)):
                 self._remove(path)
         scratch.remove(self.folder / scratch.FOLDER, self.cases)
         self._files, self.cases = {}, []
+
+    def remove_case_tables(self) -> None:
+        """Remove the tables of single cases; blocks of runs stay."""
+        for case in self.cases:
+            folder = self._place_case(case) / "tables"
+            for path in [folder / f"{table}{end}" for table in TABLES for end in _CASE_TABLES]:
+                self._remove(path)
 
     def sweep(self) -> None:
         """Remove what a killed process left half written of a listed name."""

@@ -161,6 +161,10 @@ class Results:
         self.owned.claim("run", (), found)
         _write_json(self.folder / MANIFEST, self.manifest)
 
+    def remove_case_tables(self) -> None:
+        """Remove the tables of single cases: those of all cases hold their rows, in less space."""
+        self.owned.remove_case_tables()
+
     def _merge_tables(self, names: Sequence[str], cases: Sequence[str], each: Each) -> None:
         """Write tables of all cases; of those without rows nothing is left."""
         written = each(self.merge_table, [(name, cases) for name in names])

@@ -186,6 +186,9 @@ class Kept:
     def finish(self, extra: dict[str, Any], *_: Any) -> None:
         (self.folder / "finished").write_text("\n".join(extra["cases"]))
 
+    def remove_case_tables(self) -> None:
+        (self.folder / "tidied").touch()
+
 
 def store(full_after: int | None = None) -> Store:
     def open_results(folder: Path, name: str, resolved: str, manifest: dict[str, Any], mode: str) -> Kept:

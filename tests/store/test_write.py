@@ -227,6 +227,26 @@ def test_workers_may_write_the_cases_and_the_plan_gives_the_order(tmp_path):
     assert list(load(tmp_path).cases.case) == ["a", "b"]
 
 
+def test_tables_of_single_cases_go_and_blocks_of_runs_stay(tmp_path):
+    results = open_results(tmp_path, "x", CAMPAIGN, {})
+    kept = results.write_part("a", part())
+    for name in ("a", "b"):
+        results.owned.claim("run", (), ["a", "b"])
+        results.write_case(
+            CaseInfo(name, name, {}), synthetic.prepared(), COV, results.parts("a") if name == "a" else None
+        )
+    results.finish({"cases": ["a", "b"]})
+    whole, before = table_bytes(tmp_path), sum(file.stat().st_size for file in tmp_path.glob("parts/*/tables/*"))
+    mine = tmp_path / "parts/b/tables/mine.txt"
+    mine.write_text("of the user's own")
+    results.remove_case_tables()
+    assert sorted(tmp_path.glob("parts/**/*.*")) == sorted([kept, mine])
+    assert table_bytes(tmp_path) == whole
+    size = sum(map(len, whole.values()))
+    assert size < before
+    assert list(load(tmp_path).cases.case) == ["a", "b"]
+
+
 def test_a_manifest_that_is_a_link_to_a_device_is_refused_and_not_read(tmp_path):
     open_results(tmp_path, "x", CAMPAIGN, {})
     (tmp_path / "manifest.json").unlink()

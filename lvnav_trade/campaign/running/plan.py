@@ -13,7 +13,8 @@ from lvnav_trade.store.parts import paths, span
 # runs with 15, 17 and 44 states take 0.18, 0.20 and 0.46 s, a linear covariance 0.08, 0.10 and 0.32 s, and the rest of
 # a case (preparation, diagnostics, tables) 0.9 s; a worker's memory is 410 MB at most. Compilation, which the first run
 # pays once, is not in it. On disk, with 562 history times, a block of 40 runs is 1.9 MB with 17 states and 4.3 MB with
-# 44, and the tables of both cases together are 12 MB without runs and 19 MB with 80 runs each.
+# 44, and the tables of both cases together are 3.8 MB without runs and 7.3 MB with 80 runs each. Until the end, the
+# tables of single cases take twice that beside them.
 _RETUNED = 40  # linear covariances of a case for `sensitivity`: four for each of ten sources that matter
 _TICK_S, _STEP_S, _STEP_POWER = 2e-8, 9.4e-9, 1.33  # of a run: a sample, a step by a power of the number of states
 _COVARIANCE_S, _COVARIANCE_POWER = 5.4e-7, 1.2  # of a step of a linear covariance, alike
@@ -21,8 +22,9 @@ _CASE_S = 0.9
 _COLUMNS = 1.2  # of results, per state: the errors of the states and the norms of those of three axes
 # Bytes of a block for each of its columns: per time, per time and run, per run (its errors at some 16 events)
 _SUM_BYTES, _BIN_BYTES, _RUN_BYTES = 32.0, 2.0, 560.0
-# Bytes of the tables of a case: per time; and for each column per time without runs, per time more with them, per run
-_TABLE_BYTES, _LINEAR_BYTES, _STATISTICS_BYTES, _ROW_BYTES = 7.4e3, 80.0, 102.0, 500.0
+# Bytes of the tables of a case: once, per time; and for each column per time without runs, per time more with them, per
+# run
+_CASE_BYTES, _TABLE_BYTES, _LINEAR_BYTES, _STATISTICS_BYTES, _ROW_BYTES = 4.8e5, 1.44e3, 30.0, 50.0, 257.0
 _BASE_BYTES, _TICK_BYTES, _HISTORY_BYTES = 3e8, 600.0, 1.6e3  # of memory
 
 
@@ -104,7 +106,7 @@ def _block_bytes(block: Block, times: float) -> float:
 
 def _table_bytes(case: Case, times: float, runs: int) -> float:
     history = _LINEAR_BYTES + _STATISTICS_BYTES * (runs > 0)
-    return _TABLE_BYTES * times + _COLUMNS * _states(case) * (history * times + _ROW_BYTES * runs)
+    return _CASE_BYTES + _TABLE_BYTES * times + _COLUMNS * _states(case) * (history * times + _ROW_BYTES * runs)
 
 
 def _run_seconds(case: Case, duration: float) -> float:
