@@ -88,7 +88,7 @@ def test_every_unit_of_an_axis_checks_the_file(mine: Path) -> None:
     raise_height(mine, 549.3, -0.1)
     assert api.check("campaign.yaml", ["imu=imu/tactical_fog"])
     Path("campaign.yaml").write_text(CAMPAIGN + "axes: [{path: imu, cards: [imu/tactical_fog, imu/navigation]}]\n")
-    with pytest.raises(InputError, match="of what 'Navigation grade"):
+    with pytest.raises(InputError, match="of what 'Navigation RLG"):
         api.check("campaign.yaml")
 
 

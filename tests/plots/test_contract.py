@@ -15,6 +15,7 @@ from lvnav_trade.plots.raster import drawn, written
 
 CASE = "aaaaaaaaaaaa"
 ELSEWHERE = (
+    "injection",
     "validity",
     "motion",
     "apart",

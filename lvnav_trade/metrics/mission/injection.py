@@ -10,7 +10,7 @@ from lvnav_trade.records import ORBIT, OUTCOMES, Floats
 from lvnav_trade.store.read import Tables
 
 INJECTION = [
-    "case", "quantity", "unit", "runs", "mean", "sigma", "knowledge_sigma", "execution_sigma", "correlation_ratio",
+    "case", "quantity", "unit", "runs", "mean_error", "sigma", "knowledge_sigma", "execution_sigma", "correlation_ratio",
     "q997",
 ]  # fmt: skip
 CUTOFF = [

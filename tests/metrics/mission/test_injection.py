@@ -24,7 +24,7 @@ def test_the_error_is_knowledge_and_execution_with_their_correlation(guided):
     error, knowledge = (rows()[:6, 3 + at] * 1e-3 for at in (k, k + len(ORBIT)))
     row = frame.loc["apogee"]
     assert (row.unit, row.runs) == ("km", 6)
-    assert row["mean"] == pytest.approx(error.mean())
+    assert row["mean_error"] == pytest.approx(error.mean())
     assert row.sigma == pytest.approx(error.std(ddof=1))
     assert row.execution_sigma == pytest.approx((error - knowledge).std(ddof=1))
     together = 2.0 * row.correlation_ratio * row.knowledge_sigma * row.execution_sigma
