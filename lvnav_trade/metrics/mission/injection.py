@@ -10,9 +10,17 @@ from lvnav_trade.records import ORBIT, OUTCOMES, Floats
 from lvnav_trade.store.read import Tables
 
 INJECTION = [
-    "case", "quantity", "unit", "runs", "mean_error", "sigma", "knowledge_sigma", "execution_sigma", "correlation_ratio",
+    "case",
+    "quantity",
+    "unit",
+    "runs",
+    "mean_error",
+    "sigma",
+    "knowledge_sigma",
+    "execution_sigma",
+    "correlation_ratio",
     "q997",
-]  # fmt: skip
+]
 CUTOFF = [
     "case", "runs", "injected_count", "depleted_count", "lost_count", "depleted_ratio", "low_ratio", "high_ratio",
     "cutoff_s", "cutoff_sigma_s", "left_kg", "left_sigma_kg", "left_least_kg",
