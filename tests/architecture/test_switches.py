@@ -13,6 +13,9 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.units import Card
+from lvnav_trade.world.user_file import navigation_log, solutions
+
+OF_LOGS = (navigation_log.NavigationLog, solutions.ReceiverFile)  # no campaign imports them
 
 ROOT = Path(__file__).parents[2]
 ROOMS = (
@@ -37,6 +40,8 @@ ELSEWHERE = {
     "TableTrajectory.pointing": FILES,
     "ErrorTable.frame": FILES,
     "ErrorTable.outside": FILES,
+    "NavigationLog": FILES,
+    "ReceiverFile": FILES,
     "Turn": STEERING,
     "Descent.attitude": STEERING,
     "Leg.attitude": STEERING,

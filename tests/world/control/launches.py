@@ -19,8 +19,11 @@ EFFECTIVENESS = 10.0  # 1/s^2
 
 
 def settings(name: str) -> dict[str, Any]:
-    """Return the fields of a card that comes with the tool."""
-    return YAML(typ="safe").load((shipped("configs") / f"{name}.yaml").read_text())
+    """Return the fields of a card that comes with the tool, with those of the spreads that a vehicle names."""
+    found: dict[str, Any] = YAML(typ="safe").load((shipped("configs") / f"{name}.yaml").read_text())
+    if "dispersions" in found:
+        found["dispersions"] = settings(found["dispersions"])
+    return found
 
 
 def design(frequency: float, damping: float, instability: float = 0.0) -> dict[str, Any]:
