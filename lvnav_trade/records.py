@@ -41,7 +41,7 @@ ORBIT = (
     "semi_major_axis", "perigee", "apogee", "eccentricity_along_node", "eccentricity_ahead_of_node", "inclination",
     "node",
 )  # fmt: skip
-NO_INJECTIONS = np.zeros((0, 3 + 2 * len(ORBIT)))
+NO_INJECTIONS = np.zeros((0, 3 + 3 * len(ORBIT)))
 # In a decision on inertial units, what stands in the place of a channel: this for the first, one less for the next.
 FIRST_UNIT = -2
 
@@ -148,9 +148,9 @@ class RunBlock(NamedTuple):
         REASONS).
     decisions : (n_decision, 4). Fault decisions: run, time (s), kind isolated (see ISOLATED), channel excluded (-1
         none; of an IMU see FIRST_UNIT).
-    injections : (n_run, 3 + 2 n_orbit). Of guided ascents: outcome (see OUTCOMES), time (s) of the last cut-off,
+    injections : (n_run, 3 + 3 n_orbit). Of guided ascents: outcome (see OUTCOMES), time (s) of the last cut-off,
         propellant (kg) left, and of each number in ORBIT what the achieved orbit has more than the target, then what it
-        has more than the navigated one.
+        has more than the navigated one, then what the run's navigation alone makes of the vehicle of the card.
     """
 
     first_run: int

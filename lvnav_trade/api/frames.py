@@ -21,6 +21,7 @@ class Frames:
     integrity: pd.DataFrame  # decisions of tests for faults, run by run
     nominal_integrity: pd.DataFrame  # decisions of tests for faults by linear covariance
     injections: pd.DataFrame  # orbit that every guided run achieves
+    injection_budget: pd.DataFrame  # what each source of a guided vehicle gives the achieved orbit
     starts: pd.DataFrame  # draws at the start of every run
     history: pd.DataFrame  # RMS, formal and true sigma of every error over time
     consistency: pd.DataFrame  # normalised estimation errors and innovations squared over time
@@ -85,6 +86,7 @@ class Frames:
     correction: pd.DataFrame  # delta-v that corrects the orbit
     normality: pd.DataFrame  # whether errors of the orbit are Gaussian
     injection: pd.DataFrame  # injection accuracy of guided ascents: achieved orbit against target
+    injection_sources: pd.DataFrame  # budget of the achieved orbit: navigation and sources of the vehicle
     cutoff: pd.DataFrame  # how guided ascents end: depletion, time, propellant left
     impact: pd.DataFrame  # point of impact over the flight with its error
     exclusions: pd.DataFrame  # IMUs that are excluded by their test

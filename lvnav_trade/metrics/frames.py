@@ -65,7 +65,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     windows: ("windows", "unevaluated"),
     orbit: ("orbit", "correction", "normality"),
     impact: ("impact",),
-    injection: ("injection", "cutoff"),
+    injection: ("injection", "injection_sources", "cutoff"),
     inertial: ("allan", "exclusions"),
     protection: ("protection",),
     vehicle: ("motion", "nozzle", "turning", "worth"),
@@ -83,5 +83,6 @@ CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "windows", "filter_verdicts", "budget", "expected",
     "spot_check", "sensitivity", "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity",
     "tested_errors", "curves", "crossings", "tornado", "totals", "pareto", "motion", "nozzle", "turning", "allan",
-    "protection", "exclusions", "assumptions", "configuration", "injection", "cutoff",
+    "protection", "exclusions", "assumptions", "configuration", "injection",
+    "injection_sources", "cutoff",
 )  # fmt: skip

@@ -8,7 +8,8 @@ from lvnav_trade.engines.analysis.explain import Explanation
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.statistics import NORM
 from lvnav_trade.layout import PROTECTED
-from lvnav_trade.records import AdjointBudget, CovHistory, Floats
+from lvnav_trade.records import ORBIT, AdjointBudget, CovHistory, Floats
+from lvnav_trade.store.runs import ORBIT_UNITS
 
 _QUANTITIES = ("attitude", "velocity", "position")
 _WITH_BACKUP = (*_QUANTITIES, *(f"backup_{quantity}" for quantity in _QUANTITIES))
@@ -26,6 +27,7 @@ def explained_rows(prepared: Prepared, cov: CovHistory, found: Explanation | Non
         "sensitivity": _sensitivity(prepared, found),
         "observability": _observability(found),
         "nonlinearity": _nonlinearity(found),
+        "injection_budget": _injection_budget(found),
         "error_bound": _error_bound(found),
         "allan": _allan(found),
         "protection": _protection(prepared, found),
@@ -135,6 +137,14 @@ def _observability(found: Explanation) -> Rows:
         }
         for phase in found.phases
         for k, value in enumerate(phase.singular)
+    ]
+
+
+def _injection_budget(found: Explanation) -> Rows:
+    return [
+        {"source": source, "quantity": quantity, "unit": ORBIT_UNITS[quantity], "sigma_si": float(sigma)}
+        for source, sigmas in found.dispersed
+        for quantity, sigma in zip(ORBIT, sigmas, strict=True)
     ]
 
 

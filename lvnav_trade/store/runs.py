@@ -92,7 +92,8 @@ def _injection_columns(summary: BlockSummary) -> dict[str, Any]:
         "quantity": list(ORBIT) * summary.n_run,
         "unit": [ORBIT_UNITS[name] for name in ORBIT] * summary.n_run,
         "error_si": summary.injections[:, 3 : 3 + n].ravel(),
-        "knowledge_si": summary.injections[:, 3 + n :].ravel(),
+        "knowledge_si": summary.injections[:, 3 + n : 3 + 2 * n].ravel(),
+        "navigation_si": summary.injections[:, 3 + 2 * n :].ravel(),
     }
 
 

@@ -19,7 +19,17 @@ def test_every_column_of_numbers_names_its_unit(written):
 def test_every_row_carries_the_digest_of_its_case(tmp_path):
     tables = load(synthetic.results(tmp_path / "watched", n_run=8, size=8, logic=True))
     # of a vehicle under control or guidance, which this one is not, of a spot check and a stream, not asked for
-    absent = {"nozzle", "movement", "turning", "motion", "injections", "spot_runs", "allan", "protection"}
+    absent = {
+        "nozzle",
+        "movement",
+        "turning",
+        "motion",
+        "injections",
+        "injection_budget",
+        "spot_runs",
+        "allan",
+        "protection",
+    }
     assert all(getattr(tables, name).empty for name in absent)
     for name in TABLES.keys() - absent:
         assert set(getattr(tables, name).case) == {"aaaaaaaaaaaa", "bbbbbbbbbbbb"}, name

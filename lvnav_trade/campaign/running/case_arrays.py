@@ -136,9 +136,9 @@ class CaseArrays(CaseResults):
         """Return what guided ascents achieve of a number of the orbit."""
         if self.summary is None or not len(self.summary.injections):
             return None
-        rows, at = self.summary.injections, 3 + ORBIT.index(quantity)
+        rows, at, n = self.summary.injections, 3 + ORBIT.index(quantity), len(ORBIT)
         outcome = np.array(OUTCOMES)[rows[:, 0].astype(int)]
-        return Injections(outcome, rows[:, 1], rows[:, 2], rows[:, at], rows[:, at + len(ORBIT)])
+        return Injections(outcome, *rows[:, :3].T[1:], *(rows[:, at + part * n] for part in range(3)))
 
     def protection_level(self, quantity: str, at: str, during: str) -> float:
         """Return NaN: the levels are among the diagnostics, which come after the runs."""

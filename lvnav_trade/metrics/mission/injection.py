@@ -6,6 +6,7 @@ import pandas as pd
 from lvnav_trade.metrics.basics.case import Injections
 from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.basics.probability import success_bounds
+from lvnav_trade.metrics.basics.select import pick
 from lvnav_trade.records import ORBIT, OUTCOMES, Floats
 from lvnav_trade.store.read import Tables
 
@@ -21,6 +22,8 @@ INJECTION = [
     "correlation_ratio",
     "q997",
 ]
+SOURCES = ["case", "quantity", "unit", "source", "sigma", "share_ratio"]
+NAVIGATION, TOGETHER, FLOWN = "navigation", "root sum of squares", "runs, all together"
 CUTOFF = [
     "case", "runs", "injected_count", "depleted_count", "lost_count", "depleted_ratio", "low_ratio", "high_ratio",
     "cutoff_s", "cutoff_sigma_s", "left_kg", "left_sigma_kg", "left_least_kg",
@@ -64,6 +67,32 @@ def _split(error: Floats, knowledge: Floats) -> tuple[float, ...]:
     both = sigmas[1] * sigmas[2]
     together = float(np.cov(knowledge, execution)[0, 1]) / both if error.size > 1 and both > 0.0 else np.nan
     return float(error.mean()), *sigmas, together, float(np.quantile(np.abs(error), 0.997))
+
+
+def injection_sources(tables: Tables) -> pd.DataFrame:
+    """Return what one sigma of the achieved orbit is made of, source by source, largest first.
+
+    Navigation: spread of a vehicle as on its card with the navigation errors of the runs. Sources of the vehicle: to
+    first order, with a navigation without errors. share_ratio: of the sum of squares. Both are independent, so the root
+    of that sum is what linear theory expects of the runs, which stand beside it.
+    """
+    rows: list[tuple[object, ...]] = []
+    for case, label in tables.labels.items():
+        of_vehicle = pick(tables.injection_budget, case=case)
+        for quantity, (unit, one) in injections_of(tables, case).items():
+            name, factor = LABELS[unit]
+            mine = of_vehicle[of_vehicle.quantity == quantity]
+            if mine.empty or mine.sigma_si.isna().any() or one.injected.sum() < 2:
+                continue
+            parts = {NAVIGATION: float(one.navigation[one.injected].std(ddof=1))}
+            parts |= dict(zip(mine.source, mine.sigma_si.astype(float), strict=True))
+            total = float(np.sqrt(sum(sigma**2 for sigma in parts.values())))
+            ordered = sorted(parts.items(), key=lambda part: -part[1])
+            ends = ((TOGETHER, total), (FLOWN, float(one.error[one.injected].std(ddof=1))))
+            for source, sigma in (*ordered, *ends):
+                share = (sigma / total) ** 2 if total > 0.0 and source != FLOWN else np.nan
+                rows.append((label, quantity, name, source.replace("_", " "), sigma * factor, share))
+    return pd.DataFrame(rows, columns=SOURCES)
 
 
 def cutoff(tables: Tables) -> pd.DataFrame:

@@ -42,7 +42,10 @@ def numbers(card: VehicleAscent) -> dict[str, int]:
 
 
 def draw(card: VehicleAscent, seed: int, run: int) -> dict[str, Floats]:
-    """Return the draws (in sigmas) of a run: those of `dispersion.draw`, and the fixed ones of `dispersion.sigmas`."""
+    """Return the draws (in sigmas) of a run: those of `dispersion.draw`, and the fixed ones of `dispersion.sigmas`.
+
+    Of a negative run the fixed ones alone.
+    """
     how, spreads = card.dispersion, card.vehicle.dispersions
     if how is None or spreads is None:
         return {}
@@ -50,7 +53,7 @@ def draw(card: VehicleAscent, seed: int, run: int) -> dict[str, Floats]:
     found: dict[str, Floats] = {}
     for name in SOURCES:
         n = numbers(card)[name]
-        if name in how.drawn and getattr(spreads, name) > 0.0:
+        if run >= 0 and name in how.drawn and getattr(spreads, name) > 0.0:
             word = source_word(f"vehicle {name}")
             found[name] = np.array(
                 [normals(k0, k1, word, np.uint64(run), np.uint64(0), np.uint64(k))[0] for k in range(n)]

@@ -7,12 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.simulate.guided import in_inertial_axes, injections, orbit_of, rows_of
+from lvnav_trade.engines.simulate.guided import in_inertial_axes, injections, orbit_of, rows_of, vehicle_budget
 from lvnav_trade.frames import Elements, matrices, state_from_elements
 from lvnav_trade.kernels.earth import SEMI_MAJOR
 from lvnav_trade.records import NO_INJECTIONS, ORBIT, OUTCOMES
+from lvnav_trade.world.ascent.dispersion_card import SOURCES
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.guided.reference import plan_of
 from lvnav_trade.world.guided.runs import INJECTED, Injection, inject
-from tests.world.guided.cases import plan
+from tests.world.flights import launcher_settings
+from tests.world.guided.cases import guided, plan
 
 
 def _state(**changes):
@@ -42,7 +46,8 @@ def test_numbers_of_an_orbit():
 def test_a_row_is_achieved_less_target_and_achieved_less_navigated():
     target, reached = _state(), _state(semi_major_axis=6.803e6, node=0.01)
     error = np.concatenate([np.zeros(3), [0.1, -0.2, 0.3], [10.0, 20.0, -30.0]])
-    row = rows_of([Injection(INJECTED, 500.0, reached, 12.0, error)], target)[0]
+    one = Injection(INJECTED, 500.0, reached, 12.0, error)
+    row = rows_of([one], [one._replace(y=_state(semi_major_axis=6.801e6))], target)[0]
     n = len(ORBIT)
     assert (OUTCOMES[int(row[0])], row[1], row[2]) == (INJECTED, 500.0, 12.0)
     assert row[3] == pytest.approx(3000.0, abs=1e-3)
@@ -51,7 +56,8 @@ def test_a_row_is_achieved_less_target_and_achieved_less_navigated():
     navigated[:3] -= error[6:]
     navigated[3:6] -= error[3:6]
     wanted = orbit_of(reached[None])[0] - orbit_of(navigated[None])[0]
-    np.testing.assert_allclose(row[3 + n :], wanted, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(row[3 + n : 3 + 2 * n], wanted, rtol=1e-9, atol=1e-15)
+    assert row[3 + 2 * n] == pytest.approx(1000.0, abs=1e-3)
 
 
 def _prepared(known):
@@ -79,9 +85,44 @@ def test_a_run_is_that_of_its_number_whatever_the_block():
     whole, alone = injections(prepared, 9, 0, errors), injections(prepared, 9, 2, errors[:1])
     np.testing.assert_array_equal(whole[2], alone[0])
     assert len({row[1] for row in whole}) == 3
-    assert np.all(whole[:, 3 + len(ORBIT) :] == 0.0)  # a perfect navigation knows its orbit
+    n = len(ORBIT)
+    assert np.all(whole[:, 3 + n : 3 + 2 * n] == 0.0)  # a perfect navigation knows its orbit
+    assert np.ptp(whole[:, 3 + 2 * n :], axis=0).max() == 0.0  # and steers the vehicle of the card alike
     assert inject(prepared.plan, {}).outcome == INJECTED
 
 
 def test_a_case_without_guidance_has_no_injections():
     assert injections(_prepared(None), 9, 0, np.zeros((3, 4, 9))) is NO_INJECTIONS
+
+
+def test_the_budget_of_the_vehicle_is_the_spread_of_runs_in_the_linear_range():
+    """Spreads of a tenth: 300 runs with a perfect navigation against differences of whole flights."""
+    settings = launcher_settings("electron_leo")
+    spreads = settings["vehicle"]["dispersions"]
+    small = {name: f"{float(str(spreads[name]).split()[0]) / 10.0} {str(spreads[name]).split()[1]}" for name in SOURCES}
+    settings["vehicle"]["dispersions"] = {**spreads, **small}
+    known = plan_of(VehicleAscent.model_validate({**settings, "guidance": "explicit", "dispersion": {"draw": "all"}}))
+    prepared = _prepared(known)
+    budget = vehicle_budget(prepared)
+    assert set(budget) == set(SOURCES)
+    runs = injections(prepared, 11, 0, np.zeros((300, 4, 9)))
+    found = runs[:, 3 : 3 + len(ORBIT)].std(axis=0, ddof=1)
+    wanted = np.sqrt(np.sum([one**2 for one in budget.values()], axis=0))
+    np.testing.assert_allclose(found, wanted, rtol=0.15)  # 300 runs know a sigma to 4 %, one sigma
+
+
+def test_perigee_and_apogee_of_a_circular_target_have_no_budget():
+    prepared = _prepared(plan_of(guided(dispersion={"draw": ["tail_off"]})))
+    (sigma,) = vehicle_budget(prepared).values()
+    assert np.isnan(sigma[[ORBIT.index("perigee"), ORBIT.index("apogee")]]).all()
+    # speed gained along a circular orbit: da = 2 a^2 v / GM dv
+    at = prepared.plan.nominal
+    a, speed = np.linalg.norm(at[:3]), np.linalg.norm(at[3:6])
+    spread = prepared.plan.card.vehicle.dispersions.tail_off
+    slope = 2.0 * a**2 * speed / 3.986004418e14 * spread
+    assert 0.97 * slope < sigma[0] <= slope * (1.0 + 1e-6)  # the thrust is a little off the velocity
+
+
+def test_without_draws_there_is_no_budget():
+    assert vehicle_budget(_prepared(plan_of(guided()))) == {}
+    assert vehicle_budget(_prepared(None)) == {}

@@ -31,6 +31,21 @@ def test_the_error_is_knowledge_and_execution_with_their_correlation(guided):
     assert row.sigma**2 == pytest.approx(row.knowledge_sigma**2 + row.execution_sigma**2 + together)
 
 
+def test_the_budget_holds_navigation_and_vehicle_beside_the_runs(guided):
+    frame = METRICS["injection_sources"](guided)
+    mine = frame[frame.quantity == "inclination"].set_index("source")
+    k, degrees = ORBIT.index("inclination"), 180.0 / np.pi
+    navigation = rows()[:6, 3 + 2 * len(ORBIT) + k].std(ddof=1)
+    sizes = {"navigation": navigation, "thrust": 1e-3, "dry mass": 1e-4}
+    total = np.sqrt(sum(size**2 for size in sizes.values()))
+    for source, size in sizes.items():
+        assert mine.loc[source, "sigma"] == pytest.approx(size * degrees)
+        assert mine.loc[source, "share_ratio"] == pytest.approx((size / total) ** 2)
+    assert mine.loc["root sum of squares", "sigma"] == pytest.approx(total * degrees)
+    assert mine.loc["runs, all together", "sigma"] == pytest.approx(rows()[:6, 3 + k].std(ddof=1) * degrees)
+    assert mine.sigma.iloc[:3].is_monotonic_decreasing
+
+
 def test_how_runs_end_with_the_exact_interval(guided):
     (row,) = METRICS["cutoff"](guided).itertuples()
     assert (row.runs, row.injected_count, row.depleted_count, row.lost_count) == (8, 6, 1, 1)
