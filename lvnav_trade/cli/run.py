@@ -6,7 +6,7 @@ import json
 import shutil
 from pathlib import Path
 from textwrap import fill
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,9 +16,13 @@ from lvnav_trade.cli.clusters import Backend, workers
 from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Json, Out, Sets, verb
 from lvnav_trade.errors import InputError
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Strict = Annotated[
     bool, typer.Option("--strict", help="exit code 2 where the runs cannot show a requirement, however good they are")
 ]
+_LISTED = 20  # most cases that `plan` shows one by one
 VERDICTS = ("passed", "failed", "not checked")
 _ERROR_COLUMNS = ["event", "t", "position", "velocity", "attitude"]
 
@@ -95,11 +99,19 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Str
     from lvnav_trade.campaign.reading.flights import remark_lines
 
     found = api.plan(campaign, sets or (), out, strict)
-    rows = table(["case", "label", "runs", "done"], [list(row) for row in found.cases.itertuples(index=False)])
-    lines = [rows, *remark_lines({"warnings": found.warnings}), found.cost]
+    lines = [_planned(found.cases), *remark_lines({"warnings": found.warnings}), found.cost]
     content = {"cases": found.cases.to_dict("records"), "blocks": found.blocks, "seconds": found.seconds}
     content |= {"disk_mb": found.disk_mb, "memory_mb": found.memory_mb, "warnings": list(found.warnings)}
     return Answer("\n".join(lines), content)
+
+
+def _planned(cases: pd.DataFrame) -> str:
+    """Return the planned cases as a table, or as one line where they are too many to be read."""
+    if len(cases) <= _LISTED:
+        return table(["case", "label", "runs", "done"], [list(row) for row in cases.itertuples(index=False)])
+    runs, done = int(cases["runs"].sum()), int(cases["done"].sum())
+    of_runs = f"{runs} runs, {done} of them done" if runs else "linear covariance alone"
+    return f"{len(cases)} cases, {of_runs}; `--json` lists the cases"
 
 
 @verb("smoke")

@@ -93,6 +93,21 @@ def test_the_plan_shows_cases_and_what_is_done(events: dict[str, float]) -> None
     assert "about" in call("plan", "campaigns/demo.yaml").stdout
 
 
+@pytest.mark.parametrize(
+    ("count", "sets", "line"),
+    [
+        (20, (), None),
+        (21, (), "21 cases, 168 runs, 0 of them done; `--json` lists the cases"),
+        (21, ("--set", "monte_carlo=null"), "21 cases, linear covariance alone; `--json` lists the cases"),
+    ],
+)
+def test_the_plan_of_many_cases_is_a_summary(count: int, sets: tuple[str, ...], line: str | None) -> None:
+    axis = f"axes=[{{path: initial.heading, linspace: [0.1 deg, 2 deg, {count}]}}]"
+    lines = call("plan", "smoke", "--set", axis, *sets).stdout.splitlines()
+    assert sum("heading=" in one for one in lines) == (0 if line else count)
+    assert line is None or line in lines
+
+
 def test_a_replay_of_an_unknown_case_is_refused(events: dict[str, float]) -> None:
     result = call("replay", "campaigns/demo.yaml", "imu=tactical_fog, filter=tigth", "0")
     assert result.exit_code == 2
