@@ -1,8 +1,7 @@
 """Errors of a mission's numbers (orbit, point of impact, correction), from errors of velocity and position together.
 
 The error at an event is that of the orbit, or point of impact: of the true state less that of the estimate. Where
-guidance steers by the estimate, the estimate is brought to the aim, so the same error, with its sign turned, is the
-error of the injection.
+guidance brings the estimate to the target, the same error, with the same sign, is that of the injection.
 """
 
 from __future__ import annotations
