@@ -23,9 +23,11 @@ def measure() -> dict[str, float]:
     iterated = prepare(scenario("base.filter.algorithm=iterated"))
     identical = prepare(scenario("base.filter.covariance_rate=200 Hz"))
     found = {
-        "default_sim_s_per_s_core": speed(default), "identical_sim_s_per_s_core": speed(identical),
-        "unscented_sim_s_per_s_core": speed(unscented), "iterated_sim_s_per_s_core": speed(iterated),
-    }  # fmt: skip
+        "default_sim_s_per_s_core": speed(default),
+        "identical_sim_s_per_s_core": speed(identical),
+        "unscented_sim_s_per_s_core": speed(unscented),
+        "iterated_sim_s_per_s_core": speed(iterated),
+    }
     costs = {
         f"{name}_cost_ratio": found["default_sim_s_per_s_core"] / found[f"{name}_sim_s_per_s_core"]
         for name in ("unscented", "iterated")

@@ -61,9 +61,21 @@ def _corrupts(increments, tables, remainder, run, unit, ticks, repeats):
     for _ in range(repeats):
         table = view(tables)
         processes.corrupt(
-            view(increments), 0, 0, ticks, unit.dtheta, unit.dvel, table[0], table[1], unit.white, view(remainder),
-            unit, np.uint64(1), np.uint64(2), view(run)[0],
-        )  # fmt: skip
+            view(increments),
+            0,
+            0,
+            ticks,
+            unit.dtheta,
+            unit.dvel,
+            table[0],
+            table[1],
+            unit.white,
+            view(remainder),
+            unit,
+            np.uint64(1),
+            np.uint64(2),
+            view(run)[0],
+        )
 
 
 @jit
@@ -112,22 +124,30 @@ def kernels(prepared: Prepared) -> list[Kernel]:
         _time("four normals", lambda: _normals(run, drawn, REPEATS), REPEATS, 110),
         _time(
             "unit, a tick (draws included)",
-            lambda: _corrupts(increments, tables, remainder, run, unit, TICKS, flights), flights * TICKS, 240,
+            lambda: _corrupts(increments, tables, remainder, run, unit, TICKS, flights),
+            flights * TICKS,
+            240,
         ),
         _time(
             "strapdown, a tick",
-            lambda: _mechanises(nav, sums, previous, increments, full_rate(J4), TICKS, flights), flights * TICKS, 260,
+            lambda: _mechanises(nav, sums, previous, increments, full_rate(J4), TICKS, flights),
+            flights * TICKS,
+            260,
         ),
         _time("transition blocks", lambda: _fills(D, kinds, drivers, sums, r, REPEATS), REPEATS, 140),
         _time(
-            "covariance step", lambda: _predicts(aligned(P), D, rows, columns, decay, noise, REPEATS), REPEATS,
+            "covariance step",
+            lambda: _predicts(aligned(P), D, rows, columns, decay, noise, REPEATS),
+            REPEATS,
             predict_operations(rows, columns, n),
         ),
         _time(
-            "row", lambda: _updates(aligned(P), x, K, h, z, entries, states, REPEATS), REPEATS,
+            "row",
+            lambda: _updates(aligned(P), x, K, h, z, entries, states, REPEATS),
+            REPEATS,
             n * 13 + 28 + n * (n + 1) + 2 * n,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def measure() -> dict[str, float]:

@@ -37,8 +37,10 @@ def claim_rows(tables: Tables, claims: Mapping[str, Any]) -> list[dict[str, Any]
     of the expression. What these results cannot give keeps its row, with a remark.
     """
     makers: dict[str, Rows] = {
-        "orderings": _ordering, "innovations": of_cases(_innovations), "statements": statement_rows,
-    }  # fmt: skip
+        "orderings": _ordering,
+        "innovations": of_cases(_innovations),
+        "statements": statement_rows,
+    }
     return rows_of(tables, claims, makers)
 
 

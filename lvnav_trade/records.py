@@ -19,11 +19,21 @@ TRACKING = ("idle", "search", "acquire", "track", "lost")
 WAITING, CONVERGING, AIDING, PREDICTING, STOPPED = range(5)
 MODES = ("waiting", "converging", "aiding", "predicting", "stopped")
 REASONS = (
-    "", "good samples in a row", "converged", "data lost", "data again", "data loss persists",
-    "residual error persists", "covariance error persists",
+    "",
+    "good samples in a row",
+    "converged",
+    "data lost",
+    "data again",
+    "data loss persists",
+    "residual error persists",
+    "covariance error persists",
     # what in particular was lost: the check at the input that a sample with a solution fails
-    "checksum", "hardware", "time synchronisation", "no fresh solution", "dilution of precision",
-)  # fmt: skip
+    "checksum",
+    "hardware",
+    "time synchronisation",
+    "no fresh solution",
+    "dilution of precision",
+)
 # Flags that a receiver raises of its own output, in the order in which they are the reason, and where they begin.
 FLAGS = ("checksum", "hardware", "time_sync")
 FRESH = "fresh"
@@ -38,9 +48,14 @@ NO_DECISIONS = np.zeros((0, 4))
 # How a guided ascent ends, by number and by name, and the numbers of its orbit.
 OUTCOMES = ("injected", "depleted", "guidance diverged", "navigation failed")
 ORBIT = (
-    "semi_major_axis", "perigee", "apogee", "eccentricity_along_node", "eccentricity_ahead_of_node", "inclination",
+    "semi_major_axis",
+    "perigee",
+    "apogee",
+    "eccentricity_along_node",
+    "eccentricity_ahead_of_node",
+    "inclination",
     "node",
-)  # fmt: skip
+)
 NO_INJECTIONS = np.zeros((0, 3 + 3 * len(ORBIT)))
 # In a decision on inertial units, what stands in the place of a channel: this for the first, one less for the next.
 FIRST_UNIT = -2

@@ -207,8 +207,10 @@ def _with_differences(model: ImuModel, scenario: Scenario) -> ImuModel:
         if isinstance(card, ImuDifferenceCard):
             state, errors = RELATIVE[card.measurement], difference_of(scenario, card)
             found |= {
-                state: errors.bias, f"{state}_walk": errors.walk, f"{state}_correlation": errors.correlation,
-            }  # fmt: skip
+                state: errors.bias,
+                f"{state}_walk": errors.walk,
+                f"{state}_correlation": errors.correlation,
+            }
     return model.model_copy(update=found)
 
 

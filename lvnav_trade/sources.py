@@ -12,8 +12,12 @@ Field = tuple[tuple[str, ...], int]
 # Keys of draws that are not those of one source.
 IMU_NOISE = "inertial unit white noise"
 CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START, PHASE_NOISE = (
-    "receiver clock", "range noise", "solution noise", "receiver clock start", "carrier-phase noise",
-)  # fmt: skip
+    "receiver clock",
+    "range noise",
+    "solution noise",
+    "receiver clock start",
+    "carrier-phase noise",
+)
 
 
 class Source(NamedTuple):

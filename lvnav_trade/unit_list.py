@@ -40,9 +40,16 @@ class _Listed(NamedTuple):
 
 
 _PREFIXES = {
-    "n": ("nano", 1e-9), "u": ("micro", 1e-6), "m": ("milli", 1e-3), "c": ("centi", 1e-2), "d": ("deci", 0.1),
-    "h": ("hecto", 100.0), "k": ("kilo", 1e3), "M": ("mega", 1e6), "G": ("giga", 1e9),
-}  # fmt: skip
+    "n": ("nano", 1e-9),
+    "u": ("micro", 1e-6),
+    "m": ("milli", 1e-3),
+    "c": ("centi", 1e-2),
+    "d": ("deci", 0.1),
+    "h": ("hecto", 100.0),
+    "k": ("kilo", 1e3),
+    "M": ("mega", 1e6),
+    "G": ("giga", 1e9),
+}
 MICRO = "u\u00b5\u03bc"
 """The letters of the prefix micro: u, the micro sign, the Greek mu."""
 _DEGREE = math.pi / 180.0

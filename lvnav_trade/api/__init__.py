@@ -107,4 +107,4 @@ __all__ = [
     "status",
     "study",
     "tune",
-]  # fmt: skip
+]

@@ -20,4 +20,4 @@ __all__ = [
     "panel",
     "scale_up",
     "widen_covered",
-]  # fmt: skip
+]

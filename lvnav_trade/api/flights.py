@@ -27,7 +27,7 @@ __all__ = [
     "receiver_clock",
     "run_errors",
     "steps_figure",
-]  # fmt: skip
+]
 
 _SAME_TIME = 1e-6  # seconds
 

@@ -65,7 +65,7 @@ __all__ = [
     "require_unit",
     "unknown_axis",
     "unknown_case",
-]  # fmt: skip
+]
 
 _Model = TypeVar("_Model", bound=Card)
 

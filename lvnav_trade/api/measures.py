@@ -65,4 +65,4 @@ __all__ = [
     "verdict",
     "whiteness",
     "written_unit",
-]  # fmt: skip
+]

@@ -22,4 +22,4 @@ __all__ = [
     "shown",
     "table",
     "words",
-]  # fmt: skip
+]

@@ -35,9 +35,14 @@ def _begun(campaign: str | Path, sets: Sequence[str], out: str | Path | None, se
 
 
 def _written(
-    campaign: Campaign, place: Path, blocks: list[Block], made: Any, jobs: int, frames: Sequence[str],
+    campaign: Campaign,
+    place: Path,
+    blocks: list[Block],
+    made: Any,
+    jobs: int,
+    frames: Sequence[str],
     files: dict[str, str] | None = None,
-) -> Path:  # fmt: skip
+) -> Path:
     """Write the page of what was made, with its tables and the time that it took; return the page."""
     from lvnav_trade.report import search as page
     from lvnav_trade.report.blocks import Text

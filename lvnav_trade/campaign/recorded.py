@@ -125,9 +125,18 @@ def _outages(prepared: Prepared, asked: Asked) -> list[tuple[float, Outage]]:
 
 
 _COLUMNS = (
-    "case", "length_s", "begin_s", "end_s", "position_error_m", "position_3sigma_m", "velocity_error_m_per_s",
-    "velocity_3sigma_m_per_s", "nees_ratio", "inside", "failed",
-)  # fmt: skip
+    "case",
+    "length_s",
+    "begin_s",
+    "end_s",
+    "position_error_m",
+    "position_3sigma_m",
+    "velocity_error_m_per_s",
+    "velocity_3sigma_m_per_s",
+    "nees_ratio",
+    "inside",
+    "failed",
+)
 
 
 def _row(case: Case, length: float, one: Outage) -> dict[str, Any]:

@@ -18,14 +18,18 @@ from lvnav_trade.world.user_file.imu_log import ImuLog, read_log
 _SENSORS = {"gyro": "gyro", "accel": "accelerometer"}
 _UNITS = {
     "gyro": {
-        "random_walk": ("deg/sqrt(h)", "rad/s**0.5"), "rate_random_walk": ("deg/h/sqrt(h)", "rad/s**1.5"),
-        "bias_instability": ("deg/h", "rad/s"), "quantisation": ("arcsec", "rad"),
+        "random_walk": ("deg/sqrt(h)", "rad/s**0.5"),
+        "rate_random_walk": ("deg/h/sqrt(h)", "rad/s**1.5"),
+        "bias_instability": ("deg/h", "rad/s"),
+        "quantisation": ("arcsec", "rad"),
     },
     "accel": {
-        "random_walk": ("m/s/sqrt(h)", "m/s**1.5"), "rate_random_walk": ("mg/sqrt(h)", "m/s**2.5"),
-        "bias_instability": ("mg", "m/s**2"), "quantisation": ("mm/s", "m/s"),
+        "random_walk": ("m/s/sqrt(h)", "m/s**1.5"),
+        "rate_random_walk": ("mg/sqrt(h)", "m/s**2.5"),
+        "bias_instability": ("mg", "m/s**2"),
+        "quantisation": ("mm/s", "m/s"),
     },
-}  # fmt: skip
+}
 _MOST_PROCESSES = 6
 
 
@@ -163,11 +167,17 @@ def _curves(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
             freedom = np.maximum(1.0, 0.5 * (one.model / one.sigma) ** 2)
             low, high = (one.deviation * np.sqrt(freedom / chi2.ppf(p, freedom)) for p in (0.975, 0.025))
             found.append(
-                pd.DataFrame({
-                    "sensor": f"{_SENSORS[part]} {axis}", "tau_s": one.tau, "deviation_si": one.deviation,
-                    "low_si": low, "high_si": high, "model_si": one.model,
-                })
-            )  # fmt: skip
+                pd.DataFrame(
+                    {
+                        "sensor": f"{_SENSORS[part]} {axis}",
+                        "tau_s": one.tau,
+                        "deviation_si": one.deviation,
+                        "low_si": low,
+                        "high_si": high,
+                        "model_si": one.model,
+                    }
+                )
+            )
     return pd.concat(found, ignore_index=True)
 
 

@@ -38,10 +38,15 @@ def fit_unit(
     found = api.fit_unit(log, out, plot, start, end, shortest, longest, counted)
     frame = found.coefficients
     rows = [
-        [row.sensor, row.coefficient, f"{row.estimate:.4g}" if row.shown else "not shown",
-         f"{row.low:.4g} to {row.high:.4g}" if row.shown else f"below {row.high:.3g}", row.unit]
+        [
+            row.sensor,
+            row.coefficient,
+            f"{row.estimate:.4g}" if row.shown else "not shown",
+            f"{row.low:.4g} to {row.high:.4g}" if row.shown else f"below {row.high:.3g}",
+            row.unit,
+        ]
         for row in frame.itertuples()
-    ]  # fmt: skip
+    ]
     lines = [table(["axis", "coefficient", "estimate", "95 %", "unit"], rows)]
     if frame.shown[frame.coefficient == "bias_instability"].any():
         lines.append("bias_instability is B of IEEE 952; the floor of the Allan deviation is 0.664 B")
@@ -78,11 +83,20 @@ def process_log(
         raise InputError("--outage and --every: should be above zero, --first not below it")
     done = api.process_log(campaign, log, out, lengths, first, every, sets or ())
     rows = [
-        [row.case, f"{row.length_s:g} s", row.outages, row.failed, f"{row.inside_percent:.0f} %",
-         *(["-"] * 3 if row.failed == row.outages else
-           [f"{row.nees_ratio:.2f}", f"{row.position_rms_m:.3g} m", f"{row.position_worst_m:.3g} m"])]
+        [
+            row.case,
+            f"{row.length_s:g} s",
+            row.outages,
+            row.failed,
+            f"{row.inside_percent:.0f} %",
+            *(
+                ["-"] * 3
+                if row.failed == row.outages
+                else [f"{row.nees_ratio:.2f}", f"{row.position_rms_m:.3g} m", f"{row.position_worst_m:.3g} m"]
+            ),
+        ]
         for row in done.summary.itertuples()
-    ]  # fmt: skip
+    ]
     heading = math.degrees(done.alignment.heading) % 360.0
     lines = [
         table(["case", "withheld", "outages", "failed", "inside 3 sigma", "NEES", "position RMS", "worst"], rows),

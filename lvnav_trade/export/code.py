@@ -172,9 +172,15 @@ def _header(title: str, prepared: Prepared, state: Any, inputs: Any, prototypes:
     counted = [f"   {at:2d} {name}" for at, name in enumerate(state_names(prepared.layout))]
     held = "" if depth == 1 else f" Those of an epoch stand at its number modulo {depth}."
     lines = [
-        f"/* {title}", "", "   States of P and x (SI; attitude, velocity and position in the inertial frame):",
-        *counted, "   */", f"#ifndef {NAME.upper()}_H", f"#define {NAME.upper()}_H", "",
-    ]  # fmt: skip
+        f"/* {title}",
+        "",
+        "   States of P and x (SI; attitude, velocity and position in the inertial frame):",
+        *counted,
+        "   */",
+        f"#ifndef {NAME.upper()}_H",
+        f"#define {NAME.upper()}_H",
+        "",
+    ]
     lines += _struct("window", inputs["window"], "What a window differs by from others: set before propagate.")
     lines += _struct("epoch", inputs["epoch"], f"What an epoch differs by from others: set before update.{held}")
     lines.append(f"struct {NAME} {{")

@@ -18,13 +18,23 @@ from lvnav_trade.export.translation.values import DOUBLE, INT, ONLY, SAME, Array
 
 # Axes along which epochs or windows count, of what is read of signals, sensors and options.
 EPOCHS = {
-    "signals": {"used": 0, "n_used": 0, "antenna": 0, "satellite": 0, "satellite_velocity": 0, "variance": 0,
-                "scale": 0, "beta": 0, "partial": 1, "reference": 0},
+    "signals": {
+        "used": 0,
+        "n_used": 0,
+        "antenna": 0,
+        "satellite": 0,
+        "satellite_velocity": 0,
+        "variance": 0,
+        "scale": 0,
+        "beta": 0,
+        "partial": 1,
+        "reference": 0,
+    },
     "sensors": {"on": 1, "known": 1, "theta": 1},
     "late": {"delay": 0, "base": 0},
     "rules": {"good": 0},
     "delayed": {"present": 0, "renewed": 0},
-}  # fmt: skip
+}
 WINDOWS = {
     "schedule": {"first_tick": 0, "n_tick": 0, "length": 0, "injection": 0, "linearised": 0},
     "late": {"valid": 1, "early": 1},
@@ -35,8 +45,11 @@ ROWS = {"model": {"seconds": 0, "decay": 0, "noise": 0, "inflation": 0}, "late":
 TICKS, BY_TICK = {"vehicle": {"walk"}}, -1
 # What a receiver, a sensor or a clock says at an epoch, whatever it has said on this flight.
 SAID = {"used", "n_used", "satellite", "satellite_velocity", "on", "known", "theta", "good", "present", "renewed"}
-COUNTED = {"work": ("innovation", "nis", "n_row", "n_reject"), "watch": ("mode", "reason"),
-           "monitor": ("isolated", "excluded")}  # fmt: skip
+COUNTED = {
+    "work": ("innovation", "nis", "n_row", "n_reject"),
+    "watch": ("mode", "reason"),
+    "monitor": ("isolated", "excluded"),
+}
 # What is true of a flight and no part of its filter.
 _UNREAD = ("rate", "force")
 
@@ -64,10 +77,18 @@ class Storage:
         options = {name: self._option(name, one) for name, one in prepared.options._asdict().items()}
         self.options = Fields("options", options)
         case = case_of(prepared)
-        self.case = Fields("case", {
-            "schedule": self.schedule, "signals": self.signals, "sensors": self.sensors, "model": self.model,
-            "options": self.options, "tick": Known(case.tick), "step": Known(case.step),
-        })  # fmt: skip
+        self.case = Fields(
+            "case",
+            {
+                "schedule": self.schedule,
+                "signals": self.signals,
+                "sensors": self.sensors,
+                "model": self.model,
+                "options": self.options,
+                "tick": Known(case.tick),
+                "step": Known(case.step),
+            },
+        )
         self.start = Fields("start", {"P": self._table("start_P", np.asarray(prepared.start.P))})
 
     # ---------------------------------------------------------------------------------- arrays of a run

@@ -83,9 +83,12 @@ def earlier_entries(layout: StateLayout, present: list[tuple[int, int]], first: 
     """Return entries and clones of the earlier epoch of a difference by those of the later one; first: entry."""
     moved = {**{H_POS + i: D_POS + i for i in range(3)}, **{H_ATT + i: D_ATT + i for i in range(3)}, H_CLOCK: D_CLOCK}
     return [
-        (first + (moved[entry] if entry < N_ENTRY else D_EXTRA + entry - N_ENTRY),
-         layout.clone + layout.cloned.index(state)) for entry, state in present
-    ]  # fmt: skip
+        (
+            first + (moved[entry] if entry < N_ENTRY else D_EXTRA + entry - N_ENTRY),
+            layout.clone + layout.cloned.index(state),
+        )
+        for entry, state in present
+    ]
 
 
 @jit
@@ -162,14 +165,25 @@ def accumulate_transition(earlier, delayed, blocks, sums, model, length, injecti
         # by columns: Phi of the window times each of them
         for j in range(n):
             apply_phi(
-                earlier.phi[j], blocks, model.block_rows, model.block_columns, model.decay[length], model.clock,
+                earlier.phi[j],
+                blocks,
+                model.block_rows,
+                model.block_columns,
+                model.decay[length],
+                model.clock,
                 seconds,
-            )  # fmt: skip
+            )
         add_turned(earlier.noise, model.uneven, sums, seconds)
         predict(
-            earlier.noise, blocks, model.block_rows, model.block_columns, model.decay[length], model.noise[length],
-            model.clock, seconds,
-        )  # fmt: skip
+            earlier.noise,
+            blocks,
+            model.block_rows,
+            model.block_columns,
+            model.decay[length],
+            model.noise[length],
+            model.clock,
+            seconds,
+        )
         add_turned(earlier.noise, model.uneven, sums, seconds)
         if injection >= 0:
             for i in range(n):

@@ -40,9 +40,15 @@ def predict_covariance(P, D, sums, model, length, injection):
     apply_fading_memory(P, model, length)
     add_turned(P, model.uneven, sums, model.seconds[length])
     predict(
-        P, D, model.block_rows, model.block_columns, model.decay[length], model.noise[length], model.clock,
+        P,
+        D,
+        model.block_rows,
+        model.block_columns,
+        model.decay[length],
+        model.noise[length],
+        model.clock,
         model.seconds[length],
-    )  # fmt: skip
+    )
     add_turned(P, model.uneven, sums, model.seconds[length])
     inject(P, model, injection)
 
@@ -51,9 +57,15 @@ def predict_covariance(P, D, sums, model, length, injection):
 def fill_transition(work, model, length):
     """Set the blocks of the transition over a window of a known length index."""
     transition.fill(
-        work.D, model.block_kinds, model.block_drivers, work.sums, work.nav[R], work.nav[R + 1], work.nav[R + 2],
+        work.D,
+        model.block_kinds,
+        model.block_drivers,
+        work.sums,
+        work.nav[R],
+        work.nav[R + 1],
+        work.nav[R + 2],
         model.seconds[length],
-    )  # fmt: skip
+    )
 
 
 @jit

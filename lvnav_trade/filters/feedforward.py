@@ -55,9 +55,14 @@ def propagate_open_loop(work, points, open_loop, model, length, linearised):
                 work.sums[i] = work.rates[1, i] * model.seconds[length]
             ekf.fill_transition(work, model, length)
         apply_phi(
-            work.x, work.D, model.block_rows, model.block_columns, model.decay[length], model.clock,
+            work.x,
+            work.D,
+            model.block_rows,
+            model.block_columns,
+            model.decay[length],
+            model.clock,
             model.seconds[length],
-        )  # fmt: skip
+        )
         if points is not None:
             for i in range(points.mean.shape[0]):
                 work.x[i] = points.mean[i]

@@ -53,9 +53,14 @@ class Again(NamedTuple):
 def new_again(n_state: int, n_extra: int, lanes: int = 0) -> Again:
     """Return the arrays of an iterated update: one run, or `lanes` runs on the last axis."""
     shapes = {
-        "P": (n_state, n_state), "x": (n_state,), "at": (n_state,), "nav": (10,), "clock": (2,),
-        "extra": (max(1, n_extra),), "counts": (3,),
-    }  # fmt: skip
+        "P": (n_state, n_state),
+        "x": (n_state,),
+        "at": (n_state,),
+        "nav": (10,),
+        "clock": (2,),
+        "extra": (max(1, n_extra),),
+        "counts": (3,),
+    }
     return Again(**zeros_of(shapes, lanes))
 
 

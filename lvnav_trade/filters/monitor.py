@@ -79,10 +79,14 @@ class Watch(NamedTuple):
 def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0) -> Watch:
     """Return the arrays of a watch: one run, or `lanes` runs on the last axis."""
     shapes = {
-        "state": (N_WATCH,), "before": (max(1, n_receiver),), "z": (n_row,), "predicted": (n_row,),
+        "state": (N_WATCH,),
+        "before": (max(1, n_receiver),),
+        "z": (n_row,),
+        "predicted": (n_row,),
         "sample": (2,),
-        "mode": (n_epoch,), "reason": (n_epoch,),
-    }  # fmt: skip
+        "mode": (n_epoch,),
+        "reason": (n_epoch,),
+    }
     return Watch(**zeros_of(shapes, lanes))
 
 

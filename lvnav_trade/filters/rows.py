@@ -14,9 +14,14 @@ from lvnav_trade.records import Floats, Ints
 PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE, FIRST_SENSOR = range(8)
 # The number of each type of measurement in the kernels, by name.
 TYPES = {
-    "pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSITION, "velocity": VELOCITY,
-    "carrier_phase": CARRIER_PHASE, "tdcp": TDCP, "delta_pseudorange": DELTA_PSEUDORANGE,
-} | {name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)}  # fmt: skip
+    "pseudorange": PSEUDORANGE,
+    "range_rate": RANGE_RATE,
+    "position": POSITION,
+    "velocity": VELOCITY,
+    "carrier_phase": CARRIER_PHASE,
+    "tdcp": TDCP,
+    "delta_pseudorange": DELTA_PSEUDORANGE,
+} | {name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)}
 # States of an observable that a filter has without its card naming them.
 NOISE_STATES = {"tdcp": "phase_noise", "delta_pseudorange": "code_noise"}
 
@@ -65,8 +70,11 @@ def row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: b
             stood_for = [e.offset + int(e.member[channel]) for e in layout.extras if e.member[channel] >= 0]
             own = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY) or at in stood_for]
         else:
-            own = [(N_ENTRY + f, e.offset + int(e.member[channel])) for f, e in enumerate(layout.extras)
-                   if e.member[channel] >= 0]  # fmt: skip
+            own = [
+                (N_ENTRY + f, e.offset + int(e.member[channel]))
+                for f, e in enumerate(layout.extras)
+                if e.member[channel] >= 0
+            ]
         found = types[kind] + own
         if kind in (TDCP, DELTA_PSEUDORANGE) and layout.cloned:
             found += earlier_entries(layout, found, width)

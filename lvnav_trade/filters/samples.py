@@ -59,9 +59,16 @@ class Motion(NamedTuple):
 def new_motion(n_state: int, n_entry: int, lanes: int = 0) -> Motion:
     """Return the arrays of a run's samples: one run, or `lanes` runs on the last axis."""
     shapes = {
-        "rate": (3,), "force": (3,), "sample": (6,), "z": (6,), "weight": (6,), "residual": (6,), "K": (6, n_state),
-        "moved": (9, n_state), "h": (6, max(1, n_entry)),
-    }  # fmt: skip
+        "rate": (3,),
+        "force": (3,),
+        "sample": (6,),
+        "z": (6,),
+        "weight": (6,),
+        "residual": (6,),
+        "K": (6, n_state),
+        "moved": (9, n_state),
+        "h": (6, max(1, n_entry)),
+    }
     return Motion(**zeros_of(shapes, lanes))
 
 

@@ -45,13 +45,33 @@ def update_state(work, case, gains, variance, epoch, row, channel, gate_squared)
     entries, columns = model.entry[channel, :n], model.column[channel, :n]
     if gains is None:
         return update_scalar(
-            work.P, work.x, work.K, work.H[row], entries, columns, work.z[row], variance, gate_squared,
-            model.n_estimated, model.joseph, beta,
-        )  # fmt: skip
+            work.P,
+            work.x,
+            work.K,
+            work.H[row],
+            entries,
+            columns,
+            work.z[row],
+            variance,
+            gate_squared,
+            model.n_estimated,
+            model.joseph,
+            beta,
+        )
     return update_with_gain(
-        work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, channel], work.z[row], variance,
-        gate_squared, model.n_estimated, beta,
-    )  # fmt: skip
+        work.P,
+        work.x,
+        work.K,
+        work.H[row],
+        entries,
+        columns,
+        gains.gain[epoch, channel],
+        work.z[row],
+        variance,
+        gate_squared,
+        model.n_estimated,
+        beta,
+    )
 
 
 @inlined

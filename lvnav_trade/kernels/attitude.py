@@ -29,10 +29,16 @@ def matrix(q0, q1, q2, q3):
     xy, xz, yz = a * q2, a * q3, b * q3
     wx, wy, wz = a * q0, b * q0, c * q0
     return (
-        1.0 - yy - zz, xy - wz, xz + wy,
-        xy + wz, 1.0 - xx - zz, yz - wx,
-        xz - wy, yz + wx, 1.0 - xx - yy,
-    )  # fmt: skip
+        1.0 - yy - zz,
+        xy - wz,
+        xz + wy,
+        xy + wz,
+        1.0 - xx - zz,
+        yz - wx,
+        xz - wy,
+        yz + wx,
+        1.0 - xx - yy,
+    )
 
 
 @jit

@@ -117,5 +117,7 @@ def _warn_of_refusal(why: str) -> None:
     """Say once in a process that kernels are not stored."""
     _LOG.warning(
         "compiled kernels cannot be stored in %s (%s); every command compiles them again until NUMBA_CACHE_DIR is a "
-        "folder that can be written", Path(numba.config.CACHE_DIR).parent, why,
-    )  # fmt: skip
+        "folder that can be written",
+        Path(numba.config.CACHE_DIR).parent,
+        why,
+    )

@@ -44,8 +44,11 @@ def set_cache_folder() -> None:
         folder = _temporary_root(name) / name
         _LOG.warning(
             "compiled kernels cannot be stored in %s (%s) and are in %s; set %s to a folder of yours that stays",
-            root, why, folder.parent, _VARIABLE,
-        )  # fmt: skip
+            root,
+            why,
+            folder.parent,
+            _VARIABLE,
+        )
     os.environ[_VARIABLE] = str(folder)
 
 

@@ -65,11 +65,14 @@ def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, d
     """Return the error of one axis' increment over a tick; `square` is the own increment squared over dt."""
     return (
         dt * table[BIAS + axis]
-        + table[OWN + 3 * axis] * own_0 + table[OWN + 3 * axis + 1] * own_1 + table[OWN + 3 * axis + 2] * own_2
-        + table[OTHER + 3 * axis] * other_0 + table[OTHER + 3 * axis + 1] * other_1
+        + table[OWN + 3 * axis] * own_0
+        + table[OWN + 3 * axis + 1] * own_1
+        + table[OWN + 3 * axis + 2] * own_2
+        + table[OTHER + 3 * axis] * other_0
+        + table[OTHER + 3 * axis + 1] * other_1
         + table[OTHER + 3 * axis + 2] * other_2
         + table[SQUARES + axis] * square
-    )  # fmt: skip
+    )
 
 
 @inlined
@@ -118,11 +121,15 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
         n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, number, np.uint64(1))
         e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, unit.biases_only, a0, a1, a2, f0, f1, f2, dt)
         increments[out, 0], increments[out, 1], increments[out, 2] = (
-            a0 + e0 + noise[0] * n0, a1 + e1 + noise[1] * n1, a2 + e2 + noise[2] * n2,
-        )  # fmt: skip
+            a0 + e0 + noise[0] * n0,
+            a1 + e1 + noise[1] * n1,
+            a2 + e2 + noise[2] * n2,
+        )
         increments[out, 3], increments[out, 4], increments[out, 5] = (
-            f0 + e3 + noise[3] * n3, f1 + e4 + noise[4] * n4, f2 + e5 + noise[5] * n5,
-        )  # fmt: skip
+            f0 + e3 + noise[3] * n3,
+            f1 + e4 + noise[4] * n4,
+            f2 + e5 + noise[5] * n5,
+        )
     for sensor in range(2):
         if noise[6 + sensor] > 0.0:
             for k in range(at, at + n_tick):

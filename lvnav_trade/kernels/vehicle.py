@@ -237,9 +237,19 @@ def update_together(P, Y, S, G, h, columns, noise):
         y0, y1, y2, y3, y4, y5 = Y[0, i], Y[1, i], Y[2, i], Y[3, i], Y[4, i], Y[5, i]
         for j in range(i, n):
             P[i, j] = P[i, j] - (
-                g0 * Y[0, j] + g1 * Y[1, j] + g2 * Y[2, j] + g3 * Y[3, j] + g4 * Y[4, j] + g5 * Y[5, j]
-                + y0 * G[0, j] + y1 * G[1, j] + y2 * G[2, j] + y3 * G[3, j] + y4 * G[4, j] + y5 * G[5, j]
-            )  # fmt: skip
+                g0 * Y[0, j]
+                + g1 * Y[1, j]
+                + g2 * Y[2, j]
+                + g3 * Y[3, j]
+                + g4 * Y[4, j]
+                + g5 * Y[5, j]
+                + y0 * G[0, j]
+                + y1 * G[1, j]
+                + y2 * G[2, j]
+                + y3 * G[3, j]
+                + y4 * G[4, j]
+                + y5 * G[5, j]
+            )
 
 
 @jit

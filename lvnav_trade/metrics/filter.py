@@ -20,9 +20,17 @@ CONSISTENT, OVERCONFIDENT, CONSERVATIVE, UNKNOWN = "consistent", "overconfident"
 # Of sigma: a smaller departure is no finding, however many runs show it.
 TOLERANCE = 0.25
 FILTER_VERDICTS = [
-    "case", "verdict", "sigma_ratio", "nees_ratio", "low_ratio", "high_ratio", "moment", "by", "largest_ratio",
+    "case",
+    "verdict",
+    "sigma_ratio",
+    "nees_ratio",
+    "low_ratio",
+    "high_ratio",
+    "moment",
+    "by",
+    "largest_ratio",
     "largest_s",
-]  # fmt: skip
+]
 
 
 def nees(tables: Tables) -> pd.DataFrame:

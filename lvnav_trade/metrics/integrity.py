@@ -21,9 +21,17 @@ _CHANNEL = ("range_bias", "degraded_noise", "wild_samples", "cycle_slip", "froze
 _CLOCK = ("clock_jump", "clock_drift")
 _UNIT = ("gyro_", "accel_", "dead_axis", "dropped_samples", "satellite_outage", "antenna_failure", "jamming")
 _COLUMNS = [
-    "case", "fault", "outcome", "run_count", "outcome_count", "share_ratio", "low_ratio", "high_ratio", "median_s",
+    "case",
+    "fault",
+    "outcome",
+    "run_count",
+    "outcome_count",
+    "share_ratio",
+    "low_ratio",
+    "high_ratio",
+    "median_s",
     "lincov_s",
-]  # fmt: skip
+]
 
 
 def expected(fault: str) -> str:

@@ -19,9 +19,19 @@ from lvnav_trade.store.read import Tables
 
 CONFIDENCE = 0.975  # of either bound: both hold with 95 %
 COLUMNS = [
-    "case", "quantity", "unit", "largest", "final", "fault_free", "sigma", "satellite", "error_count", "beyond_count",
-    "low_ratio", "high_ratio",
-]  # fmt: skip
+    "case",
+    "quantity",
+    "unit",
+    "largest",
+    "final",
+    "fault_free",
+    "sigma",
+    "satellite",
+    "error_count",
+    "beyond_count",
+    "low_ratio",
+    "high_ratio",
+]
 
 
 def series_of(tables: Tables, case: str, quantity: str) -> pd.DataFrame:
@@ -62,8 +72,10 @@ def protection(tables: Tables) -> pd.DataFrame:
             unit, factor = tables.people[quantity, "3d"]
             at = instant(tables, case, final_event(tables, case) or "end")
             last = rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - at)))]
-            sizes = [float(value) * float(factor) for value in (
-                rows.level_si.max(), last.level_si, last.fault_free_si, last.sigma_si)]  # fmt: skip
+            sizes = [
+                float(value) * float(factor)
+                for value in (rows.level_si.max(), last.level_si, last.fault_free_si, last.sigma_si)
+            ]
             count, total = beyond(tables, case, quantity)
             low, high = success_bounds(total, total - count, CONFIDENCE) if total else (np.nan, np.nan)
             found.append((label, quantity, unit, *sizes, last.satellite, total, count, low, high))

@@ -17,11 +17,18 @@ from lvnav_trade.units import parse
 
 # Totals: column, its unit for people, SI unit of the card's quantity (empty: a plain number), factor
 TOTALS = {
-    "cost": ("", "", 1.0), "mass": ("kg", "kg", 1.0), "power": ("W", "W", 1.0), "volume": ("l", "m**3", 1e3),
-}  # fmt: skip
+    "cost": ("", "", 1.0),
+    "mass": ("kg", "kg", 1.0),
+    "power": ("W", "W", 1.0),
+    "volume": ("l", "m**3", 1e3),
+}
 PREFERRED = {
-    "cost": "cost", "mass": "mass_kg", "power": "power_w", "volume": "volume_l", "error": "error_ratio",
-}  # fmt: skip
+    "cost": "cost",
+    "mass": "mass_kg",
+    "power": "power_w",
+    "volume": "volume_l",
+    "error": "error_ratio",
+}
 TOTALLED = ["cost", "mass_kg", "power_w", "volume_l", "mtbf_h", "devices", "unknown"]
 _HOUR = 3600.0
 
@@ -86,10 +93,14 @@ def total_of(scenario: Mapping[str, Any]) -> dict[str, float]:
         return {}
     rates = [1.0 / parse(str(one["mtbf"]), "s") for one in found if one.get("mtbf") is not None]
     return {
-        "cost": total("cost"), "mass_kg": total("mass"), "power_w": total("power"), "volume_l": total("volume"),
+        "cost": total("cost"),
+        "mass_kg": total("mass"),
+        "power_w": total("power"),
+        "volume_l": total("volume"),
         "mtbf_h": 1.0 / sum(rates) / _HOUR if rates else math.nan,
-        "devices": len(found), "unknown": sum(one.get("cost") is None for one in found),
-    }  # fmt: skip
+        "devices": len(found),
+        "unknown": sum(one.get("cost") is None for one in found),
+    }
 
 
 @once
@@ -113,9 +124,10 @@ def pareto(tables: Tables) -> pd.DataFrame:
     values = frame[[*used, "error_ratio"]].to_numpy(dtype=float)
     by = [_dominating(values, k) for k in range(len(values))]
     return frame.assign(
-        meets=frame.verdict == "met", front=[one < 0 for one in by],
+        meets=frame.verdict == "met",
+        front=[one < 0 for one in by],
         dominated_by=[str(frame.case.iloc[one]) if one >= 0 else "" for one in by],
-    )  # fmt: skip
+    )
 
 
 def _ratios(tables: Tables) -> pd.DataFrame:

@@ -14,13 +14,34 @@ from lvnav_trade.store.read import Tables
 
 QUANTITIES = ("rate", "acceleration")
 COLUMNS = [
-    "case", "phase", "metric", "axis", "unit", "raw", "filtered", "filter_sigma", "lincov_true", "better_percent",
-    "formal_better_percent", "over_sigma_ratio", "low", "high", "as_modelled",
-]  # fmt: skip
+    "case",
+    "phase",
+    "metric",
+    "axis",
+    "unit",
+    "raw",
+    "filtered",
+    "filter_sigma",
+    "lincov_true",
+    "better_percent",
+    "formal_better_percent",
+    "over_sigma_ratio",
+    "low",
+    "high",
+    "as_modelled",
+]
 NOZZLE = [
-    "case", "burn", "axis", "runs", "raw_deg", "filtered_deg", "true_deg", "less_percent", "low_percent",
+    "case",
+    "burn",
+    "axis",
+    "runs",
+    "raw_deg",
+    "filtered_deg",
+    "true_deg",
+    "less_percent",
+    "low_percent",
     "high_percent",
-]  # fmt: skip
+]
 _DEG_H = 206264.80624709636
 _SHORTEST = 5.0  # seconds: phases that are shorter are left out
 

@@ -19,17 +19,27 @@ PHASES = ("carrier_phase", "tdcp")
 DIFFERENCES = {"tdcp": "carrier_phase", "delta_pseudorange": "pseudorange"}
 """Observables that are the difference of two successive epochs, and of what."""
 LABELS = {
-    "pseudorange": "range", "range_rate": "range rate", "carrier_phase": "carrier phase", "tdcp": "phase difference",
+    "pseudorange": "range",
+    "range_rate": "range rate",
+    "carrier_phase": "carrier phase",
+    "tdcp": "phase difference",
     "delta_pseudorange": "range difference",
-}  # fmt: skip
+}
 # Errors of a single observable: the state that a filter has for each.
 OF_ONE = {"ambiguity": "carrier_phase", "phase_noise": "tdcp", "code_noise": "delta_pseudorange"}
 LEVER_AXES = ("lever_x", "lever_y", "lever_z")
 RANGE_ONLY = ("range_bias", "time_offset")
 RATE_ONLY = ("range_rate_offset",)
 SATELLITE_KINDS = (
-    *RANGE_ONLY, *RATE_ONLY, "timing", "troposphere_scale", "ionosphere_scale", *BY_SATELLITE, *LEVER_AXES, *OF_ONE,
-)  # fmt: skip
+    *RANGE_ONLY,
+    *RATE_ONLY,
+    "timing",
+    "troposphere_scale",
+    "ionosphere_scale",
+    *BY_SATELLITE,
+    *LEVER_AXES,
+    *OF_ONE,
+)
 SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing", "troposphere_scale", "ionosphere_scale")
 
 

@@ -19,6 +19,19 @@ from lvnav_trade.plots import (
 from lvnav_trade.plots.style import PLOTS
 
 __all__ = [
-    "PLOTS", "budget", "curves", "errors", "inertial", "injection", "integrity", "limits", "mission", "protection",
-    "published", "search", "signals", "validity", "vehicle",
-]  # fmt: skip
+    "PLOTS",
+    "budget",
+    "curves",
+    "errors",
+    "inertial",
+    "injection",
+    "integrity",
+    "limits",
+    "mission",
+    "protection",
+    "published",
+    "search",
+    "signals",
+    "validity",
+    "vehicle",
+]

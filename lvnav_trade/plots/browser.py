@@ -13,9 +13,22 @@ MOST_POINTS = 1500
 """Points of a line that are drawn; of more, the least and the largest value of stretches of equal length."""
 _DASHES = {"-": (), "--": (6, 3), ":": (1.5, 2.5), "-.": (7, 3, 1.5, 3)}
 _STYLES = (
-    "color", "alpha", "lw", "marker", "ms", "mfc", "every", "step", "axis", "ha", "va", "x_part", "y_part", "cmap",
+    "color",
+    "alpha",
+    "lw",
+    "marker",
+    "ms",
+    "mfc",
+    "every",
+    "step",
+    "axis",
+    "ha",
+    "va",
+    "x_part",
+    "y_part",
+    "cmap",
     "group",
-)  # fmt: skip
+)
 
 
 def data_of(figure: Figure) -> str:

@@ -168,11 +168,25 @@ def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
     """Return the arrays of a receiver that is switched off: one run, or `lanes` runs on the last axis."""
     n = N_STATE
     shapes = {
-        "near": (3,), "fix": (N_FIX,), "inverse": (4, 4), "normal": (4, 4), "sides": (2, 4), "verdict": (2,),
-        "nav": (n,), "P": (n, n), "x": (n,), "K": (n,), "h": (N_ENTRY,), "at": (21,), "memory": (N_MEMORY,),
-        "used": (2,), "solution": (6,), "covariance": (6, 6), "innovation": (2 * n_sat,),
+        "near": (3,),
+        "fix": (N_FIX,),
+        "inverse": (4, 4),
+        "normal": (4, 4),
+        "sides": (2, 4),
+        "verdict": (2,),
+        "nav": (n,),
+        "P": (n, n),
+        "x": (n,),
+        "K": (n,),
+        "h": (N_ENTRY,),
+        "at": (21,),
+        "memory": (N_MEMORY,),
+        "used": (2,),
+        "solution": (6,),
+        "covariance": (6, 6),
+        "innovation": (2 * n_sat,),
         "average": (n_sat,),
-    }  # fmt: skip
+    }
     return Receiver(**zeros_of(shapes, lanes))
 
 

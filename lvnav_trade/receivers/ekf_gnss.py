@@ -124,7 +124,7 @@ def _take_row(rx, model, innovation, limit, variance, entries, columns):
     innovation = where(magnitude(innovation) <= limit, innovation * scale, np.nan)
     normalised, weight = update_scalar(
         rx.P, rx.x, rx.K, rx.h, entries, columns, innovation, 1.0, model.gate_squared, N_STATE, False
-    )  # fmt: skip
+    )
     return where(weight > 0.0, 1.0, 0.0), normalised
 
 

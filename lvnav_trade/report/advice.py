@@ -21,10 +21,17 @@ from lvnav_trade.units import parse
 
 # Unit of a datasheet for a field, by the SI unit in which resolved campaigns state it
 _DATASHEET = {
-    "rad/s**0.5": "deg/sqrt(h)", "rad/s**1.5": "deg/h/sqrt(h)", "rad/s": "deg/h", "rad*s/m": "deg/h/g",
-    "m/s**1.5": "mg/sqrt(Hz)", "m/s**2.5": "mg/sqrt(h)", "m/s**2": "mg", "dimensionless": "ppm",
-    "1/s**0.5": "ppm/sqrt(year)", "rad": "mrad",
-}  # fmt: skip
+    "rad/s**0.5": "deg/sqrt(h)",
+    "rad/s**1.5": "deg/h/sqrt(h)",
+    "rad/s": "deg/h",
+    "rad*s/m": "deg/h/g",
+    "m/s**1.5": "mg/sqrt(Hz)",
+    "m/s**2.5": "mg/sqrt(h)",
+    "m/s**2": "mg",
+    "dimensionless": "ppm",
+    "1/s**0.5": "ppm/sqrt(year)",
+    "rad": "mrad",
+}
 _ANGLES = ("tilt", "heading")  # fields in degrees
 _OF_A_STUDY = re.compile(r"_\d{3}(_|$)")  # in the name of a card
 _MOST_FIELDS = 2
@@ -128,8 +135,11 @@ def missing_state(
     if share < least or not state or state in modelled:
         return None
     wanted = {*modelled, state}
-    known = (name for name, measured, states in _filter_cards() if measured == frozenset(card.get("measurements", ()))
-             and wanted <= states)  # fmt: skip
+    known = (
+        name
+        for name, measured, states in _filter_cards()
+        if measured == frozenset(card.get("measurements", ())) and wanted <= states
+    )
     return MissingState(source, share, state, next(known, ""))
 
 

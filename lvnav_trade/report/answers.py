@@ -19,9 +19,12 @@ from lvnav_trade.store.read import Tables
 
 _FEW = 4  # cases that are all named beside their verdict
 _WORDS = {  # of verdicts, from the best to the worst
-    "met": "Met by", "undecided": "Undecided for", "not applicable": "No verdict for",
-    "not confirmed": "Not confirmed for", "violated": "Violated by",
-}  # fmt: skip
+    "met": "Met by",
+    "undecided": "Undecided for",
+    "not applicable": "No verdict for",
+    "not confirmed": "Not confirmed for",
+    "violated": "Violated by",
+}
 
 
 def answers(tables: Tables) -> list[Block]:

@@ -60,13 +60,17 @@ def stated_requirements(tables: Tables) -> list[Block]:
     for one in tables.campaign.get("requirements") or ():
         sides, over = metric_in(one).bounded_as, "mixed" if one.get("during") else "ensemble"
         limit = limits.get(one["name"]) or one["below"]
-        rows.append({
-            **{field: str(one.get(field) or "") for field in _OPTIONAL},
-            "requirement": one["name"], "bound": f"{words(one['metric'])} below {limit}",
-            "place": place_of(one),
-            "probability": float(one["probability"]), "confidence": float(one.get("confidence", 0.9)),
-            "interpretation": f"{sides}, {over}",
-        })  # fmt: skip
+        rows.append(
+            {
+                **{field: str(one.get(field) or "") for field in _OPTIONAL},
+                "requirement": one["name"],
+                "bound": f"{words(one['metric'])} below {limit}",
+                "place": place_of(one),
+                "probability": float(one["probability"]),
+                "confidence": float(one.get("confidence", 0.9)),
+                "interpretation": f"{sides}, {over}",
+            }
+        )
     if not rows:
         return []
     frame = pd.DataFrame(rows)

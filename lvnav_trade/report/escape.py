@@ -68,9 +68,7 @@ def markdown_fence(text: object) -> str:
     return "`" * max(3, 1 + max(map(len, re.findall("`+", str(text))), default=0))
 
 
-MARKDOWN = {
-    "md": markdown, "line": markdown_line, "cell": markdown_cell, "alt": markdown_alt, "fence": markdown_fence
-}  # fmt: skip
+MARKDOWN = {"md": markdown, "line": markdown_line, "cell": markdown_cell, "alt": markdown_alt, "fence": markdown_fence}
 """Filters of the templates of Markdown pages."""
 
 

@@ -42,10 +42,16 @@ from lvnav_trade.report.validity import filter_verdict
 from lvnav_trade.store.read import Tables
 
 _FACT_UNITS = (
-    ("gee_m", "_m", "km", 1e-3), ("_m_per_s", "_m_per_s", "m/s", 1.0), ("_m_s", "_m_s", "m/s", 1.0),
-    ("_rad", "_rad", "deg", 57.29577951308232), ("_pa", "_pa", "kPa", 1e-3), ("_m", "_m", "m", 1.0),
-    ("_g", "_g", "g", 1.0), ("_kg", "_kg", "kg", 1.0), ("_s", "_s", "s", 1.0),
-)  # fmt: skip
+    ("gee_m", "_m", "km", 1e-3),
+    ("_m_per_s", "_m_per_s", "m/s", 1.0),
+    ("_m_s", "_m_s", "m/s", 1.0),
+    ("_rad", "_rad", "deg", 57.29577951308232),
+    ("_pa", "_pa", "kPa", 1e-3),
+    ("_m", "_m", "m", 1.0),
+    ("_g", "_g", "g", 1.0),
+    ("_kg", "_kg", "kg", 1.0),
+    ("_s", "_s", "s", 1.0),
+)
 """What a fact's name ends with, what of that is its unit, the unit for people, their factor."""
 _FEW = 3  # cases of which every event stands in the table of errors
 NAVIGATION = ("position", "velocity", "attitude")
@@ -236,9 +242,21 @@ def reproduce(tables: Tables) -> list[Block]:
     """Return commands, seed, versions, digests."""
     manifest = {**tables.manifest, "seed": tables.campaign.get("seed", tables.manifest.get("seed"))}
     keys = (
-        "campaign", "seed", "campaign_digest", "tool", "code_digest", "commit", "python", "numpy", "numba", "scipy",
-        "pyarrow", "system", "cpu", "created",
-    )  # fmt: skip
+        "campaign",
+        "seed",
+        "campaign_digest",
+        "tool",
+        "code_digest",
+        "commit",
+        "python",
+        "numpy",
+        "numba",
+        "scipy",
+        "pyarrow",
+        "system",
+        "cpu",
+        "created",
+    )
     rows = tuple((words(key), str(manifest[key])) for key in keys if manifest.get(key))
     return [
         Text(note("reproduce")),

@@ -135,8 +135,12 @@ def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     the same unit stand once.
     """
     decades = [10.0**k for k in range(-2, 5)]
-    nearest = [int((one.tau_s / t - 1.0).abs().idxmin()) for _, one in frame.groupby(["case", "sensor"], sort=False)
-               for t in decades if one.tau_s.min() / 1.5 < t < 1.5 * one.tau_s.max()]  # fmt: skip
+    nearest = [
+        int((one.tau_s / t - 1.0).abs().idxmin())
+        for _, one in frame.groupby(["case", "sensor"], sort=False)
+        for t in decades
+        if one.tau_s.min() / 1.5 < t < 1.5 * one.tau_s.max()
+    ]
     found = stated("allan", frame.loc[list(dict.fromkeys(nearest))], alike=True)
     shown = [case for case, label in chosen_cases(tables).items() if label in set(frame.case)]
     return [Text(note("allan")), found, *(figure(tables, "allan", case) for case in shown)]

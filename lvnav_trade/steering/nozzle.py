@@ -58,9 +58,13 @@ def launch_of(scenario: Scenario) -> Launch:
     assert card is not None  # the scenario is checked for it, and for its trajectory
     assert isinstance(scenario.trajectory, VehicleAscent)
     launch = prepare_launch(
-        _ascended(scenario.trajectory.model_dump_json()), card.rotation, card.controller, card.wind,
-        equivalent(scenario.imu), scenario.filter.envelope,
-    )  # fmt: skip
+        _ascended(scenario.trajectory.model_dump_json()),
+        card.rotation,
+        card.controller,
+        card.wind,
+        equivalent(scenario.imu),
+        scenario.filter.envelope,
+    )
     return with_rate_gain(launch, card.rate_gain)
 
 
@@ -93,9 +97,12 @@ def feedback(scenario: Scenario, feed: Any) -> FeedbackCard:
     (sensor,) = sensors_measuring(scenario, "attitude")  # the scenario is checked for it
     assert isinstance(sensor, AttitudeReferenceCard)
     return FeedbackCard.model_construct(
-        rate=feed, attitude="navigation", noise="datasheet", reference_sigma=sensor.sigma,
+        rate=feed,
+        attitude="navigation",
+        noise="datasheet",
+        reference_sigma=sensor.sigma,
         reference_rate=sensor.rate or scenario.filter.update_rate,
-    )  # fmt: skip
+    )
 
 
 def _totals(missions: list[Missions], spans: Floats) -> Floats:
@@ -116,12 +123,19 @@ def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
     furthest = flown.sums.max(axis=0)
     ticks = np.where(sums[..., loop.TICKS] > 0.0, sums[..., loop.TICKS], np.nan)
     raw = rms(launch.imu.gyro.random_walk) * np.sqrt(launch.imu.rate) if feed == "raw" else np.nan
-    return np.stack([
-        sums[..., loop.TICKS], sums[..., loop.INSIDE_TURNING] / ticks, sums[..., loop.INSIDE_JERK] / ticks,
-        furthest[..., loop.TURNING_RATIO], furthest[..., loop.JERK_RATIO],
-        np.sqrt(sums[..., loop.SQUARE_ERROR] / ticks), np.sqrt(sums[..., loop.SQUARE_RATE] / ticks),
-        _formal(launch, flown) if feed == "filtered" else np.full((2, loop.N_PHASE), raw),
-    ], axis=-1)  # fmt: skip
+    return np.stack(
+        [
+            sums[..., loop.TICKS],
+            sums[..., loop.INSIDE_TURNING] / ticks,
+            sums[..., loop.INSIDE_JERK] / ticks,
+            furthest[..., loop.TURNING_RATIO],
+            furthest[..., loop.JERK_RATIO],
+            np.sqrt(sums[..., loop.SQUARE_ERROR] / ticks),
+            np.sqrt(sums[..., loop.SQUARE_RATE] / ticks),
+            _formal(launch, flown) if feed == "filtered" else np.full((2, loop.N_PHASE), raw),
+        ],
+        axis=-1,
+    )
 
 
 def _formal(launch: Launch, flown: Missions) -> Floats:

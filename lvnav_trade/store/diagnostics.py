@@ -180,14 +180,24 @@ def _protection(prepared: Prepared, found: Explanation) -> Rows:
     axes = [output.axis for output in prepared.outputs if output.quantity == "position"]
     for quantity, (name, unit) in enumerate(PROTECTED.items()):
         named = np.array([*one.satellites, ""])[one.worst[:, quantity].astype(int)]
-        sizes = [np.hstack([part[:, quantity], np.linalg.norm(part[:, quantity], axis=1)[:, None]])
-                 for part in (one.level, one.fault_free, one.sigma)]  # fmt: skip
+        sizes = [
+            np.hstack([part[:, quantity], np.linalg.norm(part[:, quantity], axis=1)[:, None]])
+            for part in (one.level, one.fault_free, one.sigma)
+        ]
         for axis, label in enumerate((*axes, "3d")):
             rows += [
-                {"t_s": float(t), "quantity": name, "axis": label, "unit": unit, "level_si": float(level),
-                 "fault_free_si": float(free), "sigma_si": float(sigma), "satellite": str(worst)}
+                {
+                    "t_s": float(t),
+                    "quantity": name,
+                    "axis": label,
+                    "unit": unit,
+                    "level_si": float(level),
+                    "fault_free_si": float(free),
+                    "sigma_si": float(sigma),
+                    "satellite": str(worst),
+                }
                 for t, level, free, sigma, worst in zip(one.t, *(size[:, axis] for size in sizes), named, strict=True)
-            ]  # fmt: skip
+            ]
     return rows
 
 

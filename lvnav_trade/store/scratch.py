@@ -22,9 +22,18 @@ FOLDER = ".scratch"
 _TREE = "tree"
 _NUMERIC = "biuf"  # kinds of numpy types
 _DAMAGE = (
-    ValueError, KeyError, TypeError, IndexError, EOFError, OverflowError, NotImplementedError, RecursionError,
-    MemoryError, zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
+    ValueError,
+    KeyError,
+    TypeError,
+    IndexError,
+    EOFError,
+    OverflowError,
+    NotImplementedError,
+    RecursionError,
+    MemoryError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 
 def write(file: Path, value: Any, identity: str) -> None:

@@ -252,9 +252,14 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
 
 
 _TURNING = (
-    "inside_turning_ratio", "inside_jerk_ratio", "furthest_turning_ratio", "furthest_jerk_ratio", "attitude_error_rad",
-    "rate_error_rad_per_s", "rate_sigma_rad_per_s",
-)  # fmt: skip
+    "inside_turning_ratio",
+    "inside_jerk_ratio",
+    "furthest_turning_ratio",
+    "furthest_jerk_ratio",
+    "attitude_error_rad",
+    "rate_error_rad_per_s",
+    "rate_sigma_rad_per_s",
+)
 _MOTION = ("turning_rad_per_s2", "turning_bound_rad_per_s2", "jerk_m_per_s3", "jerk_bound_m_per_s3")
 WHOLE = "flight"  # what stands for all burns together
 

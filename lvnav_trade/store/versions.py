@@ -17,15 +17,38 @@ RESULTS_VERSION = 2  # layout of the files in a folder of results; a block of an
 PACKAGE = Path(__file__).resolve().parents[1]
 _COMPUTES = ("kernels", "delays", "world", "observables", "receivers", "filters", "engines", "steering")
 _COMPUTES_TOO = (
-    "layout.py", "frames.py", "records.py", "scenario.py", "units.py", "unit_list.py", "unit_spelling.py",
-    "decimals.py", "sources.py", "refusals.py", "limits.py", "line_of_sight.py",
-    "input_files.py", "marks.py", "reads.py", "resources.py", "per_axis.py", "noise.py", "envelope.py",
-)  # fmt: skip
+    "layout.py",
+    "frames.py",
+    "records.py",
+    "scenario.py",
+    "units.py",
+    "unit_list.py",
+    "unit_spelling.py",
+    "decimals.py",
+    "sources.py",
+    "refusals.py",
+    "limits.py",
+    "line_of_sight.py",
+    "input_files.py",
+    "marks.py",
+    "reads.py",
+    "resources.py",
+    "per_axis.py",
+    "noise.py",
+    "envelope.py",
+)
 _OF_RUNS = ("runs", "stop", "selected", "other_runs")  # of monte_carlo: how many runs there are
 _NOT_THE_RUNS = (
-    "description", "covariance", "requirements", "references", "report", "corridor", "compare", "document",
+    "description",
+    "covariance",
+    "requirements",
+    "references",
+    "report",
+    "corridor",
+    "compare",
+    "document",
     "margin_policy",
-)  # fmt: skip
+)
 
 
 def tool_version() -> str:

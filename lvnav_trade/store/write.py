@@ -30,7 +30,7 @@ from lvnav_trade.store.files import (
     replace_file,
     row_files,
     write_case_table,
-)  # fmt: skip
+)
 from lvnav_trade.store.manifest import DIGESTS, MANIFEST_BYTES, digests
 from lvnav_trade.store.schema import TABLES, arrow_schema
 from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table, traces_table

@@ -15,9 +15,16 @@ from lvnav_trade.world.events import Instant
 from lvnav_trade.world.sensors.imu import ImuCard
 
 _NOT_IN_RATE_FILTER = (  # fields of an envelope that the filter of pitch and yaw rate does not read
-    "roll", "axial_burn", "axial_coast", "axial_change", "lateral", "nozzle_gain", "nozzle_time", "start_rate",
+    "roll",
+    "axial_burn",
+    "axial_coast",
+    "axial_change",
+    "lateral",
+    "nozzle_gain",
+    "nozzle_time",
+    "start_rate",
     "start_acceleration",
-)  # fmt: skip
+)
 _UNIFORM = 0.28867513459481287  # radius of gyration of a uniform rod, in its lengths: 1 / sqrt(12)
 
 

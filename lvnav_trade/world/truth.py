@@ -136,9 +136,14 @@ def pad_times(start: float, hold: float, step: float = PAD_STEP) -> Floats:
 
 
 def pad_phase(
-    r_e: Floats, theta0: float, start: float, hold: float, attitude: BSpline, spin: PPoly | None = None,
+    r_e: Floats,
+    theta0: float,
+    start: float,
+    hold: float,
+    attitude: BSpline,
+    spin: PPoly | None = None,
     v_end: Floats | None = None,
-) -> tuple[Phase, ...]:  # fmt: skip
+) -> tuple[Phase, ...]:
     """Return the rest at r_e (3,) on the Earth for `hold` seconds before `start`; nothing where there is no hold.
 
     v_end (3,) is the velocity (m/s, frame i) that it ends with; none: that of the Earth there.

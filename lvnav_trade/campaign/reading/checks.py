@@ -180,8 +180,9 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
     """
     cases = named_cases(campaign)
     wanted = [(f"figures.{i}.case", figure.case) for i, figure in enumerate(part.figures)]
-    wanted += [(f"figures.{i}.cases.{k}", one) for i, figure in enumerate(part.figures)
-               for k, one in enumerate(figure.cases)]  # fmt: skip
+    wanted += [
+        (f"figures.{i}.cases.{k}", one) for i, figure in enumerate(part.figures) for k, one in enumerate(figure.cases)
+    ]
     wanted.append(("kml", part.kml or {}))
     for path, one in wanted:
         if message := unknown_case(one, cases):

@@ -81,9 +81,15 @@ class _Reader:
         return place.file in self.own
 
     def stated(
-        self, node: Node, kind: Any, path: str, place: Place, counts: str = "", is_free: bool = True,
+        self,
+        node: Node,
+        kind: Any,
+        path: str,
+        place: Place,
+        counts: str = "",
+        is_free: bool = True,
         is_override: bool = False,
-    ) -> Stated:  # fmt: skip
+    ) -> Stated:
         """Return what a node states; counts: path whose reading counts for it; is_free: it could be left out."""
         within = tuple(one for one in self._within(node, kind, path) if one.must_act or one.within)
         is_whole = _holds(node, kind)
@@ -172,9 +178,11 @@ class Effects:
         nothing is left to be found.
         """
         open_ = [
-            (root, one) for root in self.roots for one in root.demands()
+            (root, one)
+            for root in self.roots
+            for one in root.demands()
             if not any(_acts(one, used) for used in self._seen(root, one, known))
-        ]  # fmt: skip
+        ]
         left = [case for case in self.cases if case.id not in known]
         counts = [sum(self._stands(root, one, case) for root, one in open_) for case in left]
         most = max(counts, default=0)

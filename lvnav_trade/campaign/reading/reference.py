@@ -15,9 +15,23 @@ _QUANTITY = "quantity with a unit: "
 _PLAIN = {str: "text", int: "whole number", float: "number", bool: "true or false", Any: "any value"}
 # What a campaign is made of is written out; anything else may be a card.
 _WRITTEN_OUT = (
-    "MonteCarlo", "Axis", "Published", "Ordering", "Innovations", "Statement", "Term", "Covariance", "Keep", "Report",
-    "Compare", "Solve", "Vary", "Indices", "Tune", "Variable",
-)  # fmt: skip
+    "MonteCarlo",
+    "Axis",
+    "Published",
+    "Ordering",
+    "Innovations",
+    "Statement",
+    "Term",
+    "Covariance",
+    "Keep",
+    "Report",
+    "Compare",
+    "Solve",
+    "Vary",
+    "Indices",
+    "Tune",
+    "Variable",
+)
 _CARD = {"type": "string", "description": "name or path of a card, such as imu/tactical_fog"}
 
 

@@ -62,8 +62,10 @@ def spaced(root: Node) -> tuple[Node, list[Mistake]]:
 def _written(axis: Node, index: int) -> Node:
     """Return an axis in which what is equally spaced is written out."""
     made: dict[str, Callable[[Sequence[Any], Ends], Floats]] = {
-        "linspace": _linspace, "logspace": _logspace, "range": _range,
-    }  # fmt: skip
+        "linspace": _linspace,
+        "logspace": _logspace,
+        "range": _range,
+    }
     stated_too = axis.is_map and any(key in axis.value and axis.value[key].value is not None for key in _LEVELS)
     for key, make in made.items() if not stated_too else ():
         if axis.is_map and (stated := find(axis, [key])) is not None and stated.value is not None:

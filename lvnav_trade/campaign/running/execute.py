@@ -162,9 +162,15 @@ def run(
 
 class _Run:
     def __init__(
-        self, campaign: Campaign, folder: Path, jobs: int, fail_fast: bool, watch: Progress, engine: work.Engine,
+        self,
+        campaign: Campaign,
+        folder: Path,
+        jobs: int,
+        fail_fast: bool,
+        watch: Progress,
+        engine: work.Engine,
         shard: Shard | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.campaign, self.folder, self.jobs, self.fail_fast, self.watch = campaign, folder, jobs, fail_fast, watch
         self.cases = cases(campaign)
         self.labels = {case.id: case.label for case in self.cases}

@@ -105,11 +105,19 @@ def _compile_kernels(prepared: Prepared, asked: Asked) -> None:
 
 
 ENGINE = Engine(
-    _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, _compile_kernels,
-    explained.explain, stopping.beyond, starts.start_draws, nozzle.controlled,
+    _events,
+    prepare,
+    montecarlo.run_block,
+    lincov.covariance,
+    statistics.summarise,
+    _compile_kernels,
+    explained.explain,
+    stopping.beyond,
+    starts.start_draws,
+    nozzle.controlled,
     effect.used,
     _remarks,
-)  # fmt: skip
+)
 
 
 class Job(NamedTuple):

@@ -24,9 +24,16 @@ from lvnav_trade.records import CovHistory, Floats
 from lvnav_trade.scenario import Scenario
 
 COLUMNS = [
-    "source", "share_ratio", "local", "frozen_first", "frozen_total", "retuned_first", "retuned_first_half_width",
-    "retuned_total", "retuned_total_half_width",
-]  # fmt: skip
+    "source",
+    "share_ratio",
+    "local",
+    "frozen_first",
+    "frozen_total",
+    "retuned_first",
+    "retuned_first_half_width",
+    "retuned_total",
+    "retuned_total_half_width",
+]
 DEGREE = 3
 RESAMPLED = 100
 POINTS, NODES = 512, 6  # of quadrature for the indices of a fit
@@ -81,10 +88,15 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
     frozen = s**2 / np.sum(s**2)
     rows = zip(sources, s / total, s / total, frozen, frozen, first, widths[0], whole, widths[1], strict=True)
     return Indexed(
-        pd.DataFrame(list(rows), columns=COLUMNS), case.label, f"{requirement.metric} at {requirement.at}",
-        float(s.sum() / total), predicted(u, value), asked.samples, time.monotonic() - begun,
+        pd.DataFrame(list(rows), columns=COLUMNS),
+        case.label,
+        f"{requirement.metric} at {requirement.at}",
+        float(s.sum() / total),
+        predicted(u, value),
+        asked.samples,
+        time.monotonic() - begun,
         not_described(one.outside for one in look(campaign, case.scenario, [requirement.name]).values()),
-    )  # fmt: skip
+    )
 
 
 def _requirement(campaign: Campaign, name: str) -> Requirement:

@@ -42,9 +42,17 @@ def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> Chosen:
             raise InputError(f"solve.least: {asked.least}: no device of the case {case.label} states it (resources)")
     looks = list(each(jobs, _ratio, [(campaign, case, asked) for case in found], ordered=True))
     rows = [
-        {"case": case.label, "chosen": False, **total, "error_ratio": ratio, "binding": name, "meets": ratio <= 1.0,
-         "remark": why} for case, total, (ratio, name, why) in zip(found, totals, looks, strict=True)
-    ]  # fmt: skip
+        {
+            "case": case.label,
+            "chosen": False,
+            **total,
+            "error_ratio": ratio,
+            "binding": name,
+            "meets": ratio <= 1.0,
+            "remark": why,
+        }
+        for case, total, (ratio, name, why) in zip(found, totals, looks, strict=True)
+    ]
     frame = pd.DataFrame(rows, columns=COLUMNS).sort_values(column, kind="stable")
     best = frame.index[frame.meets][:1]
     frame.loc[best, "chosen"] = True

@@ -158,11 +158,13 @@ def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, Flown]:
     expected = look(campaign, scenario)
     return {
         one.name: Flown(
-            int(count), runs, success_verdict(runs, int(count), one.probability, one.confidence),
+            int(count),
+            runs,
+            success_verdict(runs, int(count), one.probability, one.confidence),
             1.0 - expected[one.name].probability,
         )
         for one, count in zip(campaign.requirements, counts, strict=True)
-    }  # fmt: skip
+    }
 
 
 def confirm(

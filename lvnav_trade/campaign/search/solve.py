@@ -32,14 +32,33 @@ from lvnav_trade.records import Floats
 
 _CLOSE = 1e-3  # of a value: crossings are found so closely
 ANSWERS = [
-    "case", "tuning", "along", "along_unit", "answer", "unit", "binding", "monotone", "base_value", "evaluations",
+    "case",
+    "tuning",
+    "along",
+    "along_unit",
+    "answer",
+    "unit",
+    "binding",
+    "monotone",
+    "base_value",
+    "evaluations",
     "remark",
-]  # fmt: skip
+]
 INTERVALS = ["case", "tuning", "along", "along_unit", "least", "largest", "unit"]
 SCANNED = [
-    "case", "tuning", "along", "along_unit", "value", "unit", "requirement", "estimate", "limit", "metric_unit",
-    "ratio", "probability",
-]  # fmt: skip
+    "case",
+    "tuning",
+    "along",
+    "along_unit",
+    "value",
+    "unit",
+    "requirement",
+    "estimate",
+    "limit",
+    "metric_unit",
+    "ratio",
+    "probability",
+]
 CONFIRMED = ["case", "tuning", "value", "unit", "requirement", "runs", "beyond", "expected", "verdict", "agree"]
 
 
@@ -151,9 +170,14 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
     ]
     confirmed = [row for rows in each(jobs, _confirm, flights, ordered=True) for row in rows]
     return Solved(
-        answers, intervals, scanned, pd.DataFrame(confirmed, columns=CONFIRMED),
-        tuple(vary.path for vary in asked.vary), tuple(ends.unit for ends, _ in spans), time.monotonic() - start,
-    )  # fmt: skip
+        answers,
+        intervals,
+        scanned,
+        pd.DataFrame(confirmed, columns=CONFIRMED),
+        tuple(vary.path for vary in asked.vary),
+        tuple(ends.unit for ends, _ in spans),
+        time.monotonic() - start,
+    )
 
 
 def _counted(vary: Vary, case: Case) -> Vary:
@@ -240,8 +264,15 @@ def _one(
     remark = "; ".join(part for part in (remark.removesuffix("; "), outside) if part)
     base = number_at(case.scenario, asked.vary[0].path, ends.unit)
     row = (
-        *place, found.answer, ends.unit, found.binding, found.monotone, base, len(seen), remark,
-    )  # fmt: skip
+        *place,
+        found.answer,
+        ends.unit,
+        found.binding,
+        found.monotone,
+        base,
+        len(seen),
+        remark,
+    )
     return row, [(*place, *ends_at, ends.unit) for ends_at in found.intervals], rows
 
 

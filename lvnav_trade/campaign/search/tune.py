@@ -21,8 +21,17 @@ from lvnav_trade.records import Floats
 
 VALUES = ["path", "before", "after", "unit", "least", "largest"]
 CASES = [
-    "case", "role", "ratio_before", "ratio_after", "nees_before", "nees_after", "runs", "beyond", "verdict", "remark",
-]  # fmt: skip
+    "case",
+    "role",
+    "ratio_before",
+    "ratio_after",
+    "nees_before",
+    "nees_after",
+    "runs",
+    "beyond",
+    "verdict",
+    "remark",
+]
 _OUTSIDE = 10.0  # weight of a NEES beyond its bounds, in the logarithm
 
 
@@ -107,11 +116,17 @@ def _before_and_after(
     flights = list(each(jobs, _fly, [(campaign, case, chosen, runs, name) for case in every], ordered=True))
     return [
         (
-            case.label, "held out" if case.label in asked.hold_out else "tuned", before.ratio, after.ratio,
-            before.nees, after.nees, *flight, not_described([before.outside, after.outside]),
+            case.label,
+            "held out" if case.label in asked.hold_out else "tuned",
+            before.ratio,
+            after.ratio,
+            before.nees,
+            after.nees,
+            *flight,
+            not_described([before.outside, after.outside]),
         )
         for case, before, after, flight in zip(every, looks[::2], looks[1::2], flights, strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def _fly(campaign: Campaign, case: Case, values: Mapping[str, Any], runs: int, name: str) -> tuple[int, int, str]:

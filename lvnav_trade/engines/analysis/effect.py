@@ -58,11 +58,19 @@ def used(prepared: Prepared, read: Collection[str]) -> Used:
         steered = (name for name, card in scenario.sensors.items() if card and card.measurement == "attitude")
         whole += (*_CONTROL, *(f"sensors.{name}" for name in steered))
     exact = dict(_exact(prepared))
-    idle = dict([
-        *_untouched(prepared), *_late(prepared), *_of_ranges(scenario), *_of_noise(scenario), *_of_phases(prepared),
-        *_of_clock(scenario), *_of_faults(scenario),
-        *_of_outages(prepared), *_of_tests(scenario),
-    ])  # fmt: skip
+    idle = dict(
+        [
+            *_untouched(prepared),
+            *_late(prepared),
+            *_of_ranges(scenario),
+            *_of_noise(scenario),
+            *_of_phases(prepared),
+            *_of_clock(scenario),
+            *_of_faults(scenario),
+            *_of_outages(prepared),
+            *_of_tests(scenario),
+        ]
+    )
     return Used(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
 
 
@@ -82,10 +90,15 @@ def _uncertain(prepared: Prepared) -> set[str]:
 def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield the states that no measurement touches: their column of the Jacobian is zero at every epoch."""
     layout, taken = prepared.layout, prepared.model.measured
-    entering = [_enters(prepared, block, partial) for block, partial in zip(
-        layout.extras, prepared.signals.partial, strict=True)]  # fmt: skip
-    touched = {block.name for block, row in zip(layout.extras, entering, strict=True)
-               if np.any(row & (block.member >= 0) & taken)}  # fmt: skip
+    entering = [
+        _enters(prepared, block, partial)
+        for block, partial in zip(layout.extras, prepared.signals.partial, strict=True)
+    ]
+    touched = {
+        block.name
+        for block, row in zip(layout.extras, entering, strict=True)
+        if np.any(row & (block.member >= 0) & taken)
+    }
     for path, name in _named(prepared):
         if name in SENSOR_STATES and name not in touched & _uncertain(prepared):
             yield path, f"{name}: no sensor has such an error"

@@ -61,9 +61,15 @@ def _gather(noise, P, D, tape, schedule, true, model):
             transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
             add_turned(P, model.uneven, tape.sums[w], seconds)
             predict(
-                P, D, true.nav_rows, true.nav_columns, model.decay[length], model.noise[length], model.clock,
+                P,
+                D,
+                true.nav_rows,
+                true.nav_columns,
+                model.decay[length],
+                model.noise[length],
+                model.clock,
                 seconds,
-            )  # fmt: skip
+            )
             add_turned(P, model.uneven, tape.sums[w], seconds)
             inject(P, model, schedule.injection[w])
         if tape.first[w + 1] > tape.first[w]:
@@ -88,9 +94,14 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
         raise InputError("covariance.error_bound: the filter takes no measurement on this flight")
     noise = np.zeros((updates, n, n))
     _gather(
-        noise, np.zeros((n, n)), np.zeros((true.nav_rows.size, 9)), tape, prepared.schedule, true,
+        noise,
+        np.zeros((n, n)),
+        np.zeros((true.nav_rows.size, 9)),
+        tape,
+        prepared.schedule,
+        true,
         model,
-    )  # fmt: skip
+    )
     own = np.array(prepared.layout.reported)
     noise, n = noise[:, own[:, None], own], own.size
     kept = noise[1:] if updates > 1 else noise  # before the first update the stretch may be shorter than an interval
@@ -104,9 +115,13 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
     worst = int(np.argmin(values[:, 0]))
     direction = vectors[worst, :, 0]
     return ErrorBound(
-        int(ranks.min()), n, max(0.0, float(values[:, 0].min())), float(values[:, -1].max()),
-        direction / direction[np.argmax(np.abs(direction))], _rows(prepared, tape),
-    )  # fmt: skip
+        int(ranks.min()),
+        n,
+        max(0.0, float(values[:, 0].min())),
+        float(values[:, -1].max()),
+        direction / direction[np.argmax(np.abs(direction))],
+        _rows(prepared, tape),
+    )
 
 
 def _rows(prepared: Prepared, tape: UpdateTape) -> tuple[tuple[str, float, float], ...]:

@@ -192,12 +192,18 @@ def _phases(
     stretches = observability(prepared, edges, tape)
     return tuple(
         PhaseView(
-            f"{first} to {second}", s.start, s.end, s.rank, TOLERANCE, s.singular, s.rows,
+            f"{first} to {second}",
+            s.start,
+            s.end,
+            s.rank,
+            TOLERANCE,
+            s.singular,
+            s.rows,
             _in_words(prepared, s.start, s.weakest) if s.rows else "every direction",
             tuple(_in_words(prepared, s.start, one) for one in s.directions) if s.rows else (),
         )
         for ((first, _), (second, _)), s in zip(pairwise(marks), stretches, strict=True)
-    )  # fmt: skip
+    )
 
 
 def _in_words(prepared: Prepared, start: float, direction: Floats) -> str:
@@ -256,8 +262,11 @@ def _fields(scenario: Scenario, source: str) -> tuple[Field, ...]:
     for name, card in used.items():
         if source == (card.noise if alone[name] else f"{card.noise} {name}"):
             return tuple((("sensors", name, field), 1) for field in card.noise_fields)
-        own = [error.field for error in card.lasting()
-               if source == (error.source if alone[name] else f"{error.source} {name}")]  # fmt: skip
+        own = [
+            error.field
+            for error in card.lasting()
+            if source == (error.source if alone[name] else f"{error.source} {name}")
+        ]
         if own:
             return tuple((("sensors", name, field), 1) for field in own)
     return fields_of(source)
@@ -298,8 +307,11 @@ def sensitivity(
     hist = int(np.argmin(np.abs(history.t - time)))
     by_source = history.budget[hist][:, columns].sum(axis=1)
     total = by_source.sum() + np.sum(history.mean[hist, columns] ** 2)
-    chosen = [k for k in np.argsort(-by_source)
-              if by_source[k] >= share * by_source.sum() and _fields(scenario, history.sources[k])]  # fmt: skip
+    chosen = [
+        k
+        for k in np.argsort(-by_source)
+        if by_source[k] >= share * by_source.sum() and _fields(scenario, history.sources[k])
+    ]
     factors = np.array(FACTORS)
     frozen = np.sqrt(total + (factors**2 - 1.0) * by_source[chosen][:, None])
     retuned = np.empty_like(frozen)

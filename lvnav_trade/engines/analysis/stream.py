@@ -61,10 +61,16 @@ def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> Unit
     at_hand = {name: getattr(unit, name)[: own.size][own] for name in ("sigma", "decay", "walk", "sources", "drivers")}
     empty = {name: getattr(unit, name)[:0] for name in Unit._fields if name.startswith("profile")}
     return unit._replace(
-        **at_hand, **empty, sensors=unit.sensors[own] % 2, dtheta=none, dvel=none, gravity=-1, drifting=True,
+        **at_hand,
+        **empty,
+        sensors=unit.sensors[own] % 2,
+        dtheta=none,
+        dvel=none,
+        gravity=-1,
+        drifting=True,
         white=white_of(card, unit.dt),
         biases_only=bool(np.all(at_hand["drivers"] == CONSTANT)),
-    )  # fmt: skip
+    )
 
 
 def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, seed: int) -> Floats:
@@ -72,9 +78,13 @@ def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, s
     unit = _at_rest(prepared, triad, card, n_mean * prepared.unit.process_ticks)
     n_block, out = max(1, len(unit.sigma)), np.zeros((n_mean, 6))
     work = _Work(
-        np.zeros(1, dtype=np.uint64), np.zeros(10), np.zeros((n_block, 3)), np.zeros((2, processes.N_TABLE)),
-        np.zeros((unit.process_ticks, 6)), np.zeros(6),
-    )  # fmt: skip
+        np.zeros(1, dtype=np.uint64),
+        np.zeros(10),
+        np.zeros((n_block, 3)),
+        np.zeros((2, processes.N_TABLE)),
+        np.zeros((unit.process_ticks, 6)),
+        np.zeros(6),
+    )
     words = seed_words(seed)
     processes.start(work.true_par, unit.sigma, unit.sources, *words, work.run[0])
     _collect(out, work, unit, unit.process_ticks, words)
@@ -107,9 +117,11 @@ def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, 
     count = max(2, math.ceil(_PER_DECADE * math.log10(max(most, 2))))
     factors = np.unique(np.rint(np.geomspace(1, most, count)).astype(np.int64)).tolist()
     tau, found = dt * np.array(factors, dtype=float), []
-    owners = [(0, imu, "")] if isinstance(imu, ImuCard) else [
-        (k, imu.units[triad.unit], f"unit {triad.unit + 1} ") for k, triad in enumerate(triads_of(imu))
-    ]  # fmt: skip
+    owners = (
+        [(0, imu, "")]
+        if isinstance(imu, ImuCard)
+        else [(k, imu.units[triad.unit], f"unit {triad.unit + 1} ") for k, triad in enumerate(triads_of(imu))]
+    )
     for triad, card, name in owners:
         means = stream_at_rest(prepared, triad, card, n_mean, seed)
         for first, label, sensor, unit in ((0, "gyro", card.gyro, "rad/s"), (3, "accelerometer", card.accel, "m/s^2")):

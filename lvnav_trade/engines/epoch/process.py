@@ -94,10 +94,18 @@ def take_reference(work, case, joint, monitor, epoch, limit, starts):
                 leave_out(work.z, starts, case.options.delayed, model, row)
                 n = model.n_entry[channel]
                 _, weight = update_with_gain(
-                    work.P, work.x, work.K, work.H[row], model.entry[channel, :n], model.column[channel, :n],
-                    model.clock_gain[k], work.z[row], like(work.x[0], signals.variance[epoch, channel]),
-                    permitted(monitor, channel, limit), model.n_state,
-                )  # fmt: skip
+                    work.P,
+                    work.x,
+                    work.K,
+                    work.H[row],
+                    model.entry[channel, :n],
+                    model.column[channel, :n],
+                    model.clock_gain[k],
+                    work.z[row],
+                    like(work.x[0], signals.variance[epoch, channel]),
+                    permitted(monitor, channel, limit),
+                    model.n_state,
+                )
                 follow_clock(joint, work, case, weight, epoch, row, k)
 
 

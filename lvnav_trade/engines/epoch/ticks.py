@@ -43,9 +43,17 @@ def sample_window(work, parts, case, joint, flight, w):
         for i in range(N_SAMPLE):
             work.P[at + i, at + i] = work.P[at + i, at + i] + vehicle.walk[first + k, i]
         update_samples(
-            work.P, work.x, motion.K, motion.weight, motion.residual, motion.z, vehicle.variance, motion.h,
-            vehicle.columns, case.model.n_estimated,
-        )  # fmt: skip
+            work.P,
+            work.x,
+            motion.K,
+            motion.weight,
+            motion.residual,
+            motion.z,
+            vehicle.variance,
+            motion.h,
+            vehicle.columns,
+            case.model.n_estimated,
+        )
         _run_tick(parts.run, work, parts, case, first + k)
         _joint_tick(joint, flight, work, motion, case, first + k)
         advance(work.P, motion.moved, work.sums, case.tick, at)

@@ -193,9 +193,11 @@ def _of_families(prepared: Prepared, names: list[str]) -> tuple[list[Component],
         factor, noise = _shared_tables(family.sigma, family.time_constant, prepared.lengths)
         entering = shared.member[number] >= 0
         # whether the true partials are not those that the filter's own state has
-        differs = prepared.chain is not None or state < 0 or not np.array_equal(
-            shared.partial[number], np.where(entering, signals.partial[state], 0.0)
-        )  # fmt: skip
+        differs = (
+            prepared.chain is not None
+            or state < 0
+            or not np.array_equal(shared.partial[number], np.where(entering, signals.partial[state], 0.0))
+        )
         for _ in family.labels:
             states = tuple(model.extra_offset[shared.state_of[shared.error_of == len(found)]].tolist())
             follow = differs or any(not np.array_equal(factor, model.decay[:, at]) for at in states)

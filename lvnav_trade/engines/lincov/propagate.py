@@ -269,7 +269,7 @@ def _at_middle(c, a, x, y, z):
         c[0] * x + c[1] * y + c[2] * z,
         c[3] * x + c[4] * y + c[5] * z,
         c[6] * x + c[7] * y + c[8] * z,
-    )  # fmt: skip
+    )
 
 
 @jit

@@ -71,13 +71,21 @@ def slot_tables(components: list[Component], n_source: int, n_length: int) -> di
         flags[:, group[one.source], k] |= np.array([one.followed, one.moves, one.samples])
     factor, noise, echo = (by_length(table, group, lane) for table in tables)
     return {
-        "group": group, "lane": lane, "n_slot": n_slot, "followed": flags[0], "moves": flags[1], "samples": flags[2],
-        "factor": factor, "noise": noise, "echo": echo, "slot": np.array(slot, dtype=np.int64),
+        "group": group,
+        "lane": lane,
+        "n_slot": n_slot,
+        "followed": flags[0],
+        "moves": flags[1],
+        "samples": flags[2],
+        "factor": factor,
+        "noise": noise,
+        "echo": echo,
+        "slot": np.array(slot, dtype=np.int64),
         "source": np.array([one.source for one in components], dtype=np.int64),
         "states": np.array([state for one in components for state in one.states], dtype=np.int64),
         "state_from": np.cumsum([0, *(len(one.states) for one in components)], dtype=np.int64),
         "start": np.array([one.start for one in components], dtype=float),
-    }  # fmt: skip
+    }
 
 
 def aligned(values: Floats) -> Floats:

@@ -78,18 +78,23 @@ def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
     clone = -1 if late is None else n + n_error
     n_place, n_receiver = 1 if late is None else late.buffered.size, prepared.channels.n_receiver
     table = [
-        [_pairs(prepared, channel, solution, clone + N_CLONE * place, channel < n_receiver)
-         for channel in range(len(model.n_entry))] for place in range(n_place)
-    ]  # fmt: skip
+        [
+            _pairs(prepared, channel, solution, clone + N_CLONE * place, channel < n_receiver)
+            for channel in range(len(model.n_entry))
+        ]
+        for place in range(n_place)
+    ]
     shape = (n_place, len(model.n_entry), max((len(pairs) for rows in table for pairs in rows), default=0))
     entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
     for place, rows in enumerate(table):
         for channel, pairs in enumerate(rows):
             for i, (e, c) in enumerate(pairs):
                 entry[place, channel, i], column[place, channel, i] = e, c
-    white = [_WHITE[kind] for kind in chain.kind] if chain is not None else [
-        noise_of(prepared.channels.observables[channel % model.n_kind]) for channel in differences
-    ]  # fmt: skip
+    white = (
+        [_WHITE[kind] for kind in chain.kind]
+        if chain is not None
+        else [noise_of(prepared.channels.observables[channel % model.n_kind]) for channel in differences]
+    )
     return {
         "n_entry": np.array([len(pairs) for pairs in table[0]], dtype=np.int64),
         "entry": entry,
@@ -121,17 +126,22 @@ def _pairs(prepared: Prepared, channel: int, solution: int, clone: int, of_recei
 
 
 _ROWS = {
-    PSEUDORANGE: "pseudorange noise", RANGE_RATE: "range-rate noise", POSITION: "position solution noise",
-    VELOCITY: "velocity solution noise", CARRIER_PHASE: "carrier-phase noise",
-}  # fmt: skip
+    PSEUDORANGE: "pseudorange noise",
+    RANGE_RATE: "range-rate noise",
+    POSITION: "position solution noise",
+    VELOCITY: "velocity solution noise",
+    CARRIER_PHASE: "carrier-phase noise",
+}
 
 
 def noise_sources(prepared: Prepared, names: list[str]) -> Ints:
     """Return the source of the noise of each channel, (n_channel,), -1 none: that of a difference is in the error of
     what it is the difference of.
     """
-    found = [names.index(_ROWS[kind]) if kind in _ROWS and _ROWS[kind] in names else -1
-             for kind in prepared.model.row_type.tolist()]  # fmt: skip
+    found = [
+        names.index(_ROWS[kind]) if kind in _ROWS and _ROWS[kind] in names else -1
+        for kind in prepared.model.row_type.tolist()
+    ]
     for first, device in zip(prepared.channels.first, prepared.devices, strict=True):
         for scalar in range(len(device.channels.labels)):
             found[first + scalar] = names.index(device.noise)

@@ -56,9 +56,12 @@ def difference_channels(prepared: Prepared) -> list[int]:
     if prepared.options.delayed is None:
         return []
     return [
-        int(channel) for name in channels.observables if name in DIFFERENCES
-        for channel, seen in zip(np.arange(channels.n_channel)[channels.of(name)], channels.seen, strict=True) if seen
-    ]  # fmt: skip
+        int(channel)
+        for name in channels.observables
+        if name in DIFFERENCES
+        for channel, seen in zip(np.arange(channels.n_channel)[channels.of(name)], channels.seen, strict=True)
+        if seen
+    ]
 
 
 def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> Successive | None:
@@ -93,9 +96,14 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
                 beyond = signals.shared.partial[family, :, true] - assumed
                 shared[:, i, m] += np.where(new[:, satellite], beyond, 0.0)
     return Successive(
-        move, white, variance, np.array(own, dtype=np.int64), shared, np.zeros((n_epoch, 2 * n)),
+        move,
+        white,
+        variance,
+        np.array(own, dtype=np.int64),
+        shared,
+        np.zeros((n_epoch, 2 * n)),
         *_renewed(prepared, names),
-    )  # fmt: skip
+    )
 
 
 def _renewed(prepared: Prepared, names: list[str]) -> tuple[Floats, Ints]:

@@ -211,17 +211,36 @@ def row_width(prepared: Prepared) -> int:
 def new_nominal(prepared: Prepared) -> Nominal:
     """Return the work arrays of the nominal run, empty."""
     model, signals, n, n_epoch = prepared.model, prepared.signals, prepared.layout.n_state, prepared.t_epoch.size
-    found = Nominal(**zeros_of({
-        "nav": (10,), "sums": (N_SUM,), "rates": (2, N_SUM), "held": (N_SUM,), "previous": (6,),
-        "increments": (int(prepared.schedule.n_tick.max()), 6), "antenna": (len(model.lever_arms), 21),
-        "rate": (3,), "H": (prepared.n_row, row_width(prepared)), "z": (prepared.n_row,),
-        "ranges": (signals.used.shape[1], model.n_kind), "solution": (6,),
-        "observed": (max(1, len(prepared.devices)), 4), "clock_hat": (2,),
-        "par": (max(1, len(prepared.layout.parameters)), 3), "x": (n,),
-        "extra": (max(1, model.extra_offset.size),), "reported": (6, 6), "P": (n, n), "K": (n,),
-        "innovation": (n_epoch, prepared.channels.n_channel), "nis": (n_epoch,), "n_row": (n_epoch,),
-        "n_reject": (n_epoch,),
-    }))  # fmt: skip
+    found = Nominal(
+        **zeros_of(
+            {
+                "nav": (10,),
+                "sums": (N_SUM,),
+                "rates": (2, N_SUM),
+                "held": (N_SUM,),
+                "previous": (6,),
+                "increments": (int(prepared.schedule.n_tick.max()), 6),
+                "antenna": (len(model.lever_arms), 21),
+                "rate": (3,),
+                "H": (prepared.n_row, row_width(prepared)),
+                "z": (prepared.n_row,),
+                "ranges": (signals.used.shape[1], model.n_kind),
+                "solution": (6,),
+                "observed": (max(1, len(prepared.devices)), 4),
+                "clock_hat": (2,),
+                "par": (max(1, len(prepared.layout.parameters)), 3),
+                "x": (n,),
+                "extra": (max(1, model.extra_offset.size),),
+                "reported": (6, 6),
+                "P": (n, n),
+                "K": (n,),
+                "innovation": (n_epoch, prepared.channels.n_channel),
+                "nis": (n_epoch,),
+                "n_row": (n_epoch,),
+                "n_reject": (n_epoch,),
+            }
+        )
+    )
     found.P[:] = prepared.start.P
     if prepared.options.delayed is not None:  # the error of a measurement, and that of the epoch before
         found.H[:, -N_ENTRIES:] = 1.0, -1.0
@@ -254,14 +273,25 @@ def new_scratch(prepared: Prepared, true: Components) -> Scratch:
     return _record(
         Scratch,
         {
-            "D": (prepared.model.block_rows.size, 9), "D_true": (true.nav_rows.size, 9), "block": (9,),
-            "input": (9, 3), "mean_input": (2, 3), "shift": (n,), "gain": (n,), "deviation": (12,), "receiver": (n,),
+            "D": (prepared.model.block_rows.size, 9),
+            "D_true": (true.nav_rows.size, 9),
+            "block": (9,),
+            "input": (9, 3),
+            "mean_input": (2, 3),
+            "shift": (n,),
+            "gain": (n,),
+            "deviation": (12,),
+            "receiver": (n,),
         },
         {
-            "y": (n,), "b": (n_group, n_slot, 9), "seen": (n_group, n_slot, 1), "noise": (n_group, 1, 1),
-            "spread": (1,), "budget": (n_group, n_state, 1),
+            "y": (n,),
+            "b": (n_group, n_slot, 9),
+            "seen": (n_group, n_slot, 1),
+            "noise": (n_group, 1, 1),
+            "spread": (1,),
+            "budget": (n_group, n_state, 1),
         },
-    )  # fmt: skip
+    )
 
 
 def new_sample_scratch(prepared: Prepared, true: Components) -> SampleScratch | None:
@@ -272,13 +302,22 @@ def new_sample_scratch(prepared: Prepared, true: Components) -> SampleScratch | 
     found: SampleScratch = _record(
         SampleScratch,
         {
-            "gain": (six, n), "seen": (six,), "deviation": (six,), "expected": (six, six), "turned": (six, six),
+            "gain": (six, n),
+            "seen": (six,),
+            "deviation": (six,),
+            "expected": (six, six),
+            "turned": (six, six),
         },
         {
-            "moved_source": (9, n), "Y": (six, n), "S": (n_group, six, six), "noise": (n_group, six),
-            "a": (n_group, n_slot, six), "seen_source": (six,), "through": (n,),
+            "moved_source": (9, n),
+            "Y": (six, n),
+            "S": (n_group, six, six),
+            "noise": (n_group, six),
+            "a": (n_group, n_slot, six),
+            "seen_source": (six,),
+            "through": (n,),
         },
-    )  # fmt: skip
+    )
     found.noise[:] = as_lanes(true.sample_noise, true.group, true.lane)
     return found
 
@@ -299,9 +338,14 @@ def new_backward_scratch(prepared: Prepared, true: Components) -> BackwardScratc
     vehicle = prepared.options.vehicle
     n_entry = 1 if vehicle is None else vehicle.columns.shape[1]
     alone = {
-        "D": (true.nav_rows.size, 9), "y": (max(n_joint(prepared), N_SAMPLE),), "input": (9, 3),
-        "mean_input": (2, 3), "block": (9,), "sums": (N_SUM,), "h": (N_SAMPLE, n_entry),
-    }  # fmt: skip
+        "D": (true.nav_rows.size, 9),
+        "y": (max(n_joint(prepared), N_SAMPLE),),
+        "input": (9, 3),
+        "mean_input": (2, 3),
+        "block": (9,),
+        "sums": (N_SUM,),
+        "h": (N_SAMPLE, n_entry),
+    }
     return _record(BackwardScratch, alone, {"b": (*true.followed.shape, 9), "a": (*true.followed.shape, N_SAMPLE)})
 
 
@@ -309,19 +353,37 @@ def new_record(prepared: Prepared, n_source: int) -> PassResults:
     """Return what the pass fills, empty."""
     n, n_hist, n_epoch, options = prepared.layout.n_state, prepared.t_hist.size, prepared.t_epoch.size, prepared.options
     n_sampled, n_reported = (0 if one is None else n_hist for one in (options.samples, options.report))
-    return PassResults(**zeros_of({
-        "formal": (n_hist, n, n), "true": (n_hist, n, n), "mean": (n_hist, n), "budget": (n_hist, n_source, n),
-        "samples": (n_sampled, n_source, 2 * N_SAMPLE), "receiver": (n_reported, n_source, N_STATE, N_STATE),
-        "receiver_mean": (n_reported, N_STATE), "held": (n_source, N_STATE, N_STATE), "held_mean": (N_STATE,),
-        "n_row": (n_epoch,), "expected_nis": (n_epoch,), "worst_ratio": (n_epoch,),
-    }))  # fmt: skip
+    return PassResults(
+        **zeros_of(
+            {
+                "formal": (n_hist, n, n),
+                "true": (n_hist, n, n),
+                "mean": (n_hist, n),
+                "budget": (n_hist, n_source, n),
+                "samples": (n_sampled, n_source, 2 * N_SAMPLE),
+                "receiver": (n_reported, n_source, N_STATE, N_STATE),
+                "receiver_mean": (n_reported, N_STATE),
+                "held": (n_source, N_STATE, N_STATE),
+                "held_mean": (N_STATE,),
+                "n_row": (n_epoch,),
+                "expected_nis": (n_epoch,),
+                "worst_ratio": (n_epoch,),
+            }
+        )
+    )
 
 
 def new_tape(n_window: int, n_update: int, n: int, n_entry: int, n_tick: int = 0, n_state: int = 0) -> UpdateTape:
     """Return an empty tape for n_window windows and n_update scalar updates; n_update 0 records nothing."""
     windows = n_window if n_update else 0
     return UpdateTape(
-        np.zeros((windows, N_SUM)), np.zeros((windows, 3)), np.zeros((n_update, n)), np.zeros((n_update, n_entry)),
-        np.zeros(n_update, dtype=np.int64), np.zeros(n_update, dtype=np.int64), np.zeros(windows + 1, dtype=np.int64),
-        np.zeros(1, dtype=np.int64), np.zeros((n_tick, 6, n_state)),
-    )  # fmt: skip
+        np.zeros((windows, N_SUM)),
+        np.zeros((windows, 3)),
+        np.zeros((n_update, n)),
+        np.zeros((n_update, n_entry)),
+        np.zeros(n_update, dtype=np.int64),
+        np.zeros(n_update, dtype=np.int64),
+        np.zeros(windows + 1, dtype=np.int64),
+        np.zeros(1, dtype=np.int64),
+        np.zeros((n_tick, 6, n_state)),
+    )

@@ -39,8 +39,10 @@ def align(log: Recording, card: NavigationLog) -> Alignment:
     if (speed := float(np.max(np.linalg.norm(log.moving[rest], axis=1)))) > _FASTEST:
         raise InputError(f"still: the vehicle moves at up to {speed:.2g} m/s from {begin:g} to {end:g} s")
     place = np.mean(log.place[rest], axis=0)
-    rate, force = ((increments_to(log, np.array([end]), part) - increments_to(log, np.array([begin]), part))[0]
-                   / (end - begin) for part in (log.turned, log.pushed))  # fmt: skip
+    rate, force = (
+        (increments_to(log, np.array([end]), part) - increments_to(log, np.array([begin]), part))[0] / (end - begin)
+        for part in (log.turned, log.pushed)
+    )
     axes_n = rotation_e_n(place[0], place[1])
     weight = _weight(place)
     size = float(np.linalg.norm(force))

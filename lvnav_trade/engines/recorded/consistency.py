@@ -35,10 +35,15 @@ _UNITS = (
 _SIGNS = tuple(
     (np.array(signs), f"with the sign of the rates about {names} reversed")
     for signs, names in (
-        ((-1.0, 1.0, 1.0), "x"), ((1.0, -1.0, 1.0), "y"), ((1.0, 1.0, -1.0), "z"), ((-1.0, -1.0, 1.0), "x and y"),
-        ((-1.0, 1.0, -1.0), "x and z"), ((1.0, -1.0, -1.0), "y and z"), ((-1.0, -1.0, -1.0), "x, y and z"),
+        ((-1.0, 1.0, 1.0), "x"),
+        ((1.0, -1.0, 1.0), "y"),
+        ((1.0, 1.0, -1.0), "z"),
+        ((-1.0, -1.0, 1.0), "x and y"),
+        ((-1.0, 1.0, -1.0), "x and z"),
+        ((1.0, -1.0, -1.0), "y and z"),
+        ((-1.0, -1.0, -1.0), "x, y and z"),
     )
-)  # fmt: skip
+)
 
 
 class _Intervals(NamedTuple):

@@ -146,17 +146,28 @@ def _on_log(prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: Recor
     shared = signals.shared._replace(start=nothing(signals.shared.start), walk=nothing(signals.shared.walk))
     return prepared._replace(
         signals=signals._replace(
-            n_used=n_used, position=fixes[1][at], velocity=fixes[2][at], sigma=nothing(signals.sigma),
-            variance=variance, clock_start=nothing(signals.clock_start), clock_step=nothing(signals.clock_step),
-            clock_jump=nothing(signals.clock_jump), frozen=nothing(signals.frozen), shared=shared,
+            n_used=n_used,
+            position=fixes[1][at],
+            velocity=fixes[2][at],
+            sigma=nothing(signals.sigma),
+            variance=variance,
+            clock_start=nothing(signals.clock_start),
+            clock_step=nothing(signals.clock_step),
+            clock_jump=nothing(signals.clock_jump),
+            frozen=nothing(signals.frozen),
+            shared=shared,
         ),
         unit=unit._replace(
-            dtheta=np.ascontiguousarray(ref.dtheta), dvel=np.ascontiguousarray(ref.dvel), white=nothing(unit.white),
-            sigma=nothing(unit.sigma), walk=nothing(unit.walk), drifting=False,
+            dtheta=np.ascontiguousarray(ref.dtheta),
+            dvel=np.ascontiguousarray(ref.dvel),
+            white=nothing(unit.white),
+            sigma=nothing(unit.sigma),
+            walk=nothing(unit.walk),
+            drifting=False,
             **{name: getattr(unit, name)[:0] for name in unit._fields if name.startswith("profile")},
         ),
         start=prepared.start._replace(roots=nothing(prepared.start.roots)),
-    )  # fmt: skip
+    )
 
 
 def _nearest(t: Floats, wanted: Floats) -> Ints:

@@ -95,10 +95,15 @@ def unit_of(
     process_ticks = max(1, round(card.rate / card.process_rate))
     step = process_ticks * dt
     decay = np.array([math.exp(-step / b.time_constant) for b in terms])
-    walk = np.array([
-        [math.hypot(w * math.sqrt(step), s * math.sqrt(-math.expm1(-2.0 * step / b.time_constant)))
-         for w, s in zip(axes(b.walk), axes(b.sigma), strict=True)] for b in terms
-    ]).reshape(-1, 3)  # fmt: skip
+    walk = np.array(
+        [
+            [
+                math.hypot(w * math.sqrt(step), s * math.sqrt(-math.expm1(-2.0 * step / b.time_constant)))
+                for w, s in zip(axes(b.walk), axes(b.sigma), strict=True)
+            ]
+            for b in terms
+        ]
+    ).reshape(-1, 3)
     profiles = profiles_of(card, scenario.faults, course)
     if units is None:
         sensed = arriving(ref, one, scenario.faults, course)
@@ -127,4 +132,4 @@ def unit_of(
         profile=np.array([p[4] for p in profiles], dtype=float).reshape(len(profiles), 3),
         gravity=len(inertial) if len(terms) > len(inertial) else -1,
         start=float(ref.t[0]),
-    )  # fmt: skip
+    )

@@ -137,10 +137,12 @@ def _spread(card: ImuSet, units: Units, dt: float, ticks: int) -> tuple[Floats, 
         summed = np.diff(np.vstack([np.zeros((1, 3)), entering])[edges], axis=0)
         grown = np.array(squares(block.sigma)) + np.array(squares(block.walk)) * dt * edges[1:, None]
         lasting[:, block.sensor, block.triad] += grown * summed**2
-    white = np.stack([
-        ticks * units.white[:, 3 * sensor : 3 * sensor + 3] ** 2 + units.white[:, 6 + sensor, None] ** 2 / 6.0
-        for sensor in range(2)
-    ])  # fmt: skip
+    white = np.stack(
+        [
+            ticks * units.white[:, 3 * sensor : 3 * sensor + 3] ** 2 + units.white[:, 6 + sensor, None] ** 2 / 6.0
+            for sensor in range(2)
+        ]
+    )
     return lasting, np.broadcast_to(white[None], lasting.shape)
 
 

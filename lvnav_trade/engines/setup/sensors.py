@@ -83,13 +83,17 @@ def _states(
     known = [(model.states[error.field], error, partials) for error, partials in lasting if error.field in model.states]
     return tuple(
         SensorState(
-            state.name, label, getattr(model, error.field), model.time_constant(error.field), state[1:],
+            state.name,
+            label,
+            getattr(model, error.field),
+            model.time_constant(error.field),
+            state[1:],
             np.ascontiguousarray(partials[:, :, k]),
         )
         for state, error, partials in known
         if state.name in wanted
         for k, label in enumerate(error.labels)
-    )  # fmt: skip
+    )
 
 
 def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floats) -> Bools:

@@ -40,9 +40,13 @@ class Windows(NamedTuple):
 
 
 def injections(
-    cards: Sequence[RegionNoiseCard], course: Course, ref: Reference, windows: Windows, layout: StateLayout,
+    cards: Sequence[RegionNoiseCard],
+    course: Course,
+    ref: Reference,
+    windows: Windows,
+    layout: StateLayout,
     imu: ImuModel,
-) -> tuple[Ints, Floats]:  # fmt: skip
+) -> tuple[Ints, Floats]:
     """Return the variances that changes of region add to states: by window the number (n_window,) of what is added at
     its end, -1 none, and the variances (n_injection, n_state), at least one row.
 

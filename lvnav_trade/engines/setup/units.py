@@ -26,9 +26,13 @@ from lvnav_trade.world.sensors.units import ImuSet, keyed, terms_of, triads_of
 
 
 def arriving(
-    ref: Reference, card: ImuCard, faults: Sequence[AnyFault], course: Course, unit: int = 0,
+    ref: Reference,
+    card: ImuCard,
+    faults: Sequence[AnyFault],
+    course: Course,
+    unit: int = 0,
     beside: Floats | None = None,
-) -> list[Floats]:  # fmt: skip
+) -> list[Floats]:
     """Return increments (n_imu, 3) of angle and velocity, body axes, as an ideal unit of this bandwidth senses them,
     where samples are dropped without them; `beside`: what the place of the unit adds to those of velocity.
     """
@@ -52,9 +56,15 @@ def arriving(
 
 
 def elements(
-    sensed: Sequence[Floats], card: ImuCard, axes: Floats, first: int, faults: Sequence[AnyFault], course: Course,
-    t: Floats, unit: int = 0,
-) -> list[Floats]:  # fmt: skip
+    sensed: Sequence[Floats],
+    card: ImuCard,
+    axes: Floats,
+    first: int,
+    faults: Sequence[AnyFault],
+    course: Course,
+    t: Floats,
+    unit: int = 0,
+) -> list[Floats]:
     """Return increments of angle and velocity as the elements of a triad put them out, at most full scale.
 
     axes (k, 3): directions of the triad, body axes, whose numbers in the unit count from `first` (0); t (n_imu,) s ends
@@ -100,11 +110,17 @@ def units_of(
     part = [owner[:k].count(unit) for k, unit in enumerate(owner)]
     out = [
         elements(
-            sensed[triad.unit], card.units[triad.unit], triad.frames[: triad.n_axis, 0], 3 * k, scenario.faults,
-            course, ref.t[1:], triad.unit,
+            sensed[triad.unit],
+            card.units[triad.unit],
+            triad.frames[: triad.n_axis, 0],
+            3 * k,
+            scenario.faults,
+            course,
+            ref.t[1:],
+            triad.unit,
         )
         for triad, k in zip(triads, part, strict=True)
-    ]  # fmt: skip
+    ]
     keys = [keyed(f"{IMU_NOISE} {k}" if k else IMU_NOISE, unit) for unit, k in zip(owner, part, strict=True)]
     lever = np.array([card.units[unit].lever_arm for unit in owner], dtype=float)
     return Units(

@@ -90,8 +90,11 @@ def burning(trajectory: Trajectory, t: Floats) -> Bools:
 
 def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
     """Return start and end (s) of each burn by the names of events; one whose cut-off has no name lasts to the end."""
-    marks = sorted((t, bool(re.search("cutoff", name))) for name, t in trajectory.events.items()
-                   if name == "liftoff" or re.search("ignition|cutoff", name))  # fmt: skip
+    marks = sorted(
+        (t, bool(re.search("cutoff", name)))
+        for name, t in trajectory.events.items()
+        if name == "liftoff" or re.search("ignition|cutoff", name)
+    )
     found: list[tuple[float, float]] = []
     start: float | None = None
     for t, off in marks:

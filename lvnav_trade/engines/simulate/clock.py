@@ -11,9 +11,15 @@ from lvnav_trade.records import Floats
 
 @jit
 def _walk(
-    path: Floats, jump: Floats, start: Floats, step: Floats, interval: float, sources: tuple[np.uint64, np.uint64],
-    run: np.uint64, key: tuple[np.uint64, np.uint64],
-) -> None:  # fmt: skip
+    path: Floats,
+    jump: Floats,
+    start: Floats,
+    step: Floats,
+    interval: float,
+    sources: tuple[np.uint64, np.uint64],
+    run: np.uint64,
+    key: tuple[np.uint64, np.uint64],
+) -> None:
     """Fill bias and drift before the first epoch and at every epoch; sources: words of the start and of the steps."""
     zero, (at_start, at_epoch), (k0, k1) = np.uint64(0), sources, key
     n0, n1, _, _ = normals(k0, k1, at_start, run, zero, zero)

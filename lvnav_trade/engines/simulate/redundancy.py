@@ -59,11 +59,22 @@ class RedundantWork(NamedTuple):
 def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundantWork:
     """Return the arrays of redundant units: one run, or `lanes` runs on the last axis."""
     shapes = {
-        "out": (n_unit,), "when": (n_unit,), "alarm": (1,), "solved": (n_triad, 2, 3, 3), "reduced": (1,),
-        "informed": (n_triad, 2, 3, 3), "value": (n_triad, 3),
-        "sums": (2, n_triad, 3), "order": (n_unit,), "ratio": (n_unit,), "A": (3, 3), "inverse": (3, 3), "b": (3,),
-        "fit": (3,), "over": (1,),
-    }  # fmt: skip
+        "out": (n_unit,),
+        "when": (n_unit,),
+        "alarm": (1,),
+        "solved": (n_triad, 2, 3, 3),
+        "reduced": (1,),
+        "informed": (n_triad, 2, 3, 3),
+        "value": (n_triad, 3),
+        "sums": (2, n_triad, 3),
+        "order": (n_unit,),
+        "ratio": (n_unit,),
+        "A": (3, 3),
+        "inverse": (3, 3),
+        "b": (3,),
+        "fit": (3,),
+        "over": (1,),
+    }
     return RedundantWork(**zeros_of(shapes, lanes))
 
 

@@ -141,9 +141,21 @@ def _sense_ticks(work, own, unit, units, at, tick, count, key):
     if units is None:
         k0, k1 = key
         processes.corrupt(
-            work.increments, at, tick, count, unit.dtheta, unit.dvel, work.true_tables[0], work.true_tables[1],
-            unit.white, work.remainder, unit, k0, k1, work.run[0],
-        )  # fmt: skip
+            work.increments,
+            at,
+            tick,
+            count,
+            unit.dtheta,
+            unit.dvel,
+            work.true_tables[0],
+            work.true_tables[1],
+            unit.white,
+            work.remainder,
+            unit,
+            k0,
+            k1,
+            work.run[0],
+        )
     else:
         sense_units(work, own, units, at, tick, count, unit.dt, key)
 
@@ -287,9 +299,15 @@ def _measure_directly(work, signals, word, epoch, key):
 def _solve(work, rx, solver, signals, epoch):
     """Let the receiver solve: its solution is the filter's measurement."""
     solve(
-        rx, solver.point, solver.filter, signals.satellite[epoch], signals.satellite_velocity[epoch],
-        signals.used[epoch], signals.n_used[epoch], work.ranges,
-    )  # fmt: skip
+        rx,
+        solver.point,
+        solver.filter,
+        signals.satellite[epoch],
+        signals.satellite_velocity[epoch],
+        signals.used[epoch],
+        signals.n_used[epoch],
+        work.ranges,
+    )
     if not signals.frozen[epoch]:  # the receiver goes on behind a frozen output
         for i in range(6):
             work.solution[i] = rx.solution[i]

@@ -104,9 +104,18 @@ class BlockSummary(NamedTuple):
 
 
 _SUMMED = (
-    "n_good", "n_good_epoch", "total", "squares", "sigma_squares", "nees", "nis", "n_row", "n_reject", "lag_sum",
+    "n_good",
+    "n_good_epoch",
+    "total",
+    "squares",
+    "sigma_squares",
+    "nees",
+    "nis",
+    "n_row",
+    "n_reject",
+    "lag_sum",
     "lag_count",
-)  # fmt: skip
+)
 _PER_RUN = ("runs", "failed", "t_failed")
 _ROWS = ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes", "decisions", "injections")
 _SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")

@@ -52,18 +52,26 @@ class Tape(NamedTuple):
 def _new_estimates(work, n_time: int) -> Estimates:
     n = work.x.size
     shapes = {
-        "nav": (n_time, 10), "x": (n_time, n), "P": (n_time, n, n), "par": (n_time, *work.par.shape),
-        "clock": (n_time, 2), "extra": (n_time, work.extra.size),
-    }  # fmt: skip
+        "nav": (n_time, 10),
+        "x": (n_time, n),
+        "P": (n_time, n, n),
+        "par": (n_time, *work.par.shape),
+        "clock": (n_time, 2),
+        "extra": (n_time, work.extra.size),
+    }
     return Estimates(**zeros_of(shapes))
 
 
 def new_tape(work, n_imu: int, n_epoch: int) -> Tape:
     """Return an empty tape of a run whose arrays (Work) these are."""
     shapes = {
-        "start": (10,), "increments": (n_imu, 6), "ranges": (n_epoch, *work.ranges.shape), "solution": (n_epoch, 6),
-        "covariance": (n_epoch, 6, 6), "observed": (n_epoch, *work.observed.shape),
-    }  # fmt: skip
+        "start": (10,),
+        "increments": (n_imu, 6),
+        "ranges": (n_epoch, *work.ranges.shape),
+        "solution": (n_epoch, 6),
+        "covariance": (n_epoch, 6, 6),
+        "observed": (n_epoch, *work.observed.shape),
+    }
     before, after = _new_estimates(work, n_epoch), _new_estimates(work, n_epoch + 1)
     return Tape(**zeros_of(shapes), before=before, after=after)
 

@@ -38,9 +38,12 @@ def new_units(units: Any, n_tick: int, lanes: int = 0) -> UnitWork:
     """Return the arrays of a run's units (Units): one run, or `lanes` runs on the last axis."""
     n_triad, n_pair, vote = units.n_axis.size, units.pair_sensor.size, units.redundant
     shapes = {
-        "tables": (2 * n_triad, N_TABLE), "sensed": (n_triad, n_tick, 6), "remainder": (n_triad, 6), "before": (4,),
+        "tables": (2 * n_triad, N_TABLE),
+        "sensed": (n_triad, n_tick, 6),
+        "remainder": (n_triad, 6),
+        "before": (4,),
         "difference": (max(1, n_pair), 3),
-    }  # fmt: skip
+    }
     redundant = None if vote is None else new_redundant(int(vote.owner.max()) + 1, n_triad, lanes)
     return UnitWork(**zeros_of(shapes, lanes), redundant=redundant)
 
@@ -140,10 +143,14 @@ def _axis_error(table, c, along, a, other, dt):
     """Return the error of an increment along an axis, all inputs in body axes."""
     return (
         dt * table[BIAS + c]
-        + table[OWN + 3 * c] * a[0] + table[OWN + 3 * c + 1] * a[1] + table[OWN + 3 * c + 2] * a[2]
-        + table[OTHER + 3 * c] * other[0] + table[OTHER + 3 * c + 1] * other[1] + table[OTHER + 3 * c + 2] * other[2]
+        + table[OWN + 3 * c] * a[0]
+        + table[OWN + 3 * c + 1] * a[1]
+        + table[OWN + 3 * c + 2] * a[2]
+        + table[OTHER + 3 * c] * other[0]
+        + table[OTHER + 3 * c + 1] * other[1]
+        + table[OTHER + 3 * c + 2] * other[2]
         + table[SQUARES + c] * (along * along / dt)
-    )  # fmt: skip
+    )
 
 
 @jit

@@ -162,8 +162,11 @@ class Expressions:
             raise self.fail(node, "needs statements of its own in one of two cases")
         if isinstance(first, Array) and isinstance(second, Array):
             if (first.shape, first.kind, first.constant, first.rings) != (
-                second.shape, second.kind, second.constant, second.rings,
-            ):  # fmt: skip
+                second.shape,
+                second.kind,
+                second.constant,
+                second.rings,
+            ):
                 raise self.fail(node, "two arrays of different kinds")
             text = f"({as_scalar(condition).text} ? {first.text} : {second.text})"
             return Array(text, first.shape, first.kind, first.constant, first.rings)

@@ -273,8 +273,14 @@ def _states(prepared: Prepared) -> VectorTable:
     names, units = state_names(layout), [output.unit for output in state_outputs(layout, "inertial")]
     sigma, number = np.sqrt(np.diagonal(prepared.start.P)), np.arange(layout.n_state)
     delayed = (number >= layout.delayed) & (number < layout.delayed + layout.n_delayed)
-    values = [number, names, [column_of_state(name) for name in names], units, sigma,
-              (number < layout.n_estimated) | delayed]  # fmt: skip
+    values = [
+        number,
+        names,
+        [column_of_state(name) for name in names],
+        units,
+        sigma,
+        (number < layout.n_estimated) | delayed,
+    ]
     return _table("Error states, truth minus estimate", columns, values)
 
 

@@ -82,10 +82,21 @@ class Monitor(NamedTuple):
 def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: int = 0) -> Monitor:
     """Return the arrays of a monitor: one run, or `lanes` runs on the last axis."""
     shapes = {
-        "out": (n_channel,), "past": (n_channel, window), "weight": (n_row,), "square": (n_row,),
-        "A": (N_FIT, N_FIT), "inverse": (N_FIT, N_FIT), "spare": (N_FIT, N_FIT), "b": (N_FIT,), "fit": (N_FIT,),
-        "isolated": (n_epoch,), "excluded": (n_epoch, n_channel), "waited": (2,), "z": (n_row,), "variance": (n_row,),
-    }  # fmt: skip
+        "out": (n_channel,),
+        "past": (n_channel, window),
+        "weight": (n_row,),
+        "square": (n_row,),
+        "A": (N_FIT, N_FIT),
+        "inverse": (N_FIT, N_FIT),
+        "spare": (N_FIT, N_FIT),
+        "b": (N_FIT,),
+        "fit": (N_FIT,),
+        "isolated": (n_epoch,),
+        "excluded": (n_epoch, n_channel),
+        "waited": (2,),
+        "z": (n_row,),
+        "variance": (n_row,),
+    }
     return Monitor(**zeros_of(shapes, lanes))
 
 

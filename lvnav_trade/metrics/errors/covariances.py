@@ -37,9 +37,15 @@ LEAST_SHARE = 1e-9
 NUMERICAL = 1e-10
 NOT_APPLICABLE = "not applicable"
 OBSERVED = [
-    "case", "stretches", "states", "least_rank", "least_rank_with_information", "smallest_ratio",
-    "position_against_bias_ratio", "weakest",
-]  # fmt: skip
+    "case",
+    "stretches",
+    "states",
+    "least_rank",
+    "least_rank_with_information",
+    "smallest_ratio",
+    "position_against_bias_ratio",
+    "weakest",
+]
 
 
 def beyond_linear(attitude: float, when: str = "") -> str:

@@ -20,9 +20,17 @@ from lvnav_trade.records import Bools, Floats
 from lvnav_trade.store.read import Tables
 
 COLUMNS = [
-    "case", "event", "t_s", "quantity", "run_count", "inside_ratio", "all_inside_ratio", "low_ratio", "high_ratio",
+    "case",
+    "event",
+    "t_s",
+    "quantity",
+    "run_count",
+    "inside_ratio",
+    "all_inside_ratio",
+    "low_ratio",
+    "high_ratio",
     "honest",
-]  # fmt: skip
+]
 SIGMAS = 3.0
 # Part of a Gaussian that lies within three sigmas.
 GAUSSIAN = 0.9973

@@ -27,13 +27,34 @@ from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
 COLUMNS = [
-    "case", "phase_or_event", "metric", "axis", "unit", "rms", "low", "high", "formal_sigma", "lincov_true_sigma",
-]  # fmt: skip
+    "case",
+    "phase_or_event",
+    "metric",
+    "axis",
+    "unit",
+    "rms",
+    "low",
+    "high",
+    "formal_sigma",
+    "lincov_true_sigma",
+]
 _TAIL = 0.025  # of each side of the interval
 CONTROLLED = [
-    "case", "event", "metric", "unit", "runs", "rms", "low", "high", "controlled_rms", "controlled_low",
-    "controlled_high", "effective_runs", "lincov", "known_share_ratio",
-]  # fmt: skip
+    "case",
+    "event",
+    "metric",
+    "unit",
+    "runs",
+    "rms",
+    "low",
+    "high",
+    "controlled_rms",
+    "controlled_low",
+    "controlled_high",
+    "effective_runs",
+    "lincov",
+    "known_share_ratio",
+]
 # Each tenth of the runs is controlled by what the others say of how errors follow from draws.
 FOLDS = 10
 

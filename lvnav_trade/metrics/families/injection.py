@@ -154,12 +154,17 @@ METRICS: tuple[Metric, ...] = (
     _error("perigee", "m", "km", 1e-3, "height of perigee, osculating"),
     _error("apogee", "m", "km", 1e-3, "height of apogee, osculating"),
     _error(
-        "eccentricity_vector", "dimensionless", "-", 1.0, "eccentricity vector, length of the difference",
-        "eccentricity_along_node", "eccentricity_ahead_of_node",
+        "eccentricity_vector",
+        "dimensionless",
+        "-",
+        1.0,
+        "eccentricity vector, length of the difference",
+        "eccentricity_along_node",
+        "eccentricity_ahead_of_node",
     ),
     _error("inclination", "rad", "deg", _DEG, "inclination"),
     _error("node", "rad", "deg", _DEG, "right ascension of the ascending node"),
     Depletion("depletion", "dimensionless", "share of guided ascents whose last stage is empty before its cut-off"),
     AtCutoff("cutoff_time", "s", "time of the last cut-off of guided ascents, since lift-off", "t"),
     AtCutoff("propellant_left", "kg", "propellant left in the last stage of guided ascents", "left"),
-)  # fmt: skip
+)

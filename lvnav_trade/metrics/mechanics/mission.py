@@ -27,9 +27,14 @@ DRAWS = 2**11
 QUANTILE_DRAWS = 2**15  # of a quantile of a requirement: 88 of them lie beyond 99.73 %
 _LEAST_SIGMAS = 3.0
 _OF_ORBIT = (
-    "semi_major_axis_error", "eccentricity_error", "perigee_error", "apogee_error", "inclination_error", "node_error",
+    "semi_major_axis_error",
+    "eccentricity_error",
+    "perigee_error",
+    "apogee_error",
+    "inclination_error",
+    "node_error",
     "eccentricity_vector_error",
-)  # fmt: skip
+)
 
 
 class State(NamedTuple):

@@ -19,15 +19,43 @@ from lvnav_trade.records import Bools, Floats
 from lvnav_trade.store.read import Tables
 
 COLUMNS = [
-    "case", "event", "t_s", "latitude_deg", "longitude_deg", "heading_deg", "fall_s", "down_sigma_km",
-    "cross_sigma_km", "correlation", "major_3sigma_km", "minor_3sigma_km", "major_heading_deg", "down_filter_sigma_km",
-    "cross_filter_sigma_km", "down_bias_km", "cross_bias_km", "corridor_probability", "corridor_margin_sigma", "runs",
-    "mc_down_sigma_km", "mc_cross_sigma_km", "mc_q99_km", "mc_outside",
-]  # fmt: skip
+    "case",
+    "event",
+    "t_s",
+    "latitude_deg",
+    "longitude_deg",
+    "heading_deg",
+    "fall_s",
+    "down_sigma_km",
+    "cross_sigma_km",
+    "correlation",
+    "major_3sigma_km",
+    "minor_3sigma_km",
+    "major_heading_deg",
+    "down_filter_sigma_km",
+    "cross_filter_sigma_km",
+    "down_bias_km",
+    "cross_bias_km",
+    "corridor_probability",
+    "corridor_margin_sigma",
+    "runs",
+    "mc_down_sigma_km",
+    "mc_cross_sigma_km",
+    "mc_q99_km",
+    "mc_outside",
+]
 VERDICTS = [
-    "case", "verdict", "probability", "expected_probability", "margin_sigma", "t_s", "mc_verdict", "runs", "outside",
+    "case",
+    "verdict",
+    "probability",
+    "expected_probability",
+    "margin_sigma",
+    "t_s",
+    "mc_verdict",
+    "runs",
+    "outside",
     "reason",
-]  # fmt: skip
+]
 
 
 class Corridor(NamedTuple):
@@ -212,10 +240,13 @@ def _row(
     Where the fall only just grazes the ground, and neighbours have none, no error is reported.
     """
     row: dict[str, Any] = {
-        "event": state.event, "t_s": state.t, "latitude_deg": np.degrees(point.latitude),
-        "longitude_deg": np.degrees(point.longitude), "heading_deg": np.degrees(point.heading) % 360.0,
+        "event": state.event,
+        "t_s": state.t,
+        "latitude_deg": np.degrees(point.latitude),
+        "longitude_deg": np.degrees(point.longitude),
+        "heading_deg": np.degrees(point.heading) % 360.0,
         "fall_s": float(point.fall),
-    }  # fmt: skip
+    }
     if not np.isfinite(slope).all():
         return row
     covariance, formal, bias = slope @ law.true @ slope.T, slope @ law.formal @ slope.T, slope @ law.mean
@@ -224,12 +255,17 @@ def _row(
     variance, axes = np.linalg.eigh(covariance)
     major = float(np.arctan2(axes[1, 1], axes[0, 1])) + float(point.heading)
     row |= {
-        "down_sigma_km": sigma[0], "cross_sigma_km": sigma[1],
+        "down_sigma_km": sigma[0],
+        "cross_sigma_km": sigma[1],
         "correlation": covariance[0, 1] / (sigma[0] * sigma[1]) if sigma.all() else float("nan"),
-        "major_3sigma_km": 3.0 * np.sqrt(variance[1]), "minor_3sigma_km": 3.0 * np.sqrt(max(0.0, variance[0])),
-        "major_heading_deg": np.degrees(major) % 180.0, "down_filter_sigma_km": filter_sigma[0],
-        "cross_filter_sigma_km": filter_sigma[1], "down_bias_km": shown[0], "cross_bias_km": shown[1],
-    }  # fmt: skip
+        "major_3sigma_km": 3.0 * np.sqrt(variance[1]),
+        "minor_3sigma_km": 3.0 * np.sqrt(max(0.0, variance[0])),
+        "major_heading_deg": np.degrees(major) % 180.0,
+        "down_filter_sigma_km": filter_sigma[0],
+        "cross_filter_sigma_km": filter_sigma[1],
+        "down_bias_km": shown[0],
+        "cross_bias_km": shown[1],
+    }
     if corridor is not None:
         chance, margin = _inside(corridor, point, covariance, bias)
         row |= {"corridor_probability": chance, "corridor_margin_sigma": margin}

@@ -25,9 +25,20 @@ INJECTION = [
 SOURCES = ["case", "quantity", "unit", "source", "sigma", "share_ratio"]
 NAVIGATION, TOGETHER, FLOWN = "navigation", "root sum of squares", "runs, all together"
 CUTOFF = [
-    "case", "runs", "injected_count", "depleted_count", "lost_count", "depleted_ratio", "low_ratio", "high_ratio",
-    "cutoff_s", "cutoff_sigma_s", "left_kg", "left_sigma_kg", "left_least_kg",
-]  # fmt: skip
+    "case",
+    "runs",
+    "injected_count",
+    "depleted_count",
+    "lost_count",
+    "depleted_ratio",
+    "low_ratio",
+    "high_ratio",
+    "cutoff_s",
+    "cutoff_sigma_s",
+    "left_kg",
+    "left_sigma_kg",
+    "left_least_kg",
+]
 LABELS = {"m": ("km", 1e-3), "rad": ("deg", 180.0 / np.pi), "dimensionless": ("-", 1.0)}
 _CONFIDENCE = 0.95
 

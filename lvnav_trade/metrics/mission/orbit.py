@@ -14,12 +14,35 @@ from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
 COLUMNS = [
-    "case", "event", "quantity", "unit", "osculating", "averaged", "lincov_sigma", "filter_sigma", "lincov_bias",
-    "lincov_q99", "runs", "mc_sigma", "mc_bias", "mc_q99", "remark",
-]  # fmt: skip
+    "case",
+    "event",
+    "quantity",
+    "unit",
+    "osculating",
+    "averaged",
+    "lincov_sigma",
+    "filter_sigma",
+    "lincov_bias",
+    "lincov_q99",
+    "runs",
+    "mc_sigma",
+    "mc_bias",
+    "mc_q99",
+    "remark",
+]
 CORRECTION = [
-    "case", "event", "unit", "by", "draw_count", "mean_delta_v", "q50", "q95", "q99", "velocity_q99", "position_q99",
-]  # fmt: skip
+    "case",
+    "event",
+    "unit",
+    "by",
+    "draw_count",
+    "mean_delta_v",
+    "q50",
+    "q95",
+    "q99",
+    "velocity_q99",
+    "position_q99",
+]
 NORMALITY = ["case", "event", "quantity", "runs", "skewness", "excess_kurtosis", "p_ratio", "gaussian"]
 NORMALITY_ALPHA = 0.01  # probability that a Gaussian element of a case is called otherwise
 _PAIR = ("perigee height", "apogee height")  # the two of the ellipse in the figure of the orbit
@@ -27,12 +50,15 @@ _LEAST_RUNS = 20  # from which on the test is accurate
 _DRAWS = 2**10
 # Quantities of an orbit, and the component of the error metric that belongs to each.
 QUANTITIES = {
-    "semi-major axis": ("semi_major_axis_error", 0), "perigee height": ("perigee_error", 0),
-    "apogee height": ("apogee_error", 0), "eccentricity": ("eccentricity_error", 0),
+    "semi-major axis": ("semi_major_axis_error", 0),
+    "perigee height": ("perigee_error", 0),
+    "apogee height": ("apogee_error", 0),
+    "eccentricity": ("eccentricity_error", 0),
     "eccentricity along the node": ("eccentricity_vector_error", 0),
     "eccentricity ahead of the node": ("eccentricity_vector_error", 1),
-    "inclination": ("inclination_error", 0), "node": ("node_error", 0),
-}  # fmt: skip
+    "inclination": ("inclination_error", 0),
+    "node": ("node_error", 0),
+}
 
 
 LEAST = 1e-7
@@ -80,9 +106,15 @@ def values(orbit_of: meanorbit.Orbit) -> dict[str, float]:
     node = np.array([np.cos(orbit_of.node), np.sin(orbit_of.node), 0.0])
     ahead = np.cross(orbit_of.h_i / np.linalg.norm(orbit_of.h_i), node)
     found = (
-        orbit_of.semi_major_axis, orbit_of.perigee, orbit_of.apogee, orbit_of.eccentricity, orbit_of.e_i @ node,
-        orbit_of.e_i @ ahead, orbit_of.inclination, orbit_of.node,
-    )  # fmt: skip
+        orbit_of.semi_major_axis,
+        orbit_of.perigee,
+        orbit_of.apogee,
+        orbit_of.eccentricity,
+        orbit_of.e_i @ node,
+        orbit_of.e_i @ ahead,
+        orbit_of.inclination,
+        orbit_of.node,
+    )
     return {name: float(value) for name, value in zip(QUANTITIES, found, strict=True)}
 
 

@@ -15,8 +15,18 @@ from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
 COLUMNS = [
-    "case", "event", "t_s", "error", "runs", "unit", "expected", "found", "ratio", "chance_ratio", "verdict",
-]  # fmt: skip
+    "case",
+    "event",
+    "t_s",
+    "error",
+    "runs",
+    "unit",
+    "expected",
+    "found",
+    "ratio",
+    "chance_ratio",
+    "verdict",
+]
 # Probability that any row of a campaign disagrees although both engines describe the same errors.
 ALPHA = 0.01
 # Part of all runs that linear covariance predicts beyond the quantile that is tested.

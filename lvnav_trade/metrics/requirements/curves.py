@@ -14,9 +14,19 @@ from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
 
 CURVES = [
-    "axis", "value", "axis_unit", "others", "case", "requirement", "unit", "limit", "lincov", "lincov_probability",
-    "monte_carlo", "verdict",
-]  # fmt: skip
+    "axis",
+    "value",
+    "axis_unit",
+    "others",
+    "case",
+    "requirement",
+    "unit",
+    "limit",
+    "lincov",
+    "lincov_probability",
+    "monte_carlo",
+    "verdict",
+]
 CROSSINGS = ["axis", "axis_unit", "case", "requirement", "unit", "limit", "by", "crossing", "low", "high"]
 _QUANTITY = re.compile(r"([+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?)(?: (\S+))?")
 BASE = "base"
@@ -177,8 +187,18 @@ def crossed(value: np.ndarray, error: np.ndarray, limit: float) -> Iterator[tupl
 
 
 TORNADO = [
-    "requirement", "case", "axis", "unit", "limit", "base", "low", "low_level", "high", "high_level", "range",
-]  # fmt: skip
+    "requirement",
+    "case",
+    "axis",
+    "unit",
+    "limit",
+    "base",
+    "low",
+    "low_level",
+    "high",
+    "high_level",
+    "range",
+]
 
 
 def tornado(tables: Tables) -> pd.DataFrame:

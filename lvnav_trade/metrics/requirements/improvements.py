@@ -19,8 +19,16 @@ from lvnav_trade.store.read import Tables
 
 ABOVE_ONLY = "the worst of a phase: linear covariance bounds its probability from above only"
 EXPECTED = [
-    "requirement", "case", "verdict", "probability", "expected_probability", "estimate", "limit", "unit", "reason",
-]  # fmt: skip
+    "requirement",
+    "case",
+    "verdict",
+    "probability",
+    "expected_probability",
+    "estimate",
+    "limit",
+    "unit",
+    "reason",
+]
 IMPROVEMENTS = ["requirement", "case", "verdict", "source", "factor_ratio", "share_ratio", "remark"]
 # Smaller factors are no advice: no sensor gets twenty times better.
 LEAST = 0.05

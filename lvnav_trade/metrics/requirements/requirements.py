@@ -18,9 +18,18 @@ from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
 COLUMNS = [
-    "requirement", "case", "verdict", "estimate", "limit", "unit", "probability", "confidence", "runs", "failures",
+    "requirement",
+    "case",
+    "verdict",
+    "estimate",
+    "limit",
+    "unit",
+    "probability",
+    "confidence",
+    "runs",
+    "failures",
     "runs_to_decide",
-]  # fmt: skip
+]
 # Word of a campaign that stops once every requirement is decided; runs in a block where it is not said.
 DECIDED, BLOCK = "decided", 40
 _NEGLIGIBLE = 1e-18

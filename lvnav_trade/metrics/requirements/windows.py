@@ -26,9 +26,21 @@ from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
 
 COLUMNS = [
-    "requirement", "case", "event", "t_s", "first_s", "last_s", "estimate", "worst", "worst_s", "limit", "unit",
-    "probability", "by", "changes",
-]  # fmt: skip
+    "requirement",
+    "case",
+    "event",
+    "t_s",
+    "first_s",
+    "last_s",
+    "estimate",
+    "worst",
+    "worst_s",
+    "limit",
+    "unit",
+    "probability",
+    "by",
+    "changes",
+]
 UNEVALUATED = ["requirement", "case", "event", "reason"]
 BEFORE, AFTER = 5.0, 20.0  # s, of a requirement that states no window
 RUNS, COVARIANCE, EXTRAPOLATED = "runs", "LinCov", "runs, extrapolated"

@@ -174,13 +174,31 @@ class StationCard(SensorCard, SightConditions):
         time_constant = self.refraction_time or math.inf
         found = []
         if 0 in self._own:
-            found.append(CorrelatedError("station range bias", "range", self.range_bias, "range_bias", math.inf, ("",),
-                                      lambda flight: self._picked(np.eye(3)[None, :, :1])))  # fmt: skip
+            found.append(
+                CorrelatedError(
+                    "station range bias",
+                    "range",
+                    self.range_bias,
+                    "range_bias",
+                    math.inf,
+                    ("",),
+                    lambda flight: self._picked(np.eye(3)[None, :, :1]),
+                )
+            )
         angles = [k for k in self._own if k > 0]
         if angles:
             names = tuple(SCALARS[k] for k in angles)
-            found.append(CorrelatedError("station angle bias", "angle", self.angle_bias, "angle_bias", math.inf, names,
-                                      lambda flight: self._picked(np.eye(3)[None, :, angles])))  # fmt: skip
+            found.append(
+                CorrelatedError(
+                    "station angle bias",
+                    "angle",
+                    self.angle_bias,
+                    "angle_bias",
+                    math.inf,
+                    names,
+                    lambda flight: self._picked(np.eye(3)[None, :, angles]),
+                )
+            )
         axes = ("north", "east", "up")
         return (
             *found,

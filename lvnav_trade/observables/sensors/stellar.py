@@ -120,14 +120,24 @@ class StarTrackerCard(SensorCard):
         each = each_scalar(len(self.labels))
         return (
             CorrelatedError(
-                "star tracker misalignment", "misalignment", self.misalignment, "misalignment", math.inf,
-                self.labels, each,
+                "star tracker misalignment",
+                "misalignment",
+                self.misalignment,
+                "misalignment",
+                math.inf,
+                self.labels,
+                each,
             ),
             CorrelatedError(
-                "star tracker low-frequency error", "low frequency", self.low_frequency, "low_frequency", time,
-                self.labels, each,
+                "star tracker low-frequency error",
+                "low frequency",
+                self.low_frequency,
+                "low_frequency",
+                time,
+                self.labels,
+                each,
             ),
-        )  # fmt: skip
+        )
 
 
 @jit

@@ -9,9 +9,18 @@ from lvnav_trade import units
 
 Factor = Annotated[float, Field(gt=0.5, lt=2.0)]
 SourceName = Literal[
-    "thrust", "specific_impulse", "propellant", "dry_mass", "drag", "density", "wind", "thrust_misalignment",
-    "separation_impulse", "ignition_delay", "tail_off",
-]  # fmt: skip
+    "thrust",
+    "specific_impulse",
+    "propellant",
+    "dry_mass",
+    "drag",
+    "density",
+    "wind",
+    "thrust_misalignment",
+    "separation_impulse",
+    "ignition_delay",
+    "tail_off",
+]
 SOURCES: tuple[SourceName, ...] = get_args(SourceName)
 
 

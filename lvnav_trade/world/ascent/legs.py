@@ -200,9 +200,19 @@ class Pilot:
         n_law = 1 if card.parking is None else 2
         kick_end = card.vertical_rise + card.kick_duration
         self.steering = Steering(
-            up, downrange, theta0, card.vertical_rise, card.kick_duration, aim.kick, kick_end, card.slew,
-            np.full(n_law, np.inf), np.zeros((n_law, 3)), np.zeros(n_law), np.zeros(n_law),
-        )  # fmt: skip
+            up,
+            downrange,
+            theta0,
+            card.vertical_rise,
+            card.kick_duration,
+            aim.kick,
+            kick_end,
+            card.slew,
+            np.full(n_law, np.inf),
+            np.zeros((n_law, 3)),
+            np.zeros(n_law),
+            np.zeros(n_law),
+        )
         self.drag = Drag(vehicle.reference_area, np.array(vehicle.mach), np.array(vehicle.drag_coefficient))
         self.y = np.concatenate([*pad_state(card.site, float(earth_angle(theta0, 0.0))), [lift_off_mass(card)]])
         self.legs: list[Leg] = []

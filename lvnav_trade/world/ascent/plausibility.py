@@ -15,16 +15,20 @@ _STEP = 0.05  # s at most between the times at which a flight is looked at
 _RATE = "is a row wrong there, an event early or late, an angle in another unit, or does one jump by a turn?"
 _SHOWN = {  # by field: what it limits, unit in messages, SI units of it, and what is probably wrong beyond it
     "highest_load": (
-        "specific force", "g", STANDARD_GRAVITY, "is an event missing there, are digits wrong, or are the rows noisier "
-        "than stated or than their digits?",
+        "specific force",
+        "g",
+        STANDARD_GRAVITY,
+        "is an event missing there, are digits wrong, or are the rows noisier than stated or than their digits?",
     ),
     "highest_rate": ("pitch and yaw rate", "deg/s", math.pi / 180.0, _RATE),
     "highest_spin": ("roll rate", "deg/s", math.pi / 180.0, _RATE),
     "highest_misfit": (
-        "RMS misfit to the record", "sigma", 1.0, "are digits wrong, is an event missing, or is the noise larger than "
-        "stated?",
+        "RMS misfit to the record",
+        "sigma",
+        1.0,
+        "are digits wrong, is an event missing, or is the noise larger than stated?",
     ),
-}  # fmt: skip
+}
 
 
 class OutsideFlight(FlightCard):

@@ -196,10 +196,9 @@ def _pointing(
     free = [begin for begin, _ in coasts] + [stretches[-1].start]
     times = [stretch_knots(stretch.start, stretch.end) for stretch in stretches]
     thrusts = [
-        None if s.start in free
-        else make_interp_spline(t, unit(s.position(t, 2) - gravity_along(s.position(t))), k=5)
+        None if s.start in free else make_interp_spline(t, unit(s.position(t, 2) - gravity_along(s.position(t))), k=5)
         for s, t in zip(stretches, times, strict=True)
-    ]  # fmt: skip
+    ]
     before = pad_knots(card.pad_hold, _STEP)
     t = np.concatenate([before, joined(times)])
     along = np.concatenate([np.zeros((before.size, 3)), *thrust_directions(times, thrusts)])
@@ -230,14 +229,16 @@ def rebuild(card: RecordedAscent) -> Trajectory:
     phases = (*pad, *(Phase(*track, attitude) for track in tracks))
     flight = Trajectory(phases, {"liftoff": 0.0, **card.events}, theta0, card.epoch)
     powered = motion(flight, np.linspace(0.0, flight.end, 4000))
-    flight.facts.update({
-        "record": card.source,
-        **_injected(way),
-        "azimuth_rad": azimuth,
-        "max_load_g": float(np.max(np.linalg.norm(powered.f_b, axis=1))) / STANDARD_GRAVITY,
-        "smoothing_misfit": climb.misfit,
-        **residual_facts("smoothing", record, climb.speed(record.t), climb.altitude(record.t)),
-    })  # fmt: skip
+    flight.facts.update(
+        {
+            "record": card.source,
+            **_injected(way),
+            "azimuth_rad": azimuth,
+            "max_load_g": float(np.max(np.linalg.norm(powered.f_b, axis=1))) / STANDARD_GRAVITY,
+            "smoothing_misfit": climb.misfit,
+            **residual_facts("smoothing", record, climb.speed(record.t), climb.altitude(record.t)),
+        }
+    )
     noise = card.speed_noise + STANDARD_GRAVITY * card.altitude_noise / np.maximum(record.speed, 1.0)  # of the climb
     missing = missing_events(record.t, force_along(record), flight.events, _COARSEST, noise)
     flight = flight.remarked(NOTE, notes).remarked(WARNING, [missing] if missing else [])

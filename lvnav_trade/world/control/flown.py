@@ -24,9 +24,14 @@ _SEED = 0  # a launch is drawn from its number alone
 _CLOSE = 1e-7  # m; to which the path is found that gravity bends
 _LOAD_STEP = 0.05  # s between the times at which the largest load is looked for
 _STILL = WindCard.model_construct(
-    name="still air", source="", height=(0.0, 1.0), speed=(0.0, 0.0), direction=0.0, gust=(0.0, 0.0),
+    name="still air",
+    source="",
+    height=(0.0, 1.0),
+    speed=(0.0, 0.0),
+    direction=0.0,
+    gust=(0.0, 0.0),
     gust_length=(1.0, 1.0),
-)  # fmt: skip
+)
 
 
 class _Deviations:
@@ -85,9 +90,12 @@ def fly_launch(ascent: Ascent, launch: Launch, card: SteeredCard) -> Trajectory:
     rows = flown.history[0]
     phases = tuple(_phases(nominal, _Deviations(flown)))
     built = Trajectory(
-        phases, nominal.events, nominal.theta0, nominal.epoch,
+        phases,
+        nominal.events,
+        nominal.theta0,
+        nominal.epoch,
         commands=Commands(flown.t, np.cumsum(rows[:, :, loop.STEPPED], axis=0), rows[:, :, loop.ASKED]),
-    )  # fmt: skip
+    )
     return replace(built, facts=nominal.facts | _facts(built))
 
 

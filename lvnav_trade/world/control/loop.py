@@ -27,14 +27,54 @@ TRUE, RAW, FILTERED = 0, 1, 2
 BURN, COAST, CHANGE, N_PHASE = 0, 1, 2, 3
 
 # What is recorded of an axis at a tick.
-(NOZZLE, ASKED, MOVED, ERROR, RATE_ERROR, TURNING, TURNING_BOUND, JERK, JERK_BOUND, AIR, FORMAL, ANGLE, RATE, FORCE,
- STEPPED, N_RECORD) = range(16)  # fmt: skip
+(
+    NOZZLE,
+    ASKED,
+    MOVED,
+    ERROR,
+    RATE_ERROR,
+    TURNING,
+    TURNING_BOUND,
+    JERK,
+    JERK_BOUND,
+    AIR,
+    FORMAL,
+    ANGLE,
+    RATE,
+    FORCE,
+    STEPPED,
+    N_RECORD,
+) = range(16)
 # What is added up of an axis in a phase.
 (TICKS, INSIDE_TURNING, INSIDE_JERK, TURNING_RATIO, JERK_RATIO, SQUARE_ERROR, SQUARE_RATE, N_SUM) = range(8)
 # What an axis carries from tick to tick.
-(_ANGLE, _RATE, _DRIFT, _PUSH, _INTEGRAL, _GUST_1, _GUST_2, _OFFSET, _OFFSET_RATE, _TARGET, _SENSE, _ESTIMATE,
- _VARIANCE, _ATTITUDE, _BIAS, _MISALIGNED, _COMMAND, _TURN_LAG, _JERK_LAG, _COMMANDED, _ANGLE_BEFORE, _FORCE_BEFORE,
- _MOVEMENT, _FED, _N) = range(25)  # fmt: skip
+(
+    _ANGLE,
+    _RATE,
+    _DRIFT,
+    _PUSH,
+    _INTEGRAL,
+    _GUST_1,
+    _GUST_2,
+    _OFFSET,
+    _OFFSET_RATE,
+    _TARGET,
+    _SENSE,
+    _ESTIMATE,
+    _VARIANCE,
+    _ATTITUDE,
+    _BIAS,
+    _MISALIGNED,
+    _COMMAND,
+    _TURN_LAG,
+    _JERK_LAG,
+    _COMMANDED,
+    _ANGLE_BEFORE,
+    _FORCE_BEFORE,
+    _MOVEMENT,
+    _FED,
+    _N,
+) = range(25)
 
 _GYRO, _BIASES = source_word("rotation gyro noise"), source_word("rotation gyro bias")
 _GUSTS, _PROFILE = source_word("rotation gust"), source_word("rotation wind profile")
@@ -181,8 +221,15 @@ def _move(x, body, k, axis, plant, wind, dt):
     """Step nozzle and body over the tick; x updated."""
     alpha = (body.rate[k + 1, axis] - body.rate[k, axis]) / dt
     other = body.thruster[k] * x[_SENSE] - alpha
-    c = (body.effectiveness[k], body.thrust_load[k], body.moment[k], body.force[k], body.airspeed[k],
-         wind - body.slip[k, axis], other)  # fmt: skip
+    c = (
+        body.effectiveness[k],
+        body.thrust_load[k],
+        body.moment[k],
+        body.force[k],
+        body.airspeed[k],
+        wind - body.slip[k, axis],
+        other,
+    )
     before = x[_PUSH]
     quarter = 0.25 * dt
     x[_ANGLE_BEFORE] = x[_ANGLE]
@@ -279,9 +326,10 @@ def fly_run(body, phase, plant, law, feed, model, spread, k0, k1, run, every, hi
             if k > 0:
                 x[_GUST_1], x[_GUST_2] = gust_step(x[_GUST_1], x[_GUST_2], dt * body.gust_rate[k], h0, h1)
             wind = (
-                (1.0 + spread * along) * body.wind[k, axis, 0] + spread * across * body.wind[k, axis, 1]
+                (1.0 + spread * along) * body.wind[k, axis, 0]
+                + spread * across * body.wind[k, axis, 1]
                 + body.gust[k] * gust_of(x[_GUST_1], x[_GUST_2])
-            )  # fmt: skip
+            )
             if changed and motor > 0 and k > 0:
                 _capture(x, body, k, axis, feed)
             commanded = body.rate[k, axis] + body.turn_rate[k, axis] + x[_OFFSET_RATE]

@@ -80,18 +80,31 @@ def fly_missions(
     settings = _plant(launch.rotation), _law(launch), _feed(launch, feedback), envelope
     for n in range(runs):
         movement[n] = loop.fly_run(
-            launch.body, launch.phase, *settings, launch.wind.spread, k0, k1, np.uint64(first_run + n), every,
-            history[n], sums[n],
-        )  # fmt: skip
+            launch.body,
+            launch.phase,
+            *settings,
+            launch.wind.spread,
+            k0,
+            k1,
+            np.uint64(first_run + n),
+            every,
+            history[n],
+            sums[n],
+        )
     return Missions(launch.body.t[:n_tick:every], history, movement, sums)
 
 
 def _plant(card: RotationCard) -> loop.Plant:
     nozzle, thrusters = card.nozzle, card.thrusters
     return loop.Plant(
-        nozzle.time_constant, nozzle.rate_limit, nozzle.deflection_limit, nozzle.misalignment,
-        thrusters.dead_band, thrusters.lead, thrusters.release,
-    )  # fmt: skip
+        nozzle.time_constant,
+        nozzle.rate_limit,
+        nozzle.deflection_limit,
+        nozzle.misalignment,
+        thrusters.dead_band,
+        thrusters.lead,
+        thrusters.release,
+    )
 
 
 def _law(launch: Launch) -> loop.Law:
@@ -102,9 +115,15 @@ def _law(launch: Launch) -> loop.Law:
         return loop.Law(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0, 0.0)
     ticks = max(1, round(guide.period * rate))
     return loop.Law(
-        gains, card.command_time, guide.from_stage, ticks, guide.time, guide.limit, guide.velocity_sigma,
+        gains,
+        card.command_time,
+        guide.from_stage,
+        ticks,
+        guide.time,
+        guide.limit,
+        guide.velocity_sigma,
         guide.command_sigma,
-    )  # fmt: skip
+    )
 
 
 def _feed(launch: Launch, card: FeedbackCard) -> loop.Feed:

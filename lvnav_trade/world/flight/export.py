@@ -15,8 +15,18 @@ from lvnav_trade.world.truth import Trajectory, motion
 from lvnav_trade.world.user_file.columns import OWN_EVENTS, TableTrajectory
 
 COLUMNS = (
-    "time_s", "latitude_deg", "longitude_deg", "height_m", "north_m_s", "east_m_s", "down_m_s", "q0", "q1", "q2", "q3",
-)  # fmt: skip
+    "time_s",
+    "latitude_deg",
+    "longitude_deg",
+    "height_m",
+    "north_m_s",
+    "east_m_s",
+    "down_m_s",
+    "q0",
+    "q1",
+    "q2",
+    "q3",
+)
 _SAME = 1e-6  # s; two times closer than this are one
 _SPARE = 1.02  # of a flight's own peak, by which its export may exceed that
 _STEP = 0.0317  # s between the times at which two flights are compared; no multiple of a usual step
@@ -69,9 +79,13 @@ def _layout() -> dict[str, Any]:
         "position": {"frame": "geodetic", "columns": [*COLUMNS[1:4]], "unit": "deg", "height_unit": "m"},
         "velocity": {"frame": "ned", "columns": [*COLUMNS[4:7]], "unit": "m/s"},
         "attitude": {
-            "form": "quaternion", "frame": "eci", "columns": [*COLUMNS[7:]], "scalar": "first", "turns": "body_to_frame"
+            "form": "quaternion",
+            "frame": "eci",
+            "columns": [*COLUMNS[7:]],
+            "scalar": "first",
+            "turns": "body_to_frame",
         },
-    }  # fmt: skip
+    }
 
 
 def _events(flight: Trajectory, hold: float) -> dict[str, float]:

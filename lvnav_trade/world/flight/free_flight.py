@@ -174,8 +174,17 @@ def fly(
     events = None if until is None else [lambda t, y: until(t, y)]
     if events is not None:
         events[0].terminal = True  # type: ignore[attr-defined]
-    found = solve_ivp(rate, (t0, t0 + longest), y0, "DOP853", dense_output=True, rtol=_TOLERANCE, atol=1e-9,
-                      events=events, max_step=_LONGEST_STEP)  # fmt: skip
+    found = solve_ivp(
+        rate,
+        (t0, t0 + longest),
+        y0,
+        "DOP853",
+        dense_output=True,
+        rtol=_TOLERANCE,
+        atol=1e-9,
+        events=events,
+        max_step=_LONGEST_STEP,
+    )
     end = float(found.t[-1])
     t = np.linspace(t0, end, max(8, int(np.ceil((end - t0) / step - 1e-9))) + 1)
     y = found.sol(t).T

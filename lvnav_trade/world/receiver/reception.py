@@ -106,9 +106,12 @@ class _Heard(NamedTuple):
 
 
 def receive(
-    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, antenna_alive: Bools | None = None,
+    receiver: ReceiverCard,
+    trajectory: Trajectory,
+    arrival: Arrival,
+    antenna_alive: Bools | None = None,
     faults: Sequence[AnyFault] = (),
-) -> Reception:  # fmt: skip
+) -> Reception:
     """Return what the receiver makes of the signals.
 
     antenna_alive (n_epoch, n_antenna) bool; it holds from the epoch before (excluded) to its own (included). None: all.
@@ -171,9 +174,13 @@ def _divided(t: Floats, count: int) -> tuple[Floats, Ints]:
 
 
 def _hear(
-    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, steps: _Steps, antenna_alive: Bools | None,
+    receiver: ReceiverCard,
+    trajectory: Trajectory,
+    arrival: Arrival,
+    steps: _Steps,
+    antenna_alive: Bools | None,
     faults: Sequence[AnyFault],
-) -> _Heard:  # fmt: skip
+) -> _Heard:
     at = motion(trajectory, steps.t)
     # a row vector times C_b_i: the components along the body's axes
     level = gains(receiver.antennas, arrival.direction_i[steps.owner] @ matrices(at.q_b_i))
@@ -204,9 +211,13 @@ def _hear(
 
 
 def _dynamics(
-    receiver: ReceiverCard, loops: LoopsCard, trajectory: Trajectory, arrival: Arrival, steps: _Steps,
+    receiver: ReceiverCard,
+    loops: LoopsCard,
+    trajectory: Trajectory,
+    arrival: Arrival,
+    steps: _Steps,
     antenna: Ints,
-) -> tuple[Floats, Floats]:  # fmt: skip
+) -> tuple[Floats, Floats]:
     """Return the greatest acceleration (m/s^2) and jerk (m/s^3) of the range during each step, (n_step, n_sat) each.
 
     Means over the time in which the carrier loop answers: a jump of thrust is a jerk over that time, which is what the

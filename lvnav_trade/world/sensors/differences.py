@@ -17,8 +17,10 @@ def difference(imu: ImuSet, first: int, second: int) -> list[Floats]:
     from 0.
     """
     found, seen = [np.zeros((2, 3, 3)) for _ in triads_of(imu)], [0] * len(imu.units)
-    own = {n: (sign, least_squares(d := imu.units[n].directions, np.ones(len(d))))
-           for n, sign in ((first, 1.0), (second, -1.0))}  # fmt: skip
+    own = {
+        n: (sign, least_squares(d := imu.units[n].directions, np.ones(len(d))))
+        for n, sign in ((first, 1.0), (second, -1.0))
+    }
     for number, triad in enumerate(triads_of(imu)):
         if triad.unit in own:
             sign, A = own[triad.unit]

@@ -56,11 +56,13 @@ class MountedUnit(ImuCard):
         if not any(self.orientation):
             return np.asarray(own / np.linalg.norm(own, axis=1)[:, None])
         (sr, sp, sy), (cr, cp, cy) = np.sin(self.orientation), np.cos(self.orientation)
-        turn = np.array([
-            [cp * cy, cp * sy, -sp],
-            [sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp],
-            [cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp],
-        ])  # fmt: skip
+        turn = np.array(
+            [
+                [cp * cy, cp * sy, -sp],
+                [sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp],
+                [cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp],
+            ]
+        )
         return np.asarray(own / np.linalg.norm(own, axis=1)[:, None] @ turn)
 
 
@@ -290,8 +292,9 @@ def _fused(imu: ImuSet, sensor: int, value: Callable[[Any], PerAxis]) -> PerAxis
     """
     found, alike = np.zeros(3), True
     for triad in triads_of(imu):
-        A, card = (triad.gyro, imu.units[triad.unit].gyro) if sensor == GYRO else (
-            triad.accel, imu.units[triad.unit].accel)  # fmt: skip
+        A, card = (
+            (triad.gyro, imu.units[triad.unit].gyro) if sensor == GYRO else (triad.accel, imu.units[triad.unit].accel)
+        )
         found += A**2 @ squares(value(card))
         alike &= not isinstance(value(card), tuple)
     if alike:
@@ -325,10 +328,14 @@ def _fused_card(imu: ImuSet, sensor: int) -> dict[str, Any]:
     if sensor == GYRO:
         found["g_sensitivity"] = _fused(imu, sensor, attrgetter("g_sensitivity"))
     # the driving noise of several Gauss-Markov processes adds up: the time constant that goes with their sum
-    drive = sum(
-        one.sigma**2 / one.time_constant * float(np.sum((t.gyro if sensor == GYRO else t.accel) ** 2))
-        for t in triads_of(imu) for one in [cards[t.unit].instability]
-    ) / 3.0  # fmt: skip
+    drive = (
+        sum(
+            one.sigma**2 / one.time_constant * float(np.sum((t.gyro if sensor == GYRO else t.accel) ** 2))
+            for t in triads_of(imu)
+            for one in [cards[t.unit].instability]
+        )
+        / 3.0
+    )
     found["instability_time"] = rms(found["bias_instability"]) ** 2 / drive if drive > 0.0 else 100.0
     return found
 

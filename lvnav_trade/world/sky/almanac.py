@@ -83,8 +83,10 @@ _SEM: tuple[tuple[_Field, ...], ...] = (
     (_Field("health", "health", _HEALTH),),
     (),  # satellite configuration
 )
-_HEAD = tuple(_Field(*item) for item in (("count", "number of records", _PRN), ("week", "week", _WEEK),
-                                         ("applicability", "second", _SECONDS)))  # fmt: skip
+_HEAD = tuple(
+    _Field(*item)
+    for item in (("count", "number of records", _PRN), ("week", "week", _WEEK), ("applicability", "second", _SECONDS))
+)
 
 
 def read_almanac(path: str | Path) -> tuple[AlmanacRecord, ...]:

@@ -116,10 +116,14 @@ def _recording(identity: tuple[str, str], card: ErrorTable) -> Recording:
     median = float(np.median(interval))
     largest = _GAP * median if card.largest_gap is None else card.largest_gap
     refuse_first(
-        interval > largest + 1e-9, card.file, places[1:],
-        lambda k: f"no rows between {t[k]:g} s and {t[k + 1]:g} s, a gap longer than {largest:g} s (state largest_gap "
-        f"if a straight line is good enough)",
-    )  # fmt: skip
+        interval > largest + 1e-9,
+        card.file,
+        places[1:],
+        lambda k: (
+            f"no rows between {t[k]:g} s and {t[k + 1]:g} s, a gap longer than {largest:g} s (state largest_gap "
+            f"if a straight line is good enough)"
+        ),
+    )
     errors = np.zeros((t.size, 6))
     for at, part in zip((0, 3), parts, strict=False):
         columns = table[:, [names.index(name) for name in part.columns]]

@@ -22,11 +22,28 @@ from lvnav_trade.world.sky.gps_time import (
 from lvnav_trade.world.user_file.data_file import column_names, read_columns
 
 _UNITS = {
-    "s": "s", "sec": "s", "seconds": "s", "ms": "ms", "min": "min", "deg": "deg", "degrees": "deg", "rad": "rad",
+    "s": "s",
+    "sec": "s",
+    "seconds": "s",
+    "ms": "ms",
+    "min": "min",
+    "deg": "deg",
+    "degrees": "deg",
+    "rad": "rad",
     "°": "deg",
-    "m": "m", "km": "km", "ft": "ft", "m_s": "m/s", "m/s": "m/s", "mps": "m/s", "km_s": "km/s", "km/s": "km/s",
-    "kmps": "km/s", "ft_s": "ft/s", "ft/s": "ft/s", "fps": "ft/s",
-}  # fmt: skip
+    "m": "m",
+    "km": "km",
+    "ft": "ft",
+    "m_s": "m/s",
+    "m/s": "m/s",
+    "mps": "m/s",
+    "km_s": "km/s",
+    "km/s": "km/s",
+    "kmps": "km/s",
+    "ft_s": "ft/s",
+    "ft/s": "ft/s",
+    "fps": "ft/s",
+}
 _WITH_UNIT = re.compile(
     rf"(.+?)[\s_]*[\[(_ ](?:{'|'.join(sorted(map(re.escape, _UNITS), key=len, reverse=True))})[\])]?"
 )
@@ -48,14 +65,15 @@ _CLOCKS = (  # columns that count from something else than lift-off
     "epoch_time",
 )
 _GEODETIC = (
-    ("lat", "latitude", "geodetic_latitude", "phi"), ("lon", "long", "longitude", "lambda"),
+    ("lat", "latitude", "geodetic_latitude", "phi"),
+    ("lon", "long", "longitude", "lambda"),
     ("alt", "altitude", "height", "h", "ellipsoidal_height"),
-)  # fmt: skip
+)
 _NED = (
     ("vn", "v_n", "v_north", "north", "vel_n", "vel_north", "north_velocity", "velocity_north"),
     ("ve", "v_e", "v_east", "east", "vel_e", "vel_east", "east_velocity", "velocity_east"),
     ("vd", "v_d", "v_down", "down", "vel_d", "vel_down", "down_velocity", "velocity_down"),
-)  # fmt: skip
+)
 _AXIS = "{x}", "pos_{x}", "position_{x}", "r{x}", "r_{x}", "p{x}"
 _RATE = "v{x}", "v_{x}", "vel_{x}", "velocity_{x}", "{x}dot", "{x}_dot", "d{x}"
 _FRAMES = (

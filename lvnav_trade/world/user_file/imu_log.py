@@ -32,14 +32,24 @@ _SOME = 2.0  # m/s^2, of a vehicle that is not in free fall
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Endings of columns: the unit, and whether a column is of increments.
 _GYRO = {
-    "rad_s": ("rad/s", False), "mrad_s": ("mrad/s", False), "deg_s": ("deg/s", False), "deg_h": ("deg/h", False),
-    "rad": ("rad", True), "mrad": ("mrad", True), "urad": ("urad", True), "deg": ("deg", True),
+    "rad_s": ("rad/s", False),
+    "mrad_s": ("mrad/s", False),
+    "deg_s": ("deg/s", False),
+    "deg_h": ("deg/h", False),
+    "rad": ("rad", True),
+    "mrad": ("mrad", True),
+    "urad": ("urad", True),
+    "deg": ("deg", True),
     "arcsec": ("arcsec", True),
-}  # fmt: skip
+}
 _ACCEL = {
-    "m_s2": ("m/s**2", False), "g": ("g", False), "mg": ("mg", False), "ug": ("ug", False), "m_s": ("m/s", True),
+    "m_s2": ("m/s**2", False),
+    "g": ("g", False),
+    "mg": ("mg", False),
+    "ug": ("ug", False),
+    "m_s": ("m/s", True),
     "mm_s": ("mm/s", True),
-}  # fmt: skip
+}
 _SI = {"gyro": ("rad/s", "rad"), "accel": ("m/s**2", "m/s")}
 
 
@@ -101,9 +111,11 @@ def _refuse_impossible(gyro: Floats, accel: Floats, file: str, places: list[str]
     empty = (rate == 0.0) & (force == 0.0)
     before, after = np.append(force[:1], force[:-1]), np.append(force[1:], force[-1:])
     refuse_first(
-        empty & (np.maximum(before, after) > _SOME), file, places,
+        empty & (np.maximum(before, after) > _SOME),
+        file,
+        places,
         lambda k: "all six columns are zero, and the specific force is not in the row next to it: a row without data",
-    )  # fmt: skip
+    )
 
 
 def time_column(file: str, titles: Sequence[str]) -> tuple[str, float]:
@@ -138,13 +150,17 @@ def _interval(t: Floats, file: str, places: list[str]) -> float:
         _refuse_scatter(t, file)
     refuse_unordered(t, file, places)
     refuse_first(
-        steps > 1.5 * dt, file, places[1:],
+        steps > 1.5 * dt,
+        file,
+        places[1:],
         lambda k: f"a gap: no rows between {t[k]:.9g} s and {t[k + 1]:.9g} s, {dt:.6g} s apart elsewhere",
-    )  # fmt: skip
+    )
     refuse_first(
-        uneven, file, places[1:],
+        uneven,
+        file,
+        places[1:],
         lambda k: f"uneven sampling: a row {steps[k]:.6g} s after the one before, {dt:.6g} s elsewhere",
-    )  # fmt: skip
+    )
     return float(t[-1] / (t.size - 1))
 
 
@@ -191,9 +207,11 @@ def _uneven(t: Floats, file: str, places: list[str], longest: float) -> float:
     """Return the mean interval (s) of uneven rows; InputError where they leave a longer gap."""
     steps = refuse_unordered(t, file, places)
     refuse_first(
-        steps > longest, file, places[1:],
+        steps > longest,
+        file,
+        places[1:],
         lambda k: f"a gap: no rows between {t[k]:.9g} s and {t[k + 1]:.9g} s; at most {longest:g} s are bridged",
-    )  # fmt: skip
+    )
     return float((t[-1] - t[0]) / (t.size - 1))
 
 

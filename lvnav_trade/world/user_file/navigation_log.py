@@ -124,9 +124,19 @@ def read_recording(card: NavigationLog, folder: Path) -> Recording:
     ranges = None if card.ranges is None else read_ranges(card.ranges, folder, zero)
     notes = found.notes + (ranges.notes if ranges is not None else ())
     return Recording(
-        t - zero, turned @ turn, pushed @ turn, found.t - zero, found.place, found.moving, found.sigma, epoch, ranges,
-        found.lines, found.file, notes,
-    )  # fmt: skip
+        t - zero,
+        turned @ turn,
+        pushed @ turn,
+        found.t - zero,
+        found.place,
+        found.moving,
+        found.sigma,
+        epoch,
+        ranges,
+        found.lines,
+        found.file,
+        notes,
+    )
 
 
 def first_row_utc(card: NavigationLog, seconds: float, file: str) -> str:

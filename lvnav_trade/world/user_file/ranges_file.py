@@ -64,13 +64,17 @@ def read_ranges(card: RangesFile, folder: Path, zero: float) -> Ranges:
         if gone.all():
             raise InputError(f"{file}:{places[0]}: {name} {reason}, in all {gone.size} rows")
     refuse_first(
-        ~missing[0] & ((size < _NEAREST) | (size > _FARTHEST)), file, places,
+        ~missing[0] & ((size < _NEAREST) | (size > _FARTHEST)),
+        file,
+        places,
         lambda k: f"pseudorange_m is {size[k]:.9g}; is it in m?",
-    )  # fmt: skip
+    )
     refuse_first(
-        ~missing[1] & (np.abs(rate) > _FASTEST), file, places,
+        ~missing[1] & (np.abs(rate) > _FASTEST),
+        file,
+        places,
         lambda k: f"range_rate_m_s is {rate[k]:.9g}; is it in m/s?",
-    )  # fmt: skip
+    )
     values = np.where(np.column_stack(missing), np.nan, table[:, 1:])
     notes = tuple(
         f"{name} {reason} in {np.count_nonzero(gone)} of {gone.size} rows: left out ({_named(file, places, gone)})"

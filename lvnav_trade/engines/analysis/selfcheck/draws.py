@@ -130,9 +130,20 @@ def _of_unit(prepared: Prepared, seed: int, n: int) -> Floats:
     white = np.array([*unit.white[:6], 0.0, 0.0])  # what quantisation holds back is no noise of its own
     for run in range(_NOISE_RUNS):
         processes.corrupt(
-            out[run], 0, 0, n, unit.dtheta, unit.dvel, tables[0], tables[1], white, np.zeros(6), unit,
-            *seed_words(seed), np.uint64(run),
-        )  # fmt: skip
+            out[run],
+            0,
+            0,
+            n,
+            unit.dtheta,
+            unit.dvel,
+            tables[0],
+            tables[1],
+            white,
+            np.zeros(6),
+            unit,
+            *seed_words(seed),
+            np.uint64(run),
+        )
     return np.asarray(out - np.hstack([unit.dtheta[:n], unit.dvel[:n]]))
 
 
@@ -162,7 +173,9 @@ def of_start(prepared: Prepared, seed: int) -> list[Check]:
         errors[run, 3:6] = start.nav[V : V + 3] - work.nav[V : V + 3]
         errors[run, 6:] = start.nav[R : R + 3] - work.nav[R : R + 3]
     parts = (
-        ("initial tilt", card.tilt, errors[:, :2]), ("initial heading", card.heading, errors[:, 2]),
-        ("initial velocity", card.velocity, errors[:, 3:6]), ("initial position", card.position, errors[:, 6:]),
-    )  # fmt: skip
+        ("initial tilt", card.tilt, errors[:, :2]),
+        ("initial heading", card.heading, errors[:, 2]),
+        ("initial velocity", card.velocity, errors[:, 3:6]),
+        ("initial position", card.position, errors[:, 6:]),
+    )
     return [check for what, sigma, found in parts if sigma > 0.0 for check in moments(what, found / sigma)]

@@ -79,10 +79,11 @@ def _clock(prepared: Prepared, drawn: Drawn) -> list[Check]:
     q11, _, q22 = step_covariance(prepared.signals.interval, card.h0, card.h_minus2)
     checks: list[Check] = []
     for what, sigma, found in (
-        ("clock bias", card.initial_bias, drawn.start[:, 0]), ("clock drift", card.initial_drift, drawn.start[:, 1]),
+        ("clock bias", card.initial_bias, drawn.start[:, 0]),
+        ("clock drift", card.initial_drift, drawn.start[:, 1]),
         ("step of clock bias", math.sqrt(q11), drawn.steps[..., 0]),
         ("step of clock drift", math.sqrt(q22), drawn.steps[..., 1]),
-    ):  # fmt: skip
+    ):
         checks += moments(what, found / sigma) if sigma > 0.0 else []
     return checks
 
@@ -157,9 +158,12 @@ def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work
     if ranges:
         s = signals.used[epoch, : signals.n_used[epoch]]
         rate_sigma = rate_sigma_of(prepared.scenario, sky, prepared.trajectory)
-        for k, (name, true, sigma) in enumerate((
-            ("pseudorange noise", signals.range, sky.range_sigma), ("range-rate noise", signals.rate, rate_sigma),
-        )):  # fmt: skip
+        for k, (name, true, sigma) in enumerate(
+            (
+                ("pseudorange noise", signals.range, sky.range_sigma),
+                ("range-rate noise", signals.rate, rate_sigma),
+            )
+        ):
             error = work.ranges[: s.size, k] - true[epoch, s] - work.clock[k]
             error -= _shared_errors(prepared, work, epoch, prepared.model.n_kind * s + k)
             white[name].append(error[sigma[epoch, s] > 0.0] / sigma[epoch, s][sigma[epoch, s] > 0.0])
@@ -168,10 +172,12 @@ def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work
     true = np.concatenate([signals.position[epoch], signals.velocity[epoch]])
     error = work.solution - true - _shared_errors(prepared, work, epoch, np.arange(6))
     grown = factors(card.noise_by, RECEIVER_SOLUTION, prepared.trajectory, sky.t[epoch : epoch + 1])
-    for k, (name, sigma) in enumerate((
-        ("position solution noise", card.solution.position_sigma),
-        ("velocity solution noise", card.solution.velocity_sigma),
-    )):  # fmt: skip
+    for k, (name, sigma) in enumerate(
+        (
+            ("position solution noise", card.solution.position_sigma),
+            ("velocity solution noise", card.solution.velocity_sigma),
+        )
+    ):
         if sigma > 0.0:
             white[name].append(error[3 * k : 3 * k + 3] / (sigma * np.ravel(grown[k])))
 
