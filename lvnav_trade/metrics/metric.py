@@ -85,6 +85,7 @@ class Metric:
     limit_unit : SI unit of the limit `below` in a statement; empty where it takes none.
     limit_by_sigma : Whether the limit may be a multiple of the sigma of another case.
     at_events_only : Why a requirement on it is at an event and of no phase; empty where a phase will do.
+    once_a_run : Whether a run has one value of it, so that nothing can be said of the time around its event.
     has_history : Whether it is known between events, so that a requirement can have a window.
     bounded_as : What a bound on it is: `LENGTH`, `TWO_SIDED` or `ONE_SIDED`.
     """
@@ -100,6 +101,7 @@ class Metric:
     is_of_modes: ClassVar[bool] = False
     limit_by_sigma: ClassVar[bool] = False
     at_events_only: ClassVar[str] = ""
+    once_a_run: ClassVar[bool] = False
 
     @property
     def is_signed(self) -> bool:

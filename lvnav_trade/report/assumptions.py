@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Sequence
 
 import pandas as pd
 
+from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.assumptions import compared_by
 from lvnav_trade.report.blocks import Block, Text, of, stated, words
 from lvnav_trade.report.escape import note
@@ -13,6 +14,8 @@ _FEW = 4
 _RESOURCES = r"(?:^|\.)resources\."
 _ORDER = "The errors and the order of the cases are no better than these numbers."
 _COST_ALONE = "They decide the section Cost and performance alone: no error and no margin depends on them."
+_SPREADS = "vehicle.dispersions"
+_ALONG = "Navigation errors are those along the nominal flight. See Assumptions."
 _NAMES = {"imu": "IMU", "receiver": "Receiver"}
 
 
@@ -55,6 +58,17 @@ def ranked_by_assumptions(tables: Tables) -> list[Block]:
     if of_cost.all():
         lead = "Cost and performance are compared by numbers that are not the maker's own."
     return [Text(f"{' '.join(said)} See Assumptions.", lead)]
+
+
+def placed_by_assumptions(tables: Tables) -> list[Block]:
+    """Return a warning where guided ascents draw spreads of the vehicle that are assumed or second hand."""
+    frame, guided = METRICS["assumptions"](tables), set(METRICS["injection"](tables).case)
+    rows = frame[frame.place.str.endswith(_SPREADS) & frame.case.isin(guided)]
+    if rows.empty:
+        return []
+    text = f"{_fields(list(rows.field))}. Errors of the achieved orbit are no better than these numbers. {_ALONG}"
+    marks = " and ".join(mark.replace("_", " ") for mark in dict.fromkeys(rows.mark))
+    return [Text(text[0].upper() + text[1:], f"The achieved orbit rests on {marks} spreads of the vehicle.")]
 
 
 def _marked(frame: pd.DataFrame) -> str:

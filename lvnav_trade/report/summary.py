@@ -10,7 +10,7 @@ from lvnav_trade.metrics.requirements.margins import ORDER, key_cases, worst
 from lvnav_trade.metrics.requirements.requirements import with_unit
 from lvnav_trade.metrics.requirements.windows import COVARIANCE
 from lvnav_trade.report.advice import advice
-from lvnav_trade.report.assumptions import ranked_by_assumptions
+from lvnav_trade.report.assumptions import placed_by_assumptions, ranked_by_assumptions
 from lvnav_trade.report.blocks import Block, More, Table, Text, figure, listed, number, percent, table, words
 from lvnav_trade.report.document import margin_policy, place_of
 from lvnav_trade.report.validity import MARKS, RESTS_ON, filter_cells, mark, overconfidence, short_lived, window_cells
@@ -35,7 +35,7 @@ def summary(tables: Tables) -> list[Block]:
     for lead in ("Warning:", "Note:"):
         lines = [Text(f"{line}.", lead) for line in tables.manifest.get(f"{lead[:-1].lower()}s", [])]
         blocks += lines if len(lines) <= _FEW else [More(f"{len(lines)} {lead[:-1].lower()}s", lines)]
-    blocks += ranked_by_assumptions(tables)
+    blocks += [*placed_by_assumptions(tables), *ranked_by_assumptions(tables)]
     if len(frame):
         blocks.append(_matrix(tables, frame))
     else:

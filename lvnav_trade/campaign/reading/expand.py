@@ -83,9 +83,8 @@ class _Expander:
             return whole
         # An override may itself name a card one level down, and what it overrides may be named by one.
         over = tree.without(node, "card")
-        if _is_another(whole, over, kind) and "kind" in over.value:
-            message = f"the card {quoted(name)} is of another kind; leave it out, or name one of this kind"
-            self.mistakes.append(mistake(over.keys["kind"], join(path, "kind"), message))
+        if _is_another(whole, over, kind):
+            self.mistakes.append(_of_another_kind(name, whole, over, kind, path))
             return whole
         return _overridden(whole, self._mapping(over, kind, path, depth, whole), over, kind)
 
@@ -137,6 +136,19 @@ def _is_another(base: Node, over: Node, kind: Kind) -> bool:
         return False
     meant = fields.member(kind, over)
     return meant is not None and meant is not fields.member(kind, base)
+
+
+def _of_another_kind(name: str, whole: Node, over: Node, kind: Kind, path: str) -> Mistake:
+    """Return the mistake of a card of one kind under settings of another: the first key that the card's kind lacks."""
+    own, meant = fields.member(kind, whole), fields.member(kind, over)
+    tags = [tag for tag in (own and fields.tag_of(own), meant and fields.tag_of(meant)) if tag]
+    if "kind" in over.value or len(tags) < 2:
+        key = "kind" if "kind" in over.value else next(iter(over.value))
+        message = f"the card {quoted(name)} is of another kind; leave it out, or name one of this kind"
+    else:
+        key = next(key for key in over.value if key not in fields.names(kind, whole))
+        message = f"the card {quoted(name)} is of kind {tags[0]}, which has no {key}; name a card of kind {tags[1]}"
+    return mistake(over.keys[key], join(path, key), message)
 
 
 def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:

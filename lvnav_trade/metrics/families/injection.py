@@ -37,14 +37,17 @@ class _OfInjection(Metric):
 
     named_by: ClassVar[str] = BOTH
     at_events_only: ClassVar[str] = _AT_CUTOFF
+    once_a_run: ClassVar[bool] = True
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
         """Return why linear covariance has no distribution."""
         return _BY_RUNS
 
     def missing_in(self, campaign: Any) -> str:
-        """Say that it is known by runs alone."""
-        return "" if campaign.monte_carlo is not None else f"{self.name} is known by runs: give monte_carlo"
+        """Say that it is known by runs of a guided ascent alone."""
+        if campaign.monte_carlo is None:
+            return "it is known by runs alone: give monte_carlo"
+        return "" if _may_be_guided(campaign) else "no ascent is guided: give trajectory.guidance"
 
 
 @dataclass(frozen=True)
@@ -137,6 +140,13 @@ class AtCutoff(Metric):
             return MetricValue(remark=no_fit(unit) if scale is None else UNGUIDED)
         values = getattr(found, self.field)[found.injected] / scale
         return MetricValue(monte_carlo=float(values.mean()), runs=values, is_root=False)
+
+
+def _may_be_guided(campaign: Any) -> bool:
+    """Whether the base is guided, or an axis may change that."""
+    guided = getattr(campaign.base.trajectory, "guidance", "nominal") != "nominal"
+    paths = [axis.path.removeprefix("base.").split(".") for axis in campaign.axes]
+    return guided or any(path in (["trajectory"], ["trajectory", "guidance"]) for path in paths)
 
 
 def _any(case: CaseResults) -> Injections | None:

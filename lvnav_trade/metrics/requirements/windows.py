@@ -112,8 +112,9 @@ def _every(tables: Tables) -> dict[tuple[str, str], tuple[Around, Sizes | str]]:
     """Return window and error, or why there is none, of each requirement (name) and case (digest) with its event."""
     found = {}
     for requirement in tables.campaign.get("requirements") or ():
+        once_only = requirement.get("during") or metric_in(requirement).once_a_run
         for case in tables.labels:
-            around = None if requirement.get("during") else _around(tables, case, requirement)
+            around = None if once_only else _around(tables, case, requirement)
             if around is not None:
                 found[str(requirement["name"]), case] = around, _sizes(tables, case, requirement, around)
     return found

@@ -152,6 +152,16 @@ def test_an_override_of_another_kind_leaves_nothing_of_a_card_so_the_card_is_ref
         load(study.path)
 
 
+def test_a_setting_of_another_kind_over_a_card_names_both_kinds(study) -> None:
+    study.edit("campaign.yaml", "constellations/two", "{card: constellations/two, almanac: x}")
+    with pytest.raises(
+        InputError,
+        match=r"constellation\.almanac: the card 'constellations/two' is of kind nominal, which has no almanac; name a "
+        "card of kind almanac",
+    ):
+        load(study.path)
+
+
 def test_a_card_named_by_an_override_keeps_nothing_of_the_card_it_replaces(study) -> None:
     text = (study.folder / "configs/vehicles/small.yaml").read_text()
     study.write("configs/vehicles/plain.yaml", text.replace("name: small", "name: plain"))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.engines.simulate.statistics import summarise
+from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.registry import metric_of
 from lvnav_trade.store.read import load
@@ -14,6 +18,7 @@ from tests import synthetic
 from tests.injections import rows, with_injections
 
 CASE = synthetic.CASES[0][0].id
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
@@ -78,3 +83,22 @@ def test_arrays_and_tables_have_the_same_runs(guided):
     stored = CaseTables(guided, CASE).injections("apogee")
     for one, other in zip(mine, stored, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_a_requirement_on_the_injection_asks_for_runs_of_a_guided_ascent(tmp_path):
+    campaign = tmp_path / "campaign.yaml"
+    stated = "metric: injection_perigee_error, at: injection, probability: 0.9, below: 15 km"
+    text = (ROOT / "campaigns/smoke.yaml").read_text().partition("requirements:")[0]
+    text += f"requirements: [{{name: a, {stated}}}]\n"
+    campaign.write_text(text)
+    with pytest.raises(InputError, match=r"no ascent is guided: give trajectory\.guidance"):
+        load_campaign(campaign)
+    load_campaign(campaign, sets=("axes=[{path: trajectory.guidance, values: [nominal, explicit]}]",))
+    with pytest.raises(InputError, match="it is known by runs alone: give monte_carlo"):
+        load_campaign(campaign, sets=("monte_carlo=null",))
+
+
+def test_no_window_is_sought_around_a_number_of_the_cut_off():
+    assert metric_of("injection_perigee_error").once_a_run
+    assert metric_of("depletion").once_a_run
+    assert not metric_of("perigee_error").once_a_run
