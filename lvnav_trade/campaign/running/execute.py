@@ -240,7 +240,7 @@ class _Run:
         is_tested = self.campaign.monte_carlo is not None and bool(self.campaign.requirements)
         self.job.results.finish(reported, self._trace if is_tested else None, partial(each, self.jobs))
         end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
-        if not self.lost:  # otherwise the same command does again what was lost, and puts the others beside it
+        if not self.lost:  # otherwise the same command repeats what was lost, and merges it with these tables
             self.job.results.remove_case_tables()
             self._remove_scratch()
         return Outcome(tuple(answers), tuple(self.failures))
