@@ -21,8 +21,12 @@ Sigmas = Mapping[str, Floats]
 
 
 class Deviations(NamedTuple):
-    """What differs in a run beside the vehicle: wind, misalignment (n_stage, 2) rad down and to the right, speed
-    (n_stage,) m/s that separations give, and speed (m/s) gained after the last cut-off.
+    """What differs in a run, apart from the numbers of the vehicle.
+
+    wind : Wind over height.
+    misalignment : (n_stage, 2) rad. Of the thrust of each stage, down and to the right.
+    separation : (n_stage,) m/s. Speed along the thrust that the separation of each stage adds.
+    tail_off : m/s. Speed along the thrust that is gained after the last cut-off.
     """
 
     wind: Wind

@@ -19,8 +19,10 @@ _REFINED = 4  # secant steps to the cut-off within a step
 
 
 class Programme(NamedTuple):
-    """The attitude that is stored before lift-off: directions u (n, 3) of the thrust, frame i, every `step` s from
-    lift-off.
+    """The attitude programme that is stored before lift-off.
+
+    step : s. Interval of its entries, the first of which is at lift-off.
+    u : (n, 3). Direction of the thrust, frame i.
     """
 
     step: float
@@ -28,8 +30,11 @@ class Programme(NamedTuple):
 
 
 class Navigation(NamedTuple):
-    """Navigation errors, truth less estimate, frame i: t (n,) s; attitude (rad), velocity (m/s), position (m) in error
-    (n, 9). Straight between the times; beyond the last one the velocity error carries the position on.
+    """Navigation errors over a flight, linear between the times; after the last one the position error grows by the
+    velocity error.
+
+    t : (n,) s since lift-off.
+    error : (n, 9). Truth less estimate of attitude (rad), velocity (m/s) and position (m), frame i.
     """
 
     t: Floats
@@ -37,15 +42,23 @@ class Navigation(NamedTuple):
 
 
 class Wind(NamedTuple):
-    """Speed (n, 2) m/s of the air to the east and to the north, every `step` m over height, none above the last."""
+    """Wind over height, linear between the entries; none above the last one.
+
+    step : m. Interval of height, from the ellipsoid on.
+    speed : (n, 2) m/s. Towards east and north.
+    """
 
     step: float
     speed: Floats
 
 
 class Cutoff(NamedTuple):
-    """When the last stage stops: `by_energy` the navigated energy (J/kg) is reached, else at a time (s); or its mass
-    (kg) is that of the empty stage.
+    """What ends the last burn: the cut-off, or an empty stage.
+
+    by_energy : Whether the cut-off is at an energy; else it is at a time.
+    energy : J/kg. Specific two-body energy of the navigated state at the cut-off.
+    time : s since lift-off. Time of the cut-off.
+    empty : kg. Mass of the vehicle with an empty stage.
     """
 
     by_energy: bool
@@ -55,8 +68,15 @@ class Cutoff(NamedTuple):
 
 
 class Law(NamedTuple):
-    """Explicit guidance from a time (s) on, which hands over from the programme within `slew` s, thinks every `cycle`
-    s, and lets its law be once less than `freeze` s are to go; exhaust speed (m/s) as it is known; kept: see `steer`.
+    """Explicit guidance of the last stage.
+
+    start : s since lift-off. From then on it steers; infinite: never.
+    slew : s. Time in which the command changes from the programme to its law.
+    cycle : s. Interval of its passes.
+    freeze : s. Time to go below which its law is no longer updated.
+    exhaust : m/s. Exhaust speed as it is known before lift-off.
+    target : Where it ends the burn.
+    kept : (N_KEPT,). What it keeps from pass to pass, see `steer`; updated.
     """
 
     start: float
@@ -69,8 +89,14 @@ class Law(NamedTuple):
 
 
 class Surroundings(NamedTuple):
-    """What a piece is flown in: attitude programme, navigation errors, air, misalignment (2,) rad of the thrust, down
-    and to the right, and explicit guidance.
+    """What a piece of the ascent is flown with.
+
+    programme : Attitude programme.
+    navigation : Navigation errors.
+    drag : Air and drag of the vehicle.
+    wind : Wind over height.
+    misalignment : (2,) rad. Of the thrust, down and to the right.
+    law : Explicit guidance.
     """
 
     programme: Programme
@@ -209,7 +235,7 @@ def fly_piece(t: float, end: float, most: float, y: Floats, engine: Engine, arou
 
 @making_arrays
 def _guide(t: float, y: Floats, engine: Engine, around: Surroundings) -> bool:
-    """Let explicit guidance think at a true state; return whether it converges."""
+    """Update explicit guidance at a true state y (7,); return whether it converges."""
     e, law = error_at(t, around.navigation), around.law
     if t < law.start or (law.kept[STARTED] > 0.0 and law.kept[TGO] < law.freeze):
         return True
@@ -260,7 +286,7 @@ def fly_last(
 ) -> tuple[float, Floats, int]:
     """Return time (s), state (7,) and how it ends, of a piece of the last burn that ends at `end` at the latest.
 
-    most : s. The longest step; guidance thinks every `law.cycle`.
+    most : s. The longest step.
     """
     law = around.law
     due = t

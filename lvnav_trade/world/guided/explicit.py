@@ -27,8 +27,13 @@ pass, and whether there was one.
 
 
 class Target(NamedTuple):
-    """Where the burn ends: radius (m), speed (m/s), climb (rad), and the normal (3,) of the orbit's plane, frame i; the
-    place (3,) m of the nominal cut-off, to start from.
+    """Where the burn ends.
+
+    radius : m.
+    speed : m/s.
+    climb : rad. Flight-path angle.
+    normal : (3,). Normal of the orbit's plane, frame i.
+    place : (3,) m. Position of the nominal cut-off, frame i, from which the first pass starts.
     """
 
     radius: float

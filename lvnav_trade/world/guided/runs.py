@@ -35,8 +35,13 @@ PERFECT = Navigation(np.array([0.0, 1.0]), np.zeros((2, 9)))
 
 
 class Injection(NamedTuple):
-    """How a run ends: outcome, time (s) of the cut-off, true state (7,) there, propellant (kg) left in the last stage,
-    and navigation errors (9,), truth less estimate, of attitude, velocity and position in frame i.
+    """How a run ends.
+
+    outcome : One of `records.OUTCOMES`.
+    t : s since lift-off. Time of the cut-off, or of what ended the flight before it.
+    y : (7,). True position (m), velocity (m/s), frame i, and mass (kg) at that time.
+    left : kg. Propellant left in the last stage.
+    error : (9,). Navigation errors at that time, as in `Navigation`.
     """
 
     outcome: str
