@@ -1,32 +1,25 @@
 """Scenario: one resolved design point (trajectory, IMU, GNSS, filter, faults), frozen."""
 
-import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade.delays.cards import AtmosphereCard
-from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
-from lvnav_trade.kernels.transition import ACCEL, GYRO
-from lvnav_trade.layout import RELATIVE
+from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.limits import FAULTS
 from lvnav_trade.observables.sensor import SensorCard
-from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_of
-from lvnav_trade.observables.sensors.imu_difference import ImuDifferenceCard
-from lvnav_trade.per_axis import PerAxis, each_axis
-from lvnav_trade.refusals import refused
+from lvnav_trade.observables.sensors import Sensor
+from lvnav_trade.rules import faults
 from lvnav_trade.units import AttitudeSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.control_cards import ControlledCard
 from lvnav_trade.world.fault_cards import Fault
 from lvnav_trade.world.flight.trajectory import TrajectoryCard
 from lvnav_trade.world.gravity import GravityCard
-from lvnav_trade.world.receiver.receiver import DirectSolution, ReceiverCard, SmoothingCard
-from lvnav_trade.world.sensors.differences import RelativeErrors, relative_errors
-from lvnav_trade.world.sensors.imu import ImuCard
-from lvnav_trade.world.sensors.units import Imu, ImuSet, equivalent
-from lvnav_trade.world.sky.constellation import Constellation, parts_of
+from lvnav_trade.world.receiver.receiver import ReceiverCard
+from lvnav_trade.world.sensors.units import Imu
+from lvnav_trade.world.sky.constellation import Constellation
 
 
 class InitialErrors(Card):
@@ -84,216 +77,5 @@ class Scenario(Card):
         return sensors
 
     def _faults(self) -> Iterator[str]:
-        if self.control is not None and self.trajectory.kind == "vehicle":
-            if not sensors_measuring(self, "attitude"):
-                yield "control: a vehicle under control needs a sensor that measures attitude"
-            if self.trajectory.control is not None:
-                yield "control: steers the ascent anew, which flies under trajectory.control already; state one of them"
-            yield from self.control.misfits(len(self.trajectory.vehicle.stages))
-        elif self.control is not None:
-            yield f"control: the ascent of a vehicle is steered, not a trajectory of kind {self.trajectory.kind}"
-        again = next((k for k, fault in enumerate(self.faults) if fault in self.faults[:k]), None)
-        if again is not None:
-            first = self.faults.index(self.faults[again])
-            yield f"faults.{again}: is the same as faults.{first}; leave one of them out"
-        for name in self.filter.measurements:  # where a sensor is null the filter does without it
-            provided = None in self.sensors.values() or sensors_measuring(self, name)
-            if name in SENSOR_MEASUREMENTS and not provided:
-                yield f"filter.measurements: no sensor of the scenario measures {name}"
-        if (refusal := refused(self)) is not None:
-            yield f"{refusal.path}: {refusal.reason}"
-
-
-def sensors_measuring(scenario: Scenario, measurement: str) -> tuple[SensorCard, ...]:
-    """Return the sensors of a scenario that give a measurement."""
-    return tuple(card for card in scenario.sensors.values() if card is not None and card.measurement == measurement)
-
-
-def measured(scenario: Scenario) -> tuple[str, ...]:
-    """Return the measurements of the filter, without those whose sensor is null."""
-    return tuple(
-        name
-        for name in scenario.filter.measurements
-        if name not in SENSOR_MEASUREMENTS or sensors_measuring(scenario, name)
-    )
-
-
-def sensors_used(scenario: Scenario) -> dict[str, SensorCard]:
-    """Return the sensors whose measurements the filter takes, by name."""
-    return {
-        name: card
-        for name, card in scenario.sensors.items()
-        if card is not None and card.measurement in scenario.filter.measurements
-    }
-
-
-def sensor_model(scenario: Scenario, sensor: SensorCard) -> Any:
-    """Return the filter's model of a sensor; `matched` takes the sensor's own numbers."""
-    stated = getattr(scenario.filter.sensor_models, sensor.measurement)
-    if isinstance(sensor, ImuDifferenceCard) and isinstance(stated, str):
-        model: Any = sensor.model
-        return model.model_construct(random_walk=difference_of(scenario, sensor).random_walk)
-    return model_of(scenario.filter.sensor_models, sensor)
-
-
-def difference_of(scenario: Scenario, sensor: ImuDifferenceCard) -> RelativeErrors:
-    """Return what the two inertial units of a difference sensor differ by."""
-    assert isinstance(scenario.imu, ImuSet)  # the scenario is checked for it
-    first, second = sensor.units
-    return relative_errors(scenario.imu, GYRO if sensor.unit == "rad" else ACCEL, first - 1, second - 1)
-
-
-def solves(scenario: Scenario) -> bool:
-    """Return whether the receiver solves for itself: a loose filter takes its solution, or the solution is reported
-    beside a filter that takes nothing of the receiver (an uncoupled system).
-    """
-    card = scenario.receiver.solution
-    if isinstance(card, DirectSolution) or scenario.filter.tight:
-        return False
-    return scenario.filter.loose or card.reported
-
-
-def reported(scenario: Scenario) -> bool:
-    """Return whether errors of the receiver's own solution are reported beside those of the filter that takes it."""
-    card = scenario.receiver.solution
-    return solves(scenario) and not isinstance(card, DirectSolution) and card.reported
-
-
-def smoothing_of(scenario: Scenario) -> SmoothingCard | None:
-    """Return the carrier smoothing of the receiver's ranges before it solves; none where it does not solve."""
-    card = scenario.receiver.solution
-    return card.smoothing if solves(scenario) and not isinstance(card, DirectSolution) else None
-
-
-def has_covariance(scenario: Scenario) -> bool:
-    """Return whether every solution comes with a covariance of its own, so that its rows are taken together."""
-    late = scenario.filter.delay_compensation
-    extrapolated = late is not None and late.kind == "extrapolated" and scenario.filter.loose
-    return solves(scenario) or extrapolated
-
-
-def epoch_interval(scenario: Scenario) -> float:
-    """Return the time (s) between two epochs: a solving receiver works at its own rate, whatever the filter takes."""
-    return 1.0 / (scenario.receiver.rate if solves(scenario) else scenario.filter.update_rate)
-
-
-def _matched_imu(imu: ImuCard) -> ImuModel:
-    """Take every number from the truth; drift that no bias state of its own models is added to their walk."""
-    model: dict[str, Any] = {"gyro_g_sensitivity": imu.gyro.g_sensitivity}
-    for name, sensor in (("gyro", imu.gyro), ("accel", imu.accel)):
-        instability = sensor.instability
-        flicker = sensor.instability_axes(instability.sigma)
-        rate = math.sqrt(2.0 / instability.time_constant)
-        model |= {
-            f"{name}_random_walk": sensor.random_walk,
-            f"{name}_bias": each_axis(math.hypot, sensor.bias_repeatability, flicker),
-            f"{name}_bias_walk": each_axis(
-                lambda walk, one, rate=rate: math.hypot(walk, one * rate), sensor.rate_random_walk, flicker
-            ),
-            f"{name}_bias_time": None,
-            f"{name}_scale_factor": sensor.scale_factor,
-            f"{name}_misalignment": sensor.misalignment,
-            f"{name}_nonlinearity": sensor.nonlinearity,
-            f"{name}_full_scale": sensor.nonlinearity_scale,
-        }
-    # SI numbers are not quantities with a unit, so they bypass the reading of cards
-    return ImuModel.model_construct(**model)
-
-
-def _with_differences(model: ImuModel, scenario: Scenario) -> ImuModel:
-    """Return the model with the relative biases of the units whose difference is measured."""
-    found: dict[str, PerAxis] = {}
-    for card in sensors_used(scenario).values():
-        if isinstance(card, ImuDifferenceCard):
-            state, errors = RELATIVE[card.measurement], difference_of(scenario, card)
-            found |= {
-                state: errors.bias,
-                f"{state}_walk": errors.walk,
-                f"{state}_correlation": errors.correlation,
-            }
-    return model.model_copy(update=found)
-
-
-class _Matched:
-    """A filter model that takes its numbers from the truth, each when it is asked for: nothing is read without need."""
-
-    def __init__(self, **numbers: Callable[[], Any]) -> None:
-        self._numbers = numbers
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name not in self._numbers:
-            raise AttributeError(name)
-        return self._numbers[name]()
-
-
-def _matched_receiver(scenario: Scenario) -> Any:
-    """Return a `ReceiverModel` that takes every number from the truth; what several causes put into a range of its own
-    is one bias, as slow as the largest of them. A receiver that solves reports the covariance of its solutions.
-    """
-    receiver, air, parts = scenario.receiver, scenario.atmosphere, parts_of(scenario.constellation)
-
-    def largest(*pairs: tuple[float, float | None]) -> tuple[float, float | None]:
-        return max(pairs, key=lambda pair: pair[0])
-
-    def offset() -> tuple[float, float | None]:
-        return largest(*((part.time_offset, part.time_offset_time) for part in parts))
-
-    def multipath() -> float:
-        return receiver.amplification * receiver.multipath
-
-    def of_solution(name: str, otherwise: float | None) -> Callable[[], Any]:
-        return lambda: getattr(receiver.solution, name) if isinstance(receiver.solution, DirectSolution) else otherwise
-
-    return _Matched(
-        noise_by=lambda: receiver.noise_by,
-        pseudorange_sigma=lambda: receiver.pseudorange_sigma,
-        range_rate_sigma=lambda: receiver.range_rate_sigma,
-        position_sigma=of_solution("position_sigma", 0.0),
-        velocity_sigma=of_solution("velocity_sigma", 0.0),
-        clock_h0=lambda: receiver.clock.h0,
-        clock_h_minus2=lambda: receiver.clock.h_minus2,
-        range_bias=lambda: math.hypot(max(part.range_error for part in parts), multipath()),
-        range_bias_time=lambda: largest(
-            *((part.range_error, part.range_error_time) for part in parts),
-            (multipath(), receiver.multipath_time),
-        )[1],
-        range_rate_offset=lambda: math.hypot(receiver.range_rate_offset, receiver.range_rate_instability),
-        range_rate_offset_time=lambda: largest(
-            (receiver.range_rate_offset, None), (receiver.range_rate_instability, receiver.range_rate_instability_time)
-        )[1],
-        time_offset=lambda: offset()[0],
-        time_offset_time=lambda: offset()[1],
-        troposphere_scale=lambda: air.troposphere_scale,
-        troposphere_scale_time=lambda: air.troposphere_scale_time,
-        ionosphere_scale=lambda: air.ionosphere_scale,
-        ionosphere_scale_time=lambda: air.ionosphere_scale_time,
-        timing=lambda: receiver.latency_error,
-        timing_time=lambda: None,
-        position_bias=of_solution("position_bias", 0.0),
-        position_bias_time=of_solution("bias_time", None),
-        velocity_bias=of_solution("velocity_bias", 0.0),
-        velocity_bias_time=of_solution("bias_time", None),
-        carrier_phase_sigma=lambda: receiver.carrier_phase_sigma,
-        ambiguity=lambda: receiver.carrier_ambiguity,
-    )
-
-
-def filter_models(scenario: Scenario) -> tuple[ImuModel, ReceiverModel, InitialModel]:
-    """Return what the filter assumes of its sensors and its start; `matched` takes the truth's own numbers."""
-    card, initial, clock = scenario.filter, scenario.initial, scenario.receiver.clock
-    imu = card.imu
-    if isinstance(imu, str):
-        imu = _with_differences(_matched_imu(equivalent(scenario.imu)), scenario)
-    receiver = _matched_receiver(scenario) if isinstance(card.receiver, str) else card.receiver
-    if isinstance(card.initial, str):
-        start = InitialModel.model_construct(
-            tilt=initial.tilt,
-            heading=initial.heading,
-            position=initial.position,
-            velocity=initial.velocity,
-            clock_bias=clock.initial_bias,
-            clock_drift=clock.initial_drift,
-        )
-    else:
-        start = card.initial
-    return imu, receiver, start
+        for path, reason in faults(self):
+            yield f"{path}: {reason}"

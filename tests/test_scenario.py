@@ -7,7 +7,8 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.scenario import Scenario, filter_models
+from lvnav_trade.filter_models import filter_models
+from lvnav_trade.scenario import Scenario
 from tests.building import loaded, with_fields
 
 

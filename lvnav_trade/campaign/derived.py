@@ -14,12 +14,12 @@ from lvnav_trade.engines.analysis.explain import flown_events
 from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError
+from lvnav_trade.filter_models import filter_models, has_covariance
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.filters.scheduled import FlownGains, GainSchedule, schedule_of
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.layout import state_names
 from lvnav_trade.per_axis import rms
-from lvnav_trade.scenario import filter_models, has_covariance
 from lvnav_trade.world.flight.trajectory import identity
 
 _SHORTEST = 5.0  # seconds: a shorter phase is joined to the one after it

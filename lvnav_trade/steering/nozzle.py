@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.setup.vehicle import burns
+from lvnav_trade.filter_models import sensors_measuring
 from lvnav_trade.observables.sensors.attitude import AttitudeReferenceCard
 from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Floats
-from lvnav_trade.scenario import Scenario, sensors_measuring
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control import loop
 from lvnav_trade.world.control.ascent import Ascent, ascend

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.filters.base import FilterCard
-from lvnav_trade.refusals import refused
+from lvnav_trade.rules import refused
 from tests.building import UNLIKE
 
 REFERENCE = {"kind": "attitude_reference", "name": "reference", "source": "test", "sigma": "5 mrad"}

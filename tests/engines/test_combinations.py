@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.refusals import REFUSALS
+from lvnav_trade.rules import REFUSALS
 from tests.building import prepare_hop
 from tests.engines.combinations import evaluate, scenario_of
 from tests.engines.covering import DIMENSIONS, covering, kernels_of, refusal

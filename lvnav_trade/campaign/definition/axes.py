@@ -5,7 +5,7 @@ import itertools
 import json
 import re
 import weakref
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -166,58 +166,113 @@ def case_label(axes: Mapping[str, str]) -> str:
     return ", ".join(f"{name}={level}" for name, level in axes.items() if level != BASE_LABEL)
 
 
-_KNOWN: dict[int, tuple[Any, tuple[Case, ...]]] = {}  # cases of campaigns that are still in use, by identity
+Chosen = tuple[int | None, ...]
+"""The level of every axis; None leaves the base's own value."""
+
+
+class _Read:
+    """What is known of a campaign that is still in use: its scenarios by their levels, and its cases once asked for."""
+
+    def __init__(self, campaign: Campaign, scenarios: "Scenarios | None" = None) -> None:
+        place = id(campaign)
+        self.campaign = weakref.ref(campaign, lambda _: _KNOWN.pop(place, None))
+        self.scenarios = scenarios
+        self.cases: tuple[Case, ...] = ()
+
+
+_KNOWN: dict[int, _Read] = {}  # by identity: a campaign is frozen, and what is read from it stays
+
+
+def remember(campaign: Campaign, scenarios: "Scenarios") -> None:
+    """Keep the scenarios that reading a campaign has validated: `cases` takes them."""
+    _KNOWN[id(campaign)] = _Read(campaign, scenarios)
 
 
 def cases(campaign: Campaign) -> list[Case]:
     """Return the cases of a loaded campaign in the order of its design; two equal scenarios are one case."""
-    known, found = _KNOWN.get(id(campaign), (None, ()))
-    if known is None or known() is not campaign:  # a campaign is frozen, and what is read from it stays
-        place = id(campaign)
-        found = tuple(_cases(campaign))
-        _KNOWN[place] = weakref.ref(campaign, lambda _: _KNOWN.pop(place, None)), found
-    return list(found)
+    known = _KNOWN.get(id(campaign))
+    if known is None or known.campaign() is not campaign:
+        known = _KNOWN[id(campaign)] = _Read(campaign)
+    if not known.cases:
+        known.cases = tuple(_cases(campaign, known.scenarios))
+        known.scenarios = None
+    return list(known.cases)
 
 
-def _cases(campaign: Campaign) -> list[Case]:
+def _cases(campaign: Campaign, scenarios: "Scenarios | None") -> list[Case]:
     found: dict[str, Case] = {}
-    base, sections = campaign.base.model_dump(mode="json"), Sections([axis.steps[0] for axis in campaign.axes])
+    base = campaign.base.model_dump(mode="json")
+    made = Scenarios([axis.steps[0] for axis in campaign.axes], campaign.base) if scenarios is None else scenarios
     known: dict[int, tuple[BaseModel, Any]] = {}
     for chosen in chosen_levels(campaign):
-        data = base
-        for axis, index in zip(campaign.axes, chosen, strict=True):
-            if index is not None:
-                data = put(data, axis.steps, (axis.values or ())[index])
-        scenario = sections.scenario(data, chosen)
+        scenario = made.known(chosen)
+        if scenario is None:
+            scenario = made.validated(chosen, _changed(base, campaign.axes, chosen))
         axes = choice(campaign.axes, chosen)
         digest = case_id(scenario, campaign.seed, campaign.keep.history, known)
         found.setdefault(digest, Case(digest, case_label(axes), axes, scenario))
     return list(found.values())
 
 
-class Sections:
-    """Scenarios of a design: a card that several cases have in common is validated once, and they share it.
+def _changed(base: Mapping[str, Any], axes: Sequence[Axis], chosen: Chosen) -> Any:
+    """Return the plain data of the base with levels of the axes."""
+    data: Any = base
+    for axis, index in zip(axes, chosen, strict=True):
+        if index is not None:
+            data = put(data, axis.steps, (axis.values or ())[index])
+    return data
 
-    varied : for each axis the field of the scenario in which it varies something
+
+class Scenarios:
+    """The scenarios of a design, each validated once. A section that several cases have in common is one object.
+
+    Parameters
+    ----------
+    varied
+        For each axis, the section of the scenario in which it varies something.
+    base
+        The scenario that the axes change; None where it is not valid itself.
+    plain
+        Turns what a section is written as into dictionaries, lists and scalars.
     """
 
-    def __init__(self, varied: Sequence[str]) -> None:
-        self.varied = varied
-        self.known: dict[tuple[str, tuple[int | None, ...]], Any] = {}
+    def __init__(
+        self,
+        varied: Sequence[str],
+        base: Scenario | None = None,
+        plain: Callable[[Any], Any] = lambda written: written,
+    ) -> None:
+        self._varied = varied
+        self._plain = plain
+        self._made: dict[Chosen, Scenario] = {}
+        self._sections: dict[tuple[str, Chosen], BaseModel] = {}
+        if base is not None:
+            self._keep((None,) * len(varied), base)
 
-    def scenario(self, data: Mapping[str, Any], chosen: Sequence[int | None]) -> Scenario:
-        """Return the scenario of plain data, which has these levels of the axes; ValidationError as pydantic's."""
-        places = {name: (name, self._levels(name, chosen)) for name in data}
+    def known(self, chosen: Chosen) -> Scenario | None:
+        """Return the scenario with these levels of the axes, None where it was not asked for yet."""
+        return self._made.get(chosen)
+
+    def validated(self, chosen: Chosen, written: Mapping[str, Any]) -> Scenario:
+        """Return the scenario whose sections are written so, which has these levels; ValidationError as pydantic's."""
+        known = {name: self._sections.get((name, self._levels(name, chosen))) for name in written}
+        data = {name: self._plain(one) if known[name] is None else known[name] for name, one in written.items()}
         try:
-            found = Scenario.model_validate({name: self.known.get(at, data[name]) for name, at in places.items()})
-        except ValidationError:
-            return Scenario.model_validate(data)
-        made = {at: getattr(found, name) for name, at in places.items()}
-        self.known.update({at: one for at, one in made.items() if isinstance(one, BaseModel)})
+            found = Scenario.model_validate(data)
+        except ValidationError:  # once more, to name what is written instead of what is made of it
+            return Scenario.model_validate({name: self._plain(one) for name, one in written.items()})
+        self._keep(chosen, found)
         return found
 
-    def _levels(self, name: str, chosen: Sequence[int | None]) -> tuple[int | None, ...]:
-        return tuple(index for field, index in zip(self.varied, chosen, strict=True) if field == name)
+    def _keep(self, chosen: Chosen, scenario: Scenario) -> None:
+        self._made[chosen] = scenario
+        for name in type(scenario).model_fields:
+            section = getattr(scenario, name)
+            if isinstance(section, BaseModel):
+                self._sections.setdefault((name, self._levels(name, chosen)), section)
+
+    def _levels(self, name: str, chosen: Chosen) -> Chosen:
+        return tuple(index for section, index in zip(self._varied, chosen, strict=True) if section == name)
 
 
 def chosen_levels(campaign: Campaign) -> list[tuple[int | None, ...]]:

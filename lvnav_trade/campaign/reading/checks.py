@@ -1,8 +1,7 @@
-"""Cross-checks of a campaign: rates, noise, reporting frame, case names, axes, levels."""
+"""Cross-checks of a campaign: its cases, reporting frame, case names, axes, levels."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.definition.axes import (
@@ -20,54 +19,14 @@ from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.layout import AXES as FRAME_AXES
 from lvnav_trade.limits import AXES, CASES
 from lvnav_trade.metrics.families.errors import NORM, StateError
-from lvnav_trade.scenario import Scenario, filter_models, solves
-
-_RATES = {
-    "imu.rate": "IMU rate",
-    "filter.covariance_rate": "covariance rate",
-    "filter.update_rate": "update rate",
-    "receiver.rate": "receiver rate",
-}
+from lvnav_trade.rules import faults_of_case
+from lvnav_trade.scenario import Scenario
 
 
-def rates(scenario: Scenario, base: Node) -> Iterator[Mistake]:
-    """Yield the rates that do not divide the faster ones, each at the slower one's place."""
-    pairs = [
-        ("imu.rate", "imu.process_rate"),
-        ("imu.rate", "filter.covariance_rate"),
-        ("filter.covariance_rate", "filter.update_rate"),
-    ]
-    if scenario.filter.tight or scenario.filter.loose or solves(scenario):
-        pairs.append(("receiver.rate", "filter.update_rate"))
-    divisors = [(name, path, attrgetter(path)(scenario)) for name, path in pairs] + [
-        ("filter.update_rate", f"sensors.{name}.rate", card.rate)
-        for name, card in scenario.sensors.items()
-        if card is not None and card.rate is not None
-    ]
-    for name, path, slow in divisors:
-        fast = attrgetter(name)(scenario)
-        ratio = fast / slow
-        if ratio <= 1 - 1e-9 or abs(ratio - round(ratio)) >= 1e-9 * ratio:
-            yield mistake_at(base, path, f"{slow:g} Hz does not divide the {_RATES[name]} of {fast:g} Hz", "base")
-    most = round(scenario.imu.rate / scenario.filter.covariance_rate)
-    if scenario.filter.strapdown.ratio > max(1, most):
-        message = f"a step longer than a covariance step of {most} increments; at most {most} fit"
-        yield mistake_at(base, "filter.strapdown.ratio", message, "base")
-
-
-def measurements(scenario: Scenario, base: Node) -> Iterator[Mistake]:
-    """Yield the measurements that the filter would model without noise: its covariance would lose its rank."""
-    card = scenario.filter
-    matched = isinstance(card.receiver, str)
-    if solves(scenario) and matched:
-        return  # the receiver reports the covariance of its solutions, which is never zero
-    _, receiver, _ = filter_models(scenario)
-    truth = "receiver" if card.tight else "receiver.solution"
-    for measurement in card.measurements:
-        name = f"{measurement}_sigma"
-        if getattr(receiver, name, 1.0) <= 0.0:
-            message = f"the filter cannot model {measurement.replace('_', ' ')} without noise; should be greater than 0"
-            yield mistake_at(base, f"{truth if matched else 'filter.receiver'}.{name}", message, "base")
+def case(scenario: Scenario, base: Node) -> Iterator[Mistake]:
+    """Yield the rules for what is flown that a case breaks."""
+    for path, reason in faults_of_case(scenario):
+        yield mistake_at(base, path, reason, "base")
 
 
 def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:

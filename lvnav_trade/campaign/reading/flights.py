@@ -17,9 +17,10 @@ from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, nowhere
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.filter_models import measured
 from lvnav_trade.layout import BACKUP
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS
-from lvnav_trade.scenario import Scenario, measured
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.fault_cards import AnyFault, DeadAxis, Jamming
 from lvnav_trade.world.faults import missing_antenna, missing_axis, missing_satellite
 from lvnav_trade.world.flight.trajectory import TrajectoryCard, build, identity, motion

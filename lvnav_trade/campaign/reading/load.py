@@ -57,6 +57,7 @@ class _Loader:
         self.root, self.shelf = root, shelf
         self.mistakes: list[Mistake] = []
         self.broken: list[str] = []  # paths at which expansion found a mistake
+        self.unread: set[tuple[int, int]] = set()  # axis and level of those in which it did
         self.design = "grid"
 
     def campaign(self, is_narrowed: bool) -> Campaign:
@@ -82,14 +83,21 @@ class _Loader:
         if self.design == "zip" and len(set(sizes)) > 1:
             message = f"design zip needs axes of equal length, not {sizes}"
             self.mistakes.append(tree.mistake_at(self.root, "axes", message))
+        if not base.is_map:
+            self._raise()
+        cases = _Cases(base, axes, levels, found.base if found is not None else None)
+        tried = self._tried(cases, axes, levels)
         self._raise()
         assert found is not None
-        whole_axes = [self._whole(found, *one, index) for index, one in enumerate(zip(axes, levels, strict=True))]
+        whole_axes = [
+            self._whole(varied, [design.get(one, varied.axis.steps) for one in scenarios], index)
+            for index, (varied, scenarios) in enumerate(zip(axes, tried, strict=True))
+        ]
         whole = found.model_copy(update={"axes": tuple(whole_axes)})
         self._raise()
         self.mistakes += narrowing(whole, root)
         self._raise()
-        self._check_cases(base, axes, levels, whole)
+        self._check_cases(cases, whole)
         self._raise()
         self.mistakes += [*checks.requirements(whole, root), *checks.without_effect(whole, root)]
         self.mistakes += checks.equal_cases(whole, self.root)
@@ -98,6 +106,7 @@ class _Loader:
         self.mistakes += [*checks.references(whole, root), *selection(whole, root)]
         self._raise()
         whole._written = self._written(root, axes, levels)
+        design.remember(whole, cases.scenarios)
         return whole
 
     def _written(self, root: tree.Node, axes: list[Varied], levels: list[list[tree.Node]]) -> tree.Written:
@@ -121,13 +130,13 @@ class _Loader:
         return whole
 
     def _validate(
-        self, node: tree.Node, model: type[Model], path: str, make: Callable[[Any], Model] | None = None
+        self, node: tree.Node, model: type[Model], path: str, make: Callable[[], Model] | None = None
     ) -> Model | None:
         """Return the model of an expanded tree; its mistakes are noted, save where expansion already found one, and one
         for each place: the same field of another card is another place.
         """
         try:
-            return (make or model.model_validate)(tree.plain(node))
+            return model.model_validate(tree.plain(node)) if make is None else make()
         except ValidationError as error:
             known = {(*record[1:],) for record in self.mistakes}
             for record in explain(error, node, model, path):
@@ -168,27 +177,51 @@ class _Loader:
         return tree.put(self.root, ["base"], base)
 
     def _levels(self, base: tree.Node, varied: Varied, index: int) -> list[tree.Node]:
-        """Return the expanded value of every level of an axis, each tried alone in the base."""
+        """Return every level of an axis with its cards in place; nothing where the axis leads nowhere."""
         path = varied.axis.steps
         kind, _ = _kind_at(base, path)
         if kind is None:
             self.mistakes.append(tree.mistake_at(varied.node, "path", _unknown(base, path), f"axes.{index}"))
             return []
         found = []
-        for level in varied.levels:
+        for number, level in enumerate(varied.levels):
             n_before = len(self.mistakes)
             found.append(self._expand(level, kind, ".".join(("base", *path))))
-            if len(self.mistakes) == n_before:
-                self._validate(marked.put(base, path, found[-1]), Scenario, "base")
+            if len(self.mistakes) > n_before:
+                self.unread.add((index, number))
         return found
 
-    def _whole(self, campaign: Campaign, varied: Varied, values: list[tree.Node], index: int) -> Axis:
+    def _tried(self, cases: "_Cases", axes: list[Varied], levels: list[list[tree.Node]]) -> list[list[dict[str, Any]]]:
+        """Return for every level of every axis the plain section of a scenario that has it, by the section's name."""
+        first = _first_cases(self.design, axes, [len(values) for values in levels])
+        found: list[list[dict[str, Any]]] = []
+        for place, (varied, values) in enumerate(zip(axes, levels, strict=True)):
+            section = varied.axis.steps[0]
+            found.append([])
+            for index in range(len(values)):
+                if (place, index) in self.unread:
+                    continue
+                scenario = self._having(cases, place, index, first.get((place, index)))
+                if scenario is not None:
+                    found[-1].append(scenario.model_dump(mode="json", include={section}))
+        return found
+
+    def _having(self, cases: "_Cases", place: int, index: int, first: design.Chosen | None) -> Scenario | None:
+        """Return a scenario with a level of an axis: the first case that has it or, where that is none, the base with
+        nothing else changed, whose mistakes are noted.
+        """
+        if first is not None and cases.is_whole:
+            try:
+                return cases.scenario(first)
+            except (InputError, ValidationError):
+                pass
+        alone = tuple(index if axis == place else None for axis in range(len(cases.axes)))
+        return self._case(cases, alone)
+
+    def _whole(self, varied: Varied, plain: list[Any], index: int) -> Axis:
         """Return the axis with whole values in place of cards, and a label for every level."""
         axis = varied.axis
-        base = campaign.base.model_dump(mode="json")
-        changed = (Scenario.model_validate(design.put(base, axis.steps, tree.plain(value))) for value in values)
-        plain = [design.get(scenario.model_dump(mode="json"), axis.steps) for scenario in changed]
-        names = [design.level_label(axis, number) for number in range(len(values))]
+        names = [design.level_label(axis, number) for number in range(len(plain))]
         if axis.labels is None:  # a number on those that would otherwise be equal, where they differ
             alike = [[other for other, name in enumerate(names) if name == mine] for mine in names]
             names = [
@@ -200,21 +233,68 @@ class _Loader:
             update={"path": ".".join(axis.steps), "cards": None, "values": tuple(plain), "labels": tuple(names)}
         )
 
-    def _check_cases(self, base: tree.Node, axes: list[Varied], levels: list[list[tree.Node]], whole: Campaign) -> None:
+    def _check_cases(self, cases: "_Cases", whole: Campaign) -> None:
         """Cross-check every case; a mistake stands where the field that breaks the rule was written."""
-        sections = design.Sections([varied.axis.steps[0] for varied in axes])
         for chosen in design.chosen_levels(whole):
-            node = base
-            try:
-                for (axis, _), values, index in zip(axes, levels, chosen, strict=True):
-                    if index is not None:
-                        node = marked.put(node, axis.steps, values[index])
-            except InputError as error:  # a level of another axis has no such item
-                self.mistakes += error.records
-                continue
-            scenario = self._validate(node, Scenario, "base", lambda data: sections.scenario(data, chosen))  # noqa: B023
+            scenario = self._case(cases, chosen)
             if scenario is not None:
-                self.mistakes += [*checks.rates(scenario, node), *checks.measurements(scenario, node)]
+                self.mistakes += checks.case(scenario, cases.node(chosen))
+
+    def _case(self, cases: "_Cases", chosen: design.Chosen) -> Scenario | None:
+        """Return the scenario of a case; its mistakes are noted."""
+        try:
+            node = cases.node(chosen)
+        except InputError as error:  # a level of another axis has no such item
+            self.mistakes += error.records
+            return None
+        return self._validate(node, Scenario, "base", lambda: cases.scenario(chosen))
+
+
+class _Cases:
+    """The cases of a campaign as they are written, and the scenarios that they make.
+
+    Parameters
+    ----------
+    base
+        The base with all cards in place.
+    axes, levels
+        The axes, and the tree of each of their levels with its cards in place.
+    valid
+        The base's scenario; None where it has mistakes.
+    """
+
+    def __init__(
+        self, base: tree.Node, axes: Sequence[Varied], levels: Sequence[Sequence[tree.Node]], valid: Scenario | None
+    ) -> None:
+        self.base, self.axes, self.levels = base, axes, levels
+        self.is_whole = valid is not None
+        self.scenarios = design.Scenarios([varied.axis.steps[0] for varied in axes], valid, tree.plain)
+
+    def node(self, chosen: design.Chosen) -> tree.Node:
+        """Return the tree of the case with these levels; InputError where the base with the others has no such item."""
+        node = self.base
+        for varied, values, index in zip(self.axes, self.levels, chosen, strict=True):
+            if index is not None:
+                node = marked.put(node, varied.axis.steps, values[index])
+        return node
+
+    def scenario(self, chosen: design.Chosen) -> Scenario:
+        """Return the scenario of the case with these levels; ValidationError as pydantic's, InputError as of `node`."""
+        return self.scenarios.known(chosen) or self.scenarios.validated(chosen, self.node(chosen).value)
+
+
+def _first_cases(kind: str, axes: Sequence[Varied], sizes: Sequence[int]) -> dict[tuple[int, int], design.Chosen]:
+    """Return the first case of a design that has a level, by axis and level; none where a later axis changes it."""
+    found: dict[tuple[int, int], design.Chosen] = {}
+    steps = [varied.axis.steps for varied in axes]
+    changed = [any(one[: len(mine)] == mine for one in steps[k + 1 :]) for k, mine in enumerate(steps)]
+    crossed = [place for place, varied in enumerate(axes) if varied.axis.crossed]
+    is_whole = all(sizes) and (kind != "zip" or len(set(sizes)) == 1)
+    for chosen in design.levels(kind, sizes, crossed) if is_whole else ():
+        for place, index in enumerate(chosen):
+            if index is not None and not changed[place]:
+                found.setdefault((place, index), chosen)
+    return found
 
 
 def _kind_at(base: tree.Node, path: list[str]) -> tuple[Any, tree.Node | None]:

@@ -18,12 +18,13 @@ from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.filter_models import filter_models, sensor_model, sensors_used, solves
 from lvnav_trade.filters.base import FilterCard, ReceiverModel
 from lvnav_trade.metrics.basics.probability import success_verdict
 from lvnav_trade.metrics.errors.covariances import NOT_APPLICABLE, why_outside
 from lvnav_trade.metrics.requirements.improvements import asked_of
 from lvnav_trade.records import CovHistory
-from lvnav_trade.scenario import Scenario, filter_models, sensor_model, sensors_used, solves
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.units import parse
 
 HISTORY = 60.0  # s between history times, beside events, where nothing between events is asked

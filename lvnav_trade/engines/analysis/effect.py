@@ -7,13 +7,14 @@ import numpy as np
 
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.shared import seen_in
+from lvnav_trade.filter_models import smoothing_of, solves
 from lvnav_trade.layout import PARAMETERS, ExtraBlock
 from lvnav_trade.noise import idle_tables
 from lvnav_trade.observables.partials import DIFFERENCES, PHASES
 from lvnav_trade.observables.sensors import RANGES, SENSOR_STATES
 from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Bools, Floats
-from lvnav_trade.scenario import Scenario, smoothing_of, solves
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.fault_cards import (
     ClockDrift,
     ClockJump,

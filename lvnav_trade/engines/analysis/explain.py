@@ -24,8 +24,9 @@ from lvnav_trade.engines.lincov.workspace import UpdateTape
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.simulate.guided import vehicle_budget
 from lvnav_trade.engines.simulate.statistics import BlockSummary
+from lvnav_trade.filter_models import sensors_used
 from lvnav_trade.records import AdjointBudget, Asked, CovHistory, Floats
-from lvnav_trade.scenario import Scenario, sensors_used
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.sources import Field, fields_of
 
 QUANTITIES = ("attitude", "velocity", "position")

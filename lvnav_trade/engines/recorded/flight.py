@@ -11,10 +11,11 @@ from lvnav_trade.engines.recorded.consistency import inertial_fixes
 from lvnav_trade.engines.recorded.ranges import with_ranges
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError
+from lvnav_trade.filter_models import epoch_interval, measured, solves
 from lvnav_trade.frames import earth_angle, gmst, quaternions, rotation_e_n
 from lvnav_trade.frames import matrices as matrices_of
 from lvnav_trade.records import Floats, Ints, Reference
-from lvnav_trade.scenario import Scenario, epoch_interval, measured, solves
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sky.gps_time import utc_after
 from lvnav_trade.world.truth import Phase, Trajectory, attitude_spline

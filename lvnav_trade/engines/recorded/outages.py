@@ -7,9 +7,9 @@ import numpy as np
 
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.montecarlo import end_of_run
+from lvnav_trade.filter_models import filter_models
 from lvnav_trade.kernels.transition import VEL
 from lvnav_trade.records import Floats
-from lvnav_trade.scenario import filter_models
 
 _MOTION = 6  # velocity and position
 

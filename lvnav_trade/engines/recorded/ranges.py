@@ -8,10 +8,10 @@ from lvnav_trade.engines.recorded.residuals import Measured, compared
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.receiver.signals import slots
 from lvnav_trade.errors import InputError
+from lvnav_trade.filter_models import measured
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.line_of_sight import sight
 from lvnav_trade.records import Bools, Floats
-from lvnav_trade.scenario import measured
 from lvnav_trade.world.sky.satellites import satellites
 from lvnav_trade.world.user_file.ranges_file import Ranges, satellite_name
 

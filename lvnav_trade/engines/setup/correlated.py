@@ -9,12 +9,13 @@ import numpy as np
 from lvnav_trade.engines.setup.inputs import Shared
 from lvnav_trade.engines.setup.options import direct
 from lvnav_trade.engines.setup.sensors import Sensor
+from lvnav_trade.filter_models import solves
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout, standing_for
 from lvnav_trade.observables.correlated import CorrelatedError
 from lvnav_trade.observables.partials import LEVER_AXES, PHASES, Channels, Geometry, members, partial
 from lvnav_trade.records import Floats, Ints
-from lvnav_trade.scenario import Scenario, solves
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.receiver.receiver import DirectSolution, ReceiverCard
 from lvnav_trade.world.sky.constellation import LETTERS, Part, PreciseConstellation, RinexConstellation, parts_of

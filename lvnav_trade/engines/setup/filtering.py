@@ -9,6 +9,7 @@ from lvnav_trade.engines.setup.inputs import Start
 from lvnav_trade.engines.setup.options import every, gains_of
 from lvnav_trade.engines.setup.times import Times
 from lvnav_trade.envelope import EnvelopeCard
+from lvnav_trade.filter_models import filter_models, has_covariance, measured, solves
 from lvnav_trade.filters.model import FilterModel, build_filter_model, initial_covariance
 from lvnav_trade.filters.scheduled import Gains
 from lvnav_trade.filters.states import Taken, state_layout
@@ -18,7 +19,7 @@ from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.records import Floats, Reference
-from lvnav_trade.scenario import Scenario, filter_models, has_covariance, measured, solves
+from lvnav_trade.scenario import Scenario
 
 
 class Filtering(NamedTuple):

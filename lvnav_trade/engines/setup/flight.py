@@ -9,9 +9,10 @@ from lvnav_trade.engines.setup.receiver.atmosphere import Delays, delays
 from lvnav_trade.engines.setup.receiver.lines import Lines, lines_of
 from lvnav_trade.engines.setup.sensors import Sensor, sensors_of
 from lvnav_trade.engines.setup.shared import built, identity, sampled, seen_in
+from lvnav_trade.filter_models import epoch_interval, solves
 from lvnav_trade.observables.partials import FURTHER, Channels
 from lvnav_trade.records import Floats, Ints, Reference, Sky
-from lvnav_trade.scenario import Scenario, epoch_interval, solves
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.faults import Failures, delay, failures
 from lvnav_trade.world.flight.trajectory import Trajectory
 from lvnav_trade.world.receiver.interference import feigned

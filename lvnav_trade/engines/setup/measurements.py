@@ -23,13 +23,14 @@ from lvnav_trade.engines.setup.receiver.signals import (
 from lvnav_trade.engines.setup.receiver.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
 from lvnav_trade.engines.setup.receiver.solution import Chain, chain_of
 from lvnav_trade.engines.setup.watching import failing, satellites_taken, watched
+from lvnav_trade.filter_models import epoch_interval, filter_models, has_covariance
 from lvnav_trade.filters.delayed import Delayed
 from lvnav_trade.filters.monitor import Rules
 from lvnav_trade.line_of_sight import pdop
 from lvnav_trade.observables.correlated import CorrelatedError
 from lvnav_trade.receivers.base import Solver
 from lvnav_trade.records import Floats, Ints
-from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.sky.satellites import time_offsets
 
 

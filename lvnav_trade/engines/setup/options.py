@@ -8,6 +8,7 @@ import numpy as np
 from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.filter_models import epoch_interval, solves
 from lvnav_trade.filters.base import FilterCard, ReceiverModel
 from lvnav_trade.filters.iterated import Passes
 from lvnav_trade.filters.late import Late
@@ -17,7 +18,7 @@ from lvnav_trade.observables.partials import Channels
 from lvnav_trade.receivers.base import FilterSettings, ReportedCovariance, Solver, point_model, receiver_filter
 from lvnav_trade.receivers.hatch import Smoothing
 from lvnav_trade.records import Floats, Ints
-from lvnav_trade.scenario import Scenario, epoch_interval, solves
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
 
 

@@ -8,13 +8,14 @@ from lvnav_trade.engines.setup.flight import Flight
 from lvnav_trade.engines.setup.inputs import Record, Report
 from lvnav_trade.engines.setup.receiver.solution import Chain
 from lvnav_trade.engines.setup.times import Times
+from lvnav_trade.filter_models import measured, reported, solves
 from lvnav_trade.frames import reporting_axes
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout, backup_outputs, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.receivers.base import Solver
 from lvnav_trade.records import Motion, Output
-from lvnav_trade.scenario import Scenario, measured, reported, solves
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.truth import motion
 
 

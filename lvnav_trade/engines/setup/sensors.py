@@ -8,6 +8,7 @@ import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Sensors
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.filter_models import difference_of, sensor_model, sensors_used
 from lvnav_trade.frames import earth_angle, earth_velocity, geodetic_from_ecef
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.observables.correlated import CorrelatedError
@@ -16,7 +17,7 @@ from lvnav_trade.observables.sensor import N_KNOWN, N_TRUTH, FlightView, SensorC
 from lvnav_trade.observables.sensors import SENSORS
 from lvnav_trade.observables.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.records import Bools, Floats
-from lvnav_trade.scenario import Scenario, difference_of, sensor_model, sensors_used
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.conditions import Course, inside
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.truth import at_rest

@@ -9,9 +9,10 @@ from lvnav_trade.engines.setup.flight import Flight, ticks_of
 from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.options import CloneTimes, DelayTaken, clone_times, delays_taken
 from lvnav_trade.engines.setup.tuning import Windows, injections, linearisations
+from lvnav_trade.filter_models import filter_models
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.records import Floats, Ints
-from lvnav_trade.scenario import Scenario, filter_models
+from lvnav_trade.scenario import Scenario
 
 _SAME_TICK = 1e-6
 """Part of a step: a time this little after a tick is at the tick."""

@@ -7,13 +7,14 @@ import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Samples
 from lvnav_trade.envelope import EnvelopeCard, changing
+from lvnav_trade.filter_models import filter_models
 from lvnav_trade.filters.samples import VehicleModel
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.per_axis import PerAxis, squares
 from lvnav_trade.records import Bools, Floats, Reference
-from lvnav_trade.scenario import Scenario, filter_models
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.control.ascent import changes
 from lvnav_trade.world.truth import Trajectory
 

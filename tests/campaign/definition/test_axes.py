@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign.definition.axes import Sections, case_id, cases, level_label, levels, put
+from lvnav_trade.campaign.definition.axes import Scenarios, case_id, cases, level_label, levels, put
 from lvnav_trade.campaign.definition.schema import Axis
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import Scenario
 from tests.world.flights import ascent_card, ascent_settings
 
+CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
 TWO = "axes:\n  - {path: imu, cards: [imu/good, imu/poor]}\n  - {path: filter.gate, values: [4, 5]}\n"
 
 
@@ -174,9 +177,47 @@ def test_cases_share_the_cards_that_no_axis_varies(study):
 
 
 def test_a_case_that_is_refused_names_the_field_though_cards_are_shared():
-    sections = Sections(["receiver"])
+    scenarios = Scenarios(["receiver"])
     with pytest.raises(ValidationError, match="mask"):
-        sections.scenario({"receiver": {"mask": "steep"}}, (0,))
+        scenarios.validated((0,), {"receiver": {"mask": "steep"}})
+
+
+def _validations(monkeypatch) -> list[object]:
+    """Return a list that grows with every validation of a scenario."""
+    made, validate = [], Scenario.model_validate
+    monkeypatch.setattr(Scenario, "model_validate", lambda data: made.append(data) or validate(data))
+    return made
+
+
+@pytest.mark.parametrize("name", ["demo.yaml", "conae/antenna_failure.yaml", "world/vehicles.yaml", "dlr/ekf_ukf.yaml"])
+def test_a_case_is_validated_once(monkeypatch, name) -> None:
+    made = _validations(monkeypatch)
+    assert len(cases(load(CAMPAIGNS / name))) >= len(made) > 0
+
+
+def test_a_level_that_a_later_axis_changes_is_validated_alone_too(study, monkeypatch) -> None:
+    study.append("axes:\n  - {path: filter, cards: [filters/tight]}\n  - {path: filter.gate, values: [4, 5]}\n")
+    made = _validations(monkeypatch)
+    campaign = load(study.path)
+    assert len(cases(campaign)) == 2
+    assert len(made) == 3
+    assert campaign.axes[0].values[0]["gate"] not in (4, 5)
+
+
+@pytest.mark.parametrize("name", ["demo.yaml", "conae/settings.yaml", "trade/find_imu.yaml", "gains/polar.yaml"])
+def test_cases_of_reading_are_those_of_the_resolved_campaign(name) -> None:
+    campaign = load(CAMPAIGNS / name)
+    again = campaign.model_copy()  # of which no scenario is known
+    assert cases(campaign) == cases(again)
+    assert [case.id for case in cases(campaign)] == [case.id for case in cases(again)]
+
+
+def test_levels_of_a_zip_need_not_work_alone(study) -> None:
+    study.append(
+        "axes:\n  - {path: filter.measurements, values: [[pseudorange], [position, velocity]]}\n"
+        "  - {path: filter.init, values: [from_card, from_gnss]}\ndesign: zip\n"
+    )
+    assert len(cases(load(study.path))) == 2
 
 
 def test_a_digest_does_not_take_another_card_for_one_that_is_gone(study):

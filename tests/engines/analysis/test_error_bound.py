@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade.engines.analysis.error_bound import error_bound
 from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.errors import InputError
-from lvnav_trade.scenario import filter_models
+from lvnav_trade.filter_models import filter_models
 from tests.building import LOOSE, case, loaded, prepare_hop, with_fields
 
 WALKS = {

@@ -13,8 +13,9 @@ from lvnav_trade.engines.analysis import explain as room
 from lvnav_trade.engines.analysis.explain import FACTORS, explain, scaled, sensitivity
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.lincov.sources import source_names
+from lvnav_trade.filter_models import filter_models
 from lvnav_trade.records import Asked
-from lvnav_trade.scenario import Scenario, filter_models
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.sources import SOURCES
 from tests.building import INERTIAL, LOOSE, MATCHED, case, flying, hop, loaded, prepare_hop, with_fields
 

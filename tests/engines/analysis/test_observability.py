@@ -8,11 +8,11 @@ import pytest
 from lvnav_trade.engines.analysis.explain import explain
 from lvnav_trade.engines.analysis.observability import TOLERANCE, fold, in_words, observability
 from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.filter_models import filter_models
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.records import Asked
-from lvnav_trade.scenario import filter_models
 from tests.building import INERTIAL, LOOSE, MATCHED, ascent, assumed_receiver, case, loaded, prepare_hop
 from tests.engines.modelled import BASELINE, modelled
 

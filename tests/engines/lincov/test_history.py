@@ -10,7 +10,7 @@ from scipy import stats
 
 from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.scenario import filter_models
+from lvnav_trade.filter_models import filter_models
 from tests.building import INERTIAL, LOOSE, MATCHED, ascent, case, loaded, prepare_hop, with_fields
 
 SEED, ALPHA = 20260802, 1e-3

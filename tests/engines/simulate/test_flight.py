@@ -12,7 +12,7 @@ import pytest
 
 from lvnav_trade.engines.setup.prepare import prepare
 from lvnav_trade.engines.simulate.montecarlo import new_work, run_block
-from lvnav_trade.scenario import filter_models
+from lvnav_trade.filter_models import filter_models
 from tests.building import INERTIAL, LOOSE, ascent, assumed_receiver, case, hop, loaded, prepare_hop, with_fields
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.scenario import filter_models
+from lvnav_trade.filter_models import filter_models
 from tests.building import IDEAL, INERTIAL, TURNED, loaded, prepare_hop, with_difference, with_fields, with_units
 from tests.engines.test_closed_forms import DEG_H, G
 from tests.world.sensors.test_units import DODECAHEDRON, cone

@@ -15,13 +15,13 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.receiver.noise import rate_sigma_of
 from lvnav_trade.engines.simulate.montecarlo import Truth, Work, new_work
 from lvnav_trade.engines.simulate.sensing import begin, measure_sensors, observe
+from lvnav_trade.filter_models import solves
 from lvnav_trade.kernels.clock import step_covariance
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.observables.base import N_ENTRY
 from lvnav_trade.observables.sensors import RECEIVER_SOLUTION, fill, measure
 from lvnav_trade.observables.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.records import Bools, Floats, Ints
-from lvnav_trade.scenario import solves
 from lvnav_trade.sources import label_of
 from lvnav_trade.world.fault_cards import DegradedNoise
 from lvnav_trade.world.faults import active

@@ -8,6 +8,7 @@ from lvnav_trade.engines.setup.inputs import Further
 from lvnav_trade.engines.setup.receiver.noise import assumed_sigma
 from lvnav_trade.engines.setup.receiver.signals import InUse, hold
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.filter_models import filter_models
 from lvnav_trade.filters.delayed import Delayed
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.random import source_word
@@ -15,7 +16,7 @@ from lvnav_trade.observables.base import D_EXTRA
 from lvnav_trade.observables.correlated import CorrelatedError
 from lvnav_trade.observables.partials import DIFFERENCES, OF_ONE, PHASES
 from lvnav_trade.records import Bools, Floats, Ints, Sky
-from lvnav_trade.scenario import Scenario, filter_models
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.sources import PHASE_NOISE
 from lvnav_trade.world.faults import missing_satellite
 

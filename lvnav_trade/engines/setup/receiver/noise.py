@@ -8,11 +8,12 @@ import numpy as np
 from lvnav_trade.engines.setup.options import direct
 from lvnav_trade.engines.setup.receiver.lines import Lines
 from lvnav_trade.engines.setup.sensors import Sensor
+from lvnav_trade.filter_models import smoothing_of, solves
 from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.observables.partials import DIFFERENCES, PHASES, Channels
 from lvnav_trade.observables.sensors import RECEIVER_SOLUTION
 from lvnav_trade.records import Floats, Sky
-from lvnav_trade.scenario import Scenario, smoothing_of, solves
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.flight.trajectory import Trajectory
 from lvnav_trade.world.receiver.dynamics import factors

@@ -12,6 +12,7 @@ from lvnav_trade.engines.setup.receiver.lines import Lines
 from lvnav_trade.engines.setup.receiver.noise import assumed_variance, by_channel, grown_sigma, true_sigma
 from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.engines.setup.tuning import weights
+from lvnav_trade.filter_models import epoch_interval, filter_models, solves
 from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import RELATIVE, ExtraBlock
@@ -23,7 +24,7 @@ from lvnav_trade.observables.partials import (
     sensor_states,
 )
 from lvnav_trade.records import Bools, Floats, Ints
-from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, solves
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
 
 _DRAWS = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)

@@ -8,11 +8,12 @@ from lvnav_trade.engines.setup.correlated import MULTIPATH, EnteringError
 from lvnav_trade.engines.setup.receiver.further import wavelength
 from lvnav_trade.engines.setup.receiver.lines import Lines
 from lvnav_trade.engines.setup.receiver.noise import phase_sigma
+from lvnav_trade.filter_models import epoch_interval, smoothing_of
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.observables.correlated import CorrelatedError
 from lvnav_trade.receivers.hatch import Smoothing, gains, smoothing_error
 from lvnav_trade.records import Floats, Sky
-from lvnav_trade.scenario import Scenario, epoch_interval, smoothing_of
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.sources import PHASE_NOISE
 
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
-from lvnav_trade.scenario import filter_models
+from lvnav_trade.filter_models import filter_models
 from tests.building import MATCHED, loaded, prepare_hop, with_fields
 
 RUNS = 200

@@ -11,8 +11,8 @@ from scipy.stats import chi2
 from lvnav_trade.engines.analysis.selfcheck.measured import of_measurements
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.filter_models import filter_models
 from lvnav_trade.noise import noise_factor
-from lvnav_trade.scenario import filter_models
 from lvnav_trade.world.receiver.dynamics import dynamics_at
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields
 from tests.engines.analysis.checked import failed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.refusals import REFUSALS, refused
+from lvnav_trade.rules import REFUSALS, refused
 from tests.building import INERTIAL, LOOSE, loaded, with_fields, with_units
 from tests.engines.modelled import SETTINGS
 

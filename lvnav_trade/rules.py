@@ -1,9 +1,31 @@
-"""Meaningless combinations of policies and measurements: one table, each with its reason in physics."""
+"""Rules between the fields of a scenario, in three tables: what contradicts itself, what physics refuses, and what a
+case that is flown needs.
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+A fault has the path of the field to mend, and a reason. `SETTINGS` and `REFUSALS` hold for every scenario; validation
+raises the first fault. `CASES` hold for what is flown: an axis may mend them in the base that it varies, so the reader
+of campaigns checks every case, and reports all faults.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+
+from lvnav_trade.filter_models import filter_models, sensors_measuring, solves
+from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS
+
+if TYPE_CHECKING:
+    from lvnav_trade.scenario import Scenario
+
+
+class Fault(NamedTuple):
+    """A rule that a scenario breaks: path of the field to mend, and the reason."""
+
+    path: str
+    reason: str
 
 
 class Refusal(NamedTuple):
@@ -12,6 +34,51 @@ class Refusal(NamedTuple):
     path: str
     reason: str
     applies: Callable[[Any], bool]
+
+
+# --- settings that contradict each other ------------------------------------------------------------------------------
+
+
+def _of_control(scenario: Scenario) -> Iterator[Fault]:
+    """Yield why a vehicle cannot be steered beside the navigation."""
+    control, card = scenario.control, scenario.trajectory
+    if control is None:
+        return
+    if card.kind != "vehicle":
+        yield Fault("control", f"the ascent of a vehicle is steered, not a trajectory of kind {card.kind}")
+        return
+    if not sensors_measuring(scenario, "attitude"):
+        yield Fault("control", "a vehicle under control needs a sensor that measures attitude")
+    if card.control is not None:
+        yield Fault(
+            "control", "steers the ascent anew, which flies under trajectory.control already; state one of them"
+        )
+    for misfit in control.misfits(len(card.vehicle.stages)):
+        path, _, reason = misfit.partition(": ")
+        yield Fault(path, reason)
+
+
+def _twice(scenario: Scenario) -> Iterator[Fault]:
+    """Yield the fault that is stated a second time."""
+    faults = scenario.faults
+    again = next((k for k, fault in enumerate(faults) if fault in faults[:k]), None)
+    if again is not None:
+        first = faults.index(faults[again])
+        yield Fault(f"faults.{again}", f"is the same as faults.{first}; leave one of them out")
+
+
+def _unmeasured(scenario: Scenario) -> Iterator[Fault]:
+    """Yield the measurements that no sensor gives; where a sensor is null the filter does without it."""
+    for name in scenario.filter.measurements:
+        provided = None in scenario.sensors.values() or sensors_measuring(scenario, name)
+        if name in SENSOR_MEASUREMENTS and not provided:
+            yield Fault("filter.measurements", f"no sensor of the scenario measures {name}")
+
+
+SETTINGS: tuple[Callable[[Scenario], Iterator[Fault]], ...] = (_of_control, _twice, _unmeasured)
+
+
+# --- what physics refuses ---------------------------------------------------------------------------------------------
 
 
 def _delay(scenario: Any) -> Any:
@@ -165,3 +232,74 @@ REFUSALS = (
 def refused(scenario: Any) -> Refusal | None:
     """Return the first refusal that applies to a scenario, None if it can be simulated."""
     return next((refusal for refusal in REFUSALS if refusal.applies(scenario)), None)
+
+
+# --- what a case needs ------------------------------------------------------------------------------------------------
+
+_RATES = {
+    "imu.rate": "IMU rate",
+    "filter.covariance_rate": "covariance rate",
+    "filter.update_rate": "update rate",
+    "receiver.rate": "receiver rate",
+}
+
+
+def _rates(scenario: Scenario) -> Iterator[Fault]:
+    """Yield the rates that do not divide the faster ones, each at the slower one."""
+    pairs = [
+        ("imu.rate", "imu.process_rate"),
+        ("imu.rate", "filter.covariance_rate"),
+        ("filter.covariance_rate", "filter.update_rate"),
+    ]
+    if scenario.filter.tight or scenario.filter.loose or solves(scenario):
+        pairs.append(("receiver.rate", "filter.update_rate"))
+    divisors = [(name, path, attrgetter(path)(scenario)) for name, path in pairs] + [
+        ("filter.update_rate", f"sensors.{name}.rate", card.rate)
+        for name, card in scenario.sensors.items()
+        if card is not None and card.rate is not None
+    ]
+    for name, path, slow in divisors:
+        fast = attrgetter(name)(scenario)
+        ratio = fast / slow
+        if ratio <= 1 - 1e-9 or abs(ratio - round(ratio)) >= 1e-9 * ratio:
+            yield Fault(path, f"{slow:g} Hz does not divide the {_RATES[name]} of {fast:g} Hz")
+
+
+def _strapdown(scenario: Scenario) -> Iterator[Fault]:
+    """Yield a strapdown step that is longer than a step of the covariance."""
+    most = round(scenario.imu.rate / scenario.filter.covariance_rate)
+    if scenario.filter.strapdown.ratio > max(1, most):
+        reason = f"a step longer than a covariance step of {most} increments; at most {most} fit"
+        yield Fault("filter.strapdown.ratio", reason)
+
+
+def _noiseless(scenario: Scenario) -> Iterator[Fault]:
+    """Yield the measurements that the filter would model without noise: its covariance would lose its rank."""
+    card = scenario.filter
+    matched = isinstance(card.receiver, str)
+    if solves(scenario) and matched:
+        return  # the receiver reports the covariance of its solutions, which is never zero
+    _, receiver, _ = filter_models(scenario)
+    truth = "receiver" if card.tight else "receiver.solution"
+    for measurement in card.measurements:
+        name = f"{measurement}_sigma"
+        if getattr(receiver, name, 1.0) <= 0.0:
+            reason = f"the filter cannot model {measurement.replace('_', ' ')} without noise; should be greater than 0"
+            yield Fault(f"{truth if matched else 'filter.receiver'}.{name}", reason)
+
+
+CASES: tuple[Callable[[Scenario], Iterator[Fault]], ...] = (_rates, _strapdown, _noiseless)
+
+
+def faults(scenario: Scenario) -> Iterator[Fault]:
+    """Yield the rules for all scenarios that one breaks; of the refused combinations the first."""
+    for rule in SETTINGS:
+        yield from rule(scenario)
+    if (refusal := refused(scenario)) is not None:
+        yield Fault(refusal.path, refusal.reason)
+
+
+def faults_of_case(scenario: Scenario) -> Iterator[Fault]:
+    """Yield the rules for what is flown that a scenario breaks."""
+    for rule in CASES:
+        yield from rule(scenario)
