@@ -1,43 +1,49 @@
-"""Record of the card fields that code reads: a setting that is never read has no effect."""
+"""Record of the settings that code reads: a setting that is never read has no effect.
 
+Code is given a copy of the settings that notes which of its fields are read. The settings themselves stay as they are.
+"""
+
+import types
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
-from contextlib import contextmanager
-from functools import wraps
-from typing import Any, TypeVar
+from collections.abc import Callable, Collection, Hashable, Mapping
+from functools import cache, wraps
+from typing import Any, NamedTuple, TypeVar
+
+from pydantic import ConfigDict
 
 from lvnav_trade.units import Card
 
 Value = TypeVar("Value")
+_NOTES = "_notes"  # where a recording copy keeps where it notes
 
 
 class Reads:
-    """The fields that were read of some settings and of all settings within them; paths: dotted, as a user writes them.
+    """The fields that were read of some settings and of all settings within them.
 
     Fields are read by attribute. Comparing, hashing, copying, validating and writing settings out reads nothing.
+
+    Attributes
+    ----------
+    card
+        A copy of the settings for the code whose reading is recorded; an instance of the same classes.
+    paths
+        What was read of the copy: dotted, as a user writes them.
     """
 
     def __init__(self, whole: Card) -> None:
         self.paths: set[str] = set()
-        self._prefixes: dict[int, list[str]] = {}
-        self._whole = whole  # kept: while it lives, no other object has the identity of a part of it
-        self._enter(whole, "")
+        self.card = self._copy(whole, "")
 
-    def _enter(self, value: Any, prefix: str) -> None:
+    def _copy(self, value: Any, prefix: str) -> Any:
         if isinstance(value, Card):
-            self._prefixes.setdefault(id(value), []).append(prefix)
-            value = {_key(value, name): below for name, below in value.__dict__.items()}
+            fields = {name: one for name, one in value.__dict__.items() if name != _NOTES}
+            within = {name: self._copy(one, f"{prefix}{_key(value, name)}.") for name, one in fields.items()}
+            return _recording_copy(value, within | {_NOTES: _Notes(self.paths, prefix)})
         if isinstance(value, Mapping):
-            for name, below in value.items():
-                self._enter(below, f"{prefix}{name}.")
-        elif isinstance(value, tuple):
-            for number, below in enumerate(value):
-                self._enter(below, f"{prefix}{number}.")
-
-    def note(self, card: Card, names: Collection[str]) -> None:
-        """Note fields of a card, by names or paths within it; nothing where it is no part of the whole."""
-        for prefix in self._prefixes.get(id(card), ()):
-            self.paths.update(prefix + name for name in names)
+            return {name: self._copy(below, f"{prefix}{name}.") for name, below in value.items()}
+        if type(value) is tuple:
+            return tuple(self._copy(below, f"{prefix}{number}.") for number, below in enumerate(value))
+        return value
 
 
 def _key(card: Card, name: str) -> str:
@@ -46,33 +52,79 @@ def _key(card: Card, name: str) -> str:
     return name if field is None else field.alias or name
 
 
-_open: list[Reads] = []
+class _Notes(NamedTuple):
+    """Where a recording copy notes: the paths read so far, and its own place in the whole, with a dot behind it."""
+
+    paths: set[str]
+    prefix: str
 
 
-def _noting(self: Card, name: str) -> Any:
-    value = object.__getattribute__(self, name)
-    if name in type(self).__pydantic_fields__:
-        for reads in _open:
-            reads.note(self, (_key(self, name),))
-    return value
+class _Recording(Card):
+    """What recording copies have beside the fields of their card."""
+
+    model_config = ConfigDict(defer_build=True)  # copies are never validated
+
+    def __getattribute__(self, name: str) -> Any:
+        value = object.__getattribute__(self, name)
+        if name in type(self).__pydantic_fields__:
+            notes = object.__getattribute__(self, "__dict__").get(_NOTES)
+            if notes is not None:
+                notes.paths.add(notes.prefix + _key(self, name))
+        return value
+
+    def __eq__(self, other: Any) -> bool:
+        return bool(_plain(self) == (_plain(other) if isinstance(other, _Recording) else other))
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """Return what another process makes the card itself of, which records nothing."""
+        return _itself, (_plain(self),)
 
 
-@contextmanager
-def recorded(whole: Card) -> Iterator[Reads]:
-    """Record which fields of some settings are read within.
+def _itself(card: Card) -> Card:
+    return card
 
-    The hook is on the class of all cards while it is needed, and only then: otherwise reading a field costs nothing.
-    """
-    reads = Reads(whole)
-    _open.append(reads)
-    if len(_open) == 1:
-        type.__setattr__(Card, "__getattribute__", _noting)
-    try:
-        yield reads
-    finally:
-        _open.remove(reads)
-        if not _open:
-            type.__delattr__(Card, "__getattribute__")
+
+@cache
+def _recording_class(kind: type[Card]) -> type[Card]:
+    """Return the class of copies that record what is read of a card."""
+    if issubclass(kind, _Recording):
+        return kind
+    names = {"__module__": kind.__module__, "__qualname__": kind.__qualname__, "__doc__": kind.__doc__}
+    made: type[Card] = types.new_class(kind.__name__, (_Recording, kind), {}, lambda own: own.update(names))
+    return made
+
+
+def _recording_copy(card: Card, values: dict[str, Any]) -> Card:
+    return _copied(card, _recording_class(type(card)), values)
+
+
+def _plain(card: Card) -> Card:
+    """Return a recording copy, and all within it, as the cards that they are copies of."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, _Recording):
+            return _plain(value)
+        if isinstance(value, dict):
+            return {name: plain(below) for name, below in value.items()}
+        return tuple(map(plain, value)) if type(value) is tuple else value
+
+    kind = type(card).__mro__[2]
+    return _copied(card, kind, {name: plain(value) for name, value in card.__dict__.items() if name != _NOTES})
+
+
+def _copied(card: Card, kind: type[Card], values: dict[str, Any]) -> Card:
+    found = kind.__new__(kind)
+    object.__setattr__(found, "__dict__", values)
+    for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
+        object.__setattr__(found, name, object.__getattribute__(card, name))
+    return found
+
+
+def note(card: Card, names: Collection[str]) -> None:
+    """Note fields of settings as read, by names or paths within them; nothing where they are no recording copy."""
+    notes = object.__getattribute__(card, "__dict__").get(_NOTES)
+    if notes is not None:
+        notes.paths.update(notes.prefix + name for name in names)
 
 
 def remembered(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
@@ -88,15 +140,14 @@ def remembered(size: int) -> Callable[[Callable[..., Value]], Callable[..., Valu
         def call(key: Hashable, card: Card, *rest: Hashable) -> Value:
             if (key, rest) in kept:
                 kept.move_to_end((key, rest))
-                value, names = kept[key, rest]
-                for reads in _open:
-                    reads.note(card, names)
-                return value
-            with recorded(card) as reads:
-                value = function(key, card, *rest)
-            kept[key, rest] = value, frozenset(reads.paths)
-            while len(kept) > size:
-                kept.popitem(last=False)
+            else:
+                reads = Reads(card)
+                value = function(key, reads.card, *rest)
+                kept[key, rest] = value, frozenset(reads.paths)
+                while len(kept) > size:
+                    kept.popitem(last=False)
+            value, names = kept[key, rest]
+            note(card, names)
             return value
 
         return call

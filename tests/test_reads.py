@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
+
 from pydantic import Field
 
-from lvnav_trade.reads import recorded, remembered
+from lvnav_trade.reads import Reads, remembered
 from lvnav_trade.units import Card, Length
 
 
@@ -29,35 +31,59 @@ def outer() -> Outer:
 
 
 def test_fields_are_recorded_where_they_stand_as_a_user_writes_them():
-    card = outer()
-    with recorded(card) as reads:
-        assert card.many[1].size == 3.0
-        assert card.named["a"].start == "a"
-        assert card.twice == 6
-        assert outer().one.size == 1.0  # another card
+    reads = Reads(outer())
+    card = reads.card
+    assert card.many[1].size == 3.0
+    assert card.named["a"].start == "a"
+    assert card.twice == 6
+    assert outer().one.size == 1.0  # another card
     assert reads.paths == {"many", "many.1.size", "named", "named.a.from", "number"}
 
 
 def test_writing_out_comparing_hashing_copying_and_validating_read_nothing():
-    card = outer()
-    with recorded(card) as reads:
-        assert Outer.model_validate(card.model_dump(by_alias=True, mode="json")) == card
-        assert card.model_copy(update={"number": 4}) != card
-        assert card.model_dump_json()
-        assert hash(Inner(size="1 m")) != hash(Inner(size="2 m"))
+    reads = Reads(outer())
+    card = reads.card
+    assert Outer.model_validate(card.model_dump(by_alias=True, mode="json")) == card
+    assert Outer.model_validate(card) is card
+    assert card.model_copy(update={"number": 4}) != card
+    assert card.model_dump_json() == outer().model_dump_json()
+    assert hash(Reads(Inner(size="1 m")).card) == hash(Inner(size="1 m"))
     assert reads.paths == set()
 
 
-def test_outside_nothing_is_recorded_and_cards_are_as_they_were():
-    before = Card.__dict__.get("__getattribute__")
+def test_a_copy_is_equal_to_its_card_and_of_its_class():
+    card, copy = outer(), Reads(outer()).card
+    assert card == copy == card
+    assert copy == Reads(card).card
+    assert card.model_copy(update={"number": 4}) != copy
+    assert isinstance(copy, Outer)
+    assert isinstance(copy.one, Inner)
+    assert type(copy).__name__ == "Outer"
+
+
+def test_the_card_itself_records_nothing():
     card = outer()
-    with recorded(card) as reads:
-        with recorded(card.one) as within:
-            assert card.one.size == 1.0
-        assert card.number == 3
-    assert card.many
-    assert (reads.paths, within.paths) == ({"one", "one.size", "number"}, {"size"})
-    assert Card.__dict__.get("__getattribute__") is before is None
+    reads = Reads(card)
+    assert card.one.size == 1.0
+    assert reads.paths == set()
+    assert "__getattribute__" not in vars(Card)
+    assert card.__class__ is Outer
+
+
+def test_within_a_record_another_one_may_be_kept():
+    reads = Reads(outer())
+    within = Reads(reads.card.one)
+    assert within.card.size == 1.0
+    assert reads.card.number == 3
+    assert (reads.paths, within.paths) == ({"one", "number"}, {"size"})
+
+
+def test_what_goes_to_another_process_is_the_card_itself():
+    card = outer()
+    again = pickle.loads(pickle.dumps(Reads(card).card))
+    assert again == card
+    assert type(again) is Outer
+    assert type(again.many[0]) is Inner
 
 
 def test_a_result_that_was_kept_counts_as_having_read_what_it_was_made_of():
@@ -68,10 +94,9 @@ def test_a_result_that_was_kept_counts_as_having_read_what_it_was_made_of():
         calls.append(key)
         return factor * card.size
 
-    first, second = outer(), outer()
+    first, reads = outer(), Reads(outer())
     assert larger("a", first.one, 2.0) == 2.0
-    with recorded(second) as reads:
-        assert larger("a", second.one, 2.0) == 2.0
+    assert larger("a", reads.card.one, 2.0) == 2.0
     assert calls == ["a"]
     assert reads.paths == {"one", "one.size"}
     assert larger("a", first.one, 3.0) == larger("b", first.one, 3.0) == 3.0

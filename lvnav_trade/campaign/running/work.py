@@ -33,7 +33,7 @@ from lvnav_trade.engines.setup.shared import trajectory_of
 from lvnav_trade.engines.simulate import montecarlo, statistics
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.interrupts import raise_if_interrupted
-from lvnav_trade.reads import recorded
+from lvnav_trade.reads import Reads
 from lvnav_trade.records import Asked, CovHistory, Output, Protecting
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.steering import nozzle
@@ -296,9 +296,9 @@ def _whole(job: Job, case: Case) -> tuple[Any, effect.Used | None]:
 
 def prepared_with(engine: Engine, case: Case, history: float) -> tuple[Any, effect.Used | None]:
     """Return a case made ready, with the step (s) of its history, and what of its scenario has an effect on it."""
-    with recorded(case.scenario) as reads:
-        prepared = engine.prepare(case.scenario, history)
-    return prepared, engine.used(prepared, reads.paths)
+    reads = Reads(case.scenario)
+    prepared = engine.prepare(reads.card, history)
+    return prepared, engine.used(prepared, frozenset(reads.paths))
 
 
 @lru_cache(maxsize=2)

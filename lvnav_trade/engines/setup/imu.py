@@ -31,10 +31,10 @@ from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sensors.units import ImuSet, equivalent, terms_of, triads_of
 
 _STEPS = {
-    GyroBiasStep: (GYRO, CONSTANT),
-    AccelBiasStep: (ACCEL, CONSTANT),
-    GyroScaleFactorStep: (GYRO, OWN_0),
-    AccelScaleFactorStep: (ACCEL, OWN_0),
+    "gyro_bias_step": (GYRO, CONSTANT),
+    "accel_bias_step": (ACCEL, CONSTANT),
+    "gyro_scale_factor_step": (GYRO, OWN_0),
+    "accel_scale_factor_step": (ACCEL, OWN_0),
 }
 # What begins with a step is a profile that grows within this time (s), far less than an IMU tick.
 STEP = 1e-6
@@ -73,7 +73,7 @@ def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Cour
                 found.append((2 * triad + sensor, CONSTANT, ramp.start, ramp.end, ramp.amplitude))
     for number, fault in enumerate(faults):
         if isinstance(fault, GyroBiasStep | AccelBiasStep | GyroScaleFactorStep | AccelScaleFactorStep):
-            kind, driver = _STEPS[type(fault)]
+            kind, driver = _STEPS[fault.kind]
             sensor = 2 * owners.index(fault.unit - 1) + kind
             x, y, z = fault.size
             for start, end in periods(number, fault, course):

@@ -14,7 +14,7 @@ from lvnav_trade.kernels.random import source_word
 from lvnav_trade.observables.correlated import CorrelatedError
 from lvnav_trade.observables.partials import Channels, SensorChannels, SensorState
 from lvnav_trade.observables.sensor import N_KNOWN, N_TRUTH, FlightView, SensorCard, SensorModel
-from lvnav_trade.observables.sensors import SENSORS
+from lvnav_trade.observables.sensors import SENSORS, kind_of
 from lvnav_trade.observables.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.scenario import Scenario
@@ -24,6 +24,7 @@ from lvnav_trade.world.truth import at_rest
 
 # m/s over the Earth below which a vehicle stands: splines of the pad keep it to 1e-8, a launch passes it at once.
 STILL = 1e-3
+_KINDS = tuple(map(kind_of, SENSORS))  # the place of a kind is its number in the kernels
 
 
 class Sensor(NamedTuple):
@@ -176,7 +177,7 @@ def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -
         return None
     n = len(sensors)
     return Sensors(
-        code=np.array([SENSORS.index(type(sensor.card)) for sensor in sensors], dtype=np.int64),
+        code=np.array([_KINDS.index(kind_of(type(sensor.card))) for sensor in sensors], dtype=np.int64),
         channel=np.array(channels.first, dtype=np.int64),
         scalars=np.array([len(sensor.channels.labels) for sensor in sensors], dtype=np.int64),
         on=np.array([sensor.on for sensor in sensors], dtype=np.bool_).reshape(n, n_epoch),

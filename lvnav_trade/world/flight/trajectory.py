@@ -34,12 +34,12 @@ __all__ = [
 ]
 
 TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory | SoundingFlight | OrbitalFlight
-_BUILDERS: dict[type, Callable[[Any], Trajectory]] = {
-    VehicleAscent: flown_ascent,
-    RecordedAscent: rebuild,
-    TableTrajectory: from_table,
-    SoundingFlight: launch,
-    OrbitalFlight: orbit,
+_BUILDERS: dict[str, Callable[[Any], Trajectory]] = {
+    "vehicle": flown_ascent,
+    "recorded": rebuild,
+    "table": from_table,
+    "sounding": launch,
+    "orbital": orbit,
 }
 
 
@@ -49,7 +49,7 @@ def build(card: TrajectoryCard) -> Trajectory:
 
     InputError where it cannot be flown or rebuilt, or where an oscillation or a named time does not lie within it.
     """
-    flight = _BUILDERS[type(card)](card)
+    flight = _BUILDERS[card.kind](card)
     if card.named_times:
         flight = replace(flight, events=flight.events | _named(flight, card.named_times))
     return oscillating(flight, oscillations(card.oscillation, flight.events, (flight.start, flight.end)))

@@ -13,7 +13,7 @@ from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.setup.starts import start_draws
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.engines.simulate.statistics import summarise
-from lvnav_trade.reads import recorded
+from lvnav_trade.reads import Reads
 from lvnav_trade.records import Asked
 from lvnav_trade.store.write import open_results
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields
@@ -34,17 +34,19 @@ LATE = {"kind": "buffered"}
 )
 def test_after_its_preparation_a_flight_reads_what_is_said_of_it_and_nothing_else(settings, fields, tmp_path: Path):
     scenario = with_fields(loaded(*settings), **fields)
-    with recorded(scenario) as before:
-        prepared = prepare_hop(scenario)
-    with recorded(scenario) as after:
-        history = covariance(prepared)
-        runs = run_block(prepared, 1, 0, 8)
-        summary = summarise(runs, flown_events(prepared), history.true_sigma, prepared.outputs)
-        behind = explain(scenario, prepared, history, Asked(error_bound="sensors" not in fields, window=10.0))
-        results = open_results(tmp_path / "results", "study", "", {}, "fresh")
-        case = Case("0" * 12, "base", {}, scenario)
-        results.write_case(case, prepared, history, [summary], behind, start_draws(prepared, 1, 8))
-    found = used(prepared, before.paths)
-    later = {path for path in after.paths - before.paths if path.rpartition(".")[2] not in ("kind", "name", "source")}
-    assert "filter.feedback" in after.paths
+    reads = Reads(scenario)
+    prepared = prepare_hop(reads.card)
+    before = frozenset(reads.paths)
+    reads.paths.clear()
+    history = covariance(prepared)
+    runs = run_block(prepared, 1, 0, 8)
+    summary = summarise(runs, flown_events(prepared), history.true_sigma, prepared.outputs)
+    behind = explain(reads.card, prepared, history, Asked(error_bound="sensors" not in fields, window=10.0))
+    results = open_results(tmp_path / "results", "study", "", {}, "fresh")
+    case = Case("0" * 12, "base", {}, reads.card)
+    results.write_case(case, prepared, history, [summary], behind, start_draws(prepared, 1, 8))
+    after = frozenset(reads.paths)
+    found = used(prepared, before)
+    later = {path for path in after - before if path.rpartition(".")[2] not in ("kind", "name", "source")}
+    assert "filter.feedback" in after
     assert later <= set(found.whole)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.setup import shared
-from lvnav_trade.reads import recorded
+from lvnav_trade.reads import Reads
 from lvnav_trade.world.sky.constellation import AlmanacConstellation
 from lvnav_trade.world.sky.satellites import content
 from tests.building import hop, loaded
@@ -44,9 +44,8 @@ def test_other_epochs_another_start_and_another_flight_make_another_sky():
 def test_a_sky_that_was_kept_counts_as_having_read_what_it_was_computed_from():
     found = []
     for _ in range(2):
-        scenario = loaded("base.receiver.latency=0.25 s")
-        with recorded(scenario) as reads:
-            shared.seen_in(scenario, hop(), T, 0.0)
+        reads = Reads(loaded("base.receiver.latency=0.25 s"))
+        shared.seen_in(reads.card, hop(), T, 0.0)
         found.append(reads.paths)
     assert found[0] == found[1]
     assert {"receiver.latency", "constellation.kind"} & found[1]
