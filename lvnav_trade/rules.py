@@ -1,5 +1,4 @@
-"""Rules between the fields of a scenario, in three tables: what contradicts itself, what physics refuses, and what a
-case that is flown needs.
+"""Rules between the fields of a scenario: what contradicts itself, what physics refuses, what a case needs.
 
 A fault has the path of the field to mend, and a reason. `SETTINGS` and `REFUSALS` hold for every scenario; validation
 raises the first fault. `CASES` hold for what is flown: an axis may mend them in the base that it varies, so the reader

@@ -36,7 +36,7 @@ __all__ = [
 TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory | SoundingFlight | OrbitalFlight
 _BUILDERS: dict[str, Callable[[Any], Trajectory]] = {
     "vehicle": flown_ascent,
-    "recorded": rebuild,
+    "profile": rebuild,
     "table": from_table,
     "sounding": launch,
     "orbital": orbit,
