@@ -14,7 +14,8 @@ from lvnav_trade.layout import EXTRAS, PARAMETERS, split_metric
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.metric import where
 from lvnav_trade.metrics.resources import scenario_of
-from lvnav_trade.report.blocks import number, words
+from lvnav_trade.report.blocks import among, number, words
+from lvnav_trade.report.sentences import say
 from lvnav_trade.sources import fields_of
 from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
@@ -61,28 +62,25 @@ def advice(tables: Tables, row: Any) -> str:
     many = "," in row.source
     scenario = scenario_of(tables, case)
     change = "" if many else _change(scenario, row.source, row.factor_ratio)
-    size = change or f"{' together' * bool(together)} to {100.0 * row.factor_ratio:.3g} % of the present size (1 sigma)"
     stated = next(one for one in tables.campaign["requirements"] if str(one["name"]) == row.requirement)
-    place = "" if stated.get("during") else f" at {words(where(stated))}"
-    quantity = words(split_metric(str(stated["metric"]))[0])
-    share = f"{100.0 * row.share_ratio:.0f} % of the mean-square {quantity} error{place}"
-    reduce = f"reduce the {_error(row.source)}{size if size.startswith(' ') else ' ' + size}"
-    lasting = f", {limits}" * bool(limits)
-    it = "they contribute" if many else "it contributes"
     missing = None if many else missing_state(scenario, row.source, row.share_ratio)
-    if missing is None:
-        return f"{row.case}: {reduce}; {it} {share}{lasting}. Estimate with frozen gains."
-    return (
-        f"{row.case}: {_filter(missing)}; it contributes {share}{lasting}. Otherwise {reduce}; estimate with frozen "
-        "gains."
+    return say(
+        "comply",
+        case=row.case,
+        model="" if missing is None else _filter(missing),
+        source=_error(row.source),
+        size=change or say("size", percent=f"{100.0 * row.factor_ratio:.3g}", together=bool(together)),
+        share=f"{100.0 * row.share_ratio:.0f}",
+        quantity=words(split_metric(str(stated["metric"]))[0]),
+        event="" if stated.get("during") else words(where(stated)),
+        is_one=not many,
+        limits=limits,
     )
 
 
 def _filter(missing: MissingState) -> str:
     """Say which filter to use for an error source that the present one does not model."""
-    if missing.card:
-        return f"use the filter card {missing.card}, which models the {_error(missing.source)}; this filter does not"
-    return f"add filter.extra_states: [{missing.state}], since the filter does not model the {_error(missing.source)}"
+    return say("model", card=missing.card, state=missing.state, source=_error(missing.source))
 
 
 def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingState]]:
@@ -176,13 +174,12 @@ def _error(source: str) -> str:
     """Return an error source as a noun phrase; of several the largest ones, and the number of others."""
     names = source.split(", ")
     if len(names) > 1:
-        more = f" and {len(names) - _FEW + 1} more" if len(names) > _FEW else ""
-        return ", ".join(names if not more else names[: _FEW - 1]) + more
+        return among(names, _FEW - 1 if len(names) > _FEW else _FEW)
     return f"{source.removesuffix('scale factor')}scale-factor error" if source.endswith("scale factor") else source
 
 
 def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:
-    """Return " from 1500 to 1010 ppm (1 sigma)" for the fields of a source; empty where one is no single number."""
+    """Return "from 1500 to 1010 ppm (1 sigma)" for the fields of a source; empty where one is no single number."""
     parts = []
     fields = fields_of(source)
     for path, power in fields:
@@ -193,9 +190,9 @@ def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:
         if float(size) != 0.0:
             unit = "deg" if path[-1] in _ANGLES else _DATASHEET.get(si, si)
             shown = float(size) / parse(f"1 {unit}", si)
-            name = f"{path[-1]} " * (len(fields) > 1)
+            name = f"{path[-1]} " if len(fields) > 1 else ""
             parts.append(f"{name}from {number(shown)} to {number(shown * factor)} {unit}")
-    return f" {', '.join(parts)} (1 sigma)" if 0 < len(parts) <= _MOST_FIELDS else ""
+    return f"{', '.join(parts)} (1 sigma)" if 0 < len(parts) <= _MOST_FIELDS else ""
 
 
 def _at(data: Any, path: tuple[str, ...]) -> Any:

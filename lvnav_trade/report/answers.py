@@ -14,7 +14,8 @@ from lvnav_trade.metrics.requirements.improvements import asked
 from lvnav_trade.metrics.requirements.margins import worst_runs
 from lvnav_trade.metrics.requirements.requirements import in_words, with_unit
 from lvnav_trade.report.advice import advice
-from lvnav_trade.report.blocks import Block, More, Text, figure, listed, number, percent, stated, words
+from lvnav_trade.report.blocks import Block, More, Text, figure, listed, stated, words
+from lvnav_trade.report.sentences import say
 from lvnav_trade.store.read import Tables
 
 _FEW = 4  # cases that are all named beside their verdict
@@ -51,15 +52,19 @@ def _worst_runs(tables: Tables) -> list[Block]:
     names = ["case", "run_number"]
     kept = found[names].merge(tables.traces[names].drop_duplicates()).drop_duplicates()
     drawn = [figure(tables, "worst_run", row.case, str(row.run_number)) for row in kept.itertuples()]
-    return [stated("worst_runs", shown), *[More("Pictures of the worst runs", drawn)] * bool(drawn)]
+    pictures = [More("Pictures of the worst runs", drawn)] if drawn else []
+    return [stated("worst_runs", shown), *pictures]
 
 
 def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> list[Block]:
     name = str(requirement["name"])
-    wanted = (
-        f"{_metric(requirement)} below {_limit(requirement, rows.limit.iloc[0])} {_place(requirement)} in "
-        f"{percent(requirement['probability'])} of flights, to be shown with "
-        f"{percent(requirement.get('confidence', 0.9))} confidence."
+    wanted = say(
+        "wanted",
+        metric=_metric(requirement),
+        limit=_limit(requirement, rows.limit.iloc[0]),
+        place=_place(requirement),
+        probability=requirement["probability"],
+        confidence=requirement.get("confidence", 0.9),
     )
     blocks: list[Block] = [Text(wanted[0].upper() + wanted[1:], f"{name.capitalize()}.")]
     for verdict in ("met", "violated", "not confirmed", "undecided", "not applicable"):
@@ -92,8 +97,7 @@ def _cases(verdict: str, rows: pd.DataFrame) -> list[str]:
 
 def _rests_on(row: Any) -> str:
     """Say what a verdict rests on: runs, or linear covariance and how many runs do not contradict it."""
-    runs = f"{row.failures} of {row.runs} runs beyond" * bool(row.runs)
-    return runs if row.by == "runs" else ", ".join(filter(None, ["by linear covariance", runs]))
+    return say("rests_on", failures=row.failures, runs=row.runs, by_runs=row.by == "runs")
 
 
 def _metric(requirement: dict[str, Any]) -> str:
@@ -130,10 +134,7 @@ def _by_covariance(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[st
     if not len(frame):
         return []
     same = int((frame.verdict == frame.case.map(runs)).sum())
-    if not found:
-        return ["the same verdict" + (f" in all {same} cases." if same > 1 else ".")]
-    start = f"the same verdict in {same} of {len(frame)} cases; " if same and len(frame) > _FEW else ""
-    return [start + _listed(found) + "."]
+    return [say("covariance_alone", same=same, whole=len(frame), others=found)]
 
 
 def _chance(probability: float) -> str:
@@ -143,15 +144,8 @@ def _chance(probability: float) -> str:
 
 def _undecided(rows: pd.DataFrame) -> list[str]:
     return [
-        f"{_together(list(group.case))} ({more} further good runs {'each ' * (len(group) > 1)}would decide)"
-        for more, group in rows.groupby("runs_to_decide", sort=True)
+        say("undecided", cases=list(group.case), runs=more) for more, group in rows.groupby("runs_to_decide", sort=True)
     ]
-
-
-def _together(cases: list[str]) -> str:
-    """Name cases, or of many the first ones and how many more there are."""
-    more = len(cases) - _FEW
-    return " and ".join([*cases[:_FEW], f"{more} more"] if more > 1 else cases)
 
 
 def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.DataFrame) -> list[str]:
@@ -170,8 +164,9 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
         rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == f"{quantity}_error")]
         if len(rows) and not why_not_applicable(tables, digests[case]):
             top, mean = rows.iloc[0], mean_at(tables, digests[case], at, quantity)
-            biased = mean**2 > float((rows.sigma**2).sum())
-            share = f"{top.source} ({100 * top.share_ratio:.0f} % of the variance{there})"
-            same = f"the mean, {number(mean)} {top.unit} in every flight{there}"
-            found.append(f"{case}: {same if biased else share}")
+            if mean**2 > float((rows.sigma**2).sum()):
+                found.append(say("largest_mean", case=case, mean=mean, unit=top.unit, there=there))
+            else:
+                share = f"{100 * top.share_ratio:.0f}"
+                found.append(say("largest_source", case=case, source=top.source, share=share, there=there))
     return [f"Largest source in the 3D error, by linear covariance: {_listed(found)}."] if found else []

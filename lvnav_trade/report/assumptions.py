@@ -6,7 +6,7 @@ import pandas as pd
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.assumptions import compared_by
-from lvnav_trade.report.blocks import Block, Text, of, stated, words
+from lvnav_trade.report.blocks import Block, Text, among, of, stated, words
 from lvnav_trade.report.escape import note
 from lvnav_trade.store.read import Tables
 
@@ -87,8 +87,7 @@ def _marked(frame: pd.DataFrame) -> str:
 def _fields(fields: Sequence[str]) -> str:
     """Name fields as an engineer says them; of many the first ones and how many more there are."""
     names = list(dict.fromkeys(words(one.removeprefix("resources.").replace(".", " ")) for one in fields))
-    more = len(names) - _FEW
-    return ", ".join(names[:_FEW]) + f" and {more} more" * (more > 0)
+    return among(names, _FEW)
 
 
 def cases_in_words(tables: Tables, cases: Collection[str]) -> str:
@@ -101,6 +100,4 @@ def cases_in_words(tables: Tables, cases: Collection[str]) -> str:
         own = list(dict.fromkeys(levels[label].get(axis, "") for label in levels if label in chosen))
         if len(own) <= _FEW and {label for label in levels if levels[label].get(axis) in own} == chosen:
             return f"{axis}={' or '.join(own)}"
-    listed = [label for label in levels if label in chosen]
-    more = len(listed) - _FEW
-    return "; ".join(listed[:_FEW]) + f"; and {more} more" * (more > 0)
+    return among([label for label in levels if label in chosen], _FEW, "; ")

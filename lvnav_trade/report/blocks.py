@@ -141,8 +141,21 @@ def percent(value: float) -> str:
 
 def listed(texts: Sequence[str], most: int, separator: str = "; ") -> str:
     """Join texts; of more than `most` the first ones, and how many more there are."""
-    more = len(texts) - most
-    return separator.join(texts[:most]) + f"; and {more} more, see the table" * (more > 0)
+    more = [f"and {len(texts) - most} more, see the table"] if len(texts) > most else []
+    return "; ".join([separator.join(texts[:most]), *more])
+
+
+def first_ones(names: Sequence[str], most: int) -> str:
+    """Join names by "and"; of more than one beyond `most` the first ones, and how many more there are."""
+    more = len(names) - most
+    return " and ".join([*names[:most], f"{more} more"] if more > 1 else names)
+
+
+def among(names: Sequence[str], most: int, separator: str = ", ") -> str:
+    """Join names; of more than `most` the first ones, and how many more there are: "a, b and 3 more"."""
+    more = len(names) - most
+    last = ("; and " if separator == "; " else " and ") + f"{more} more"
+    return separator.join(names[:most]) + (last if more > 0 else "")
 
 
 def words(names: Any) -> Any:
@@ -215,7 +228,9 @@ def of(metric: str, nothing: str = "") -> Callable[[Callable[[Tables, pd.DataFra
         @wraps(make)
         def section(tables: Tables) -> list[Block]:
             frame = METRICS[metric](tables)
-            return make(tables, frame) if len(frame) else [Text(nothing, is_nothing=True)] * bool(nothing)
+            if len(frame):
+                return make(tables, frame)
+            return [Text(nothing, is_nothing=True)] if nothing else []
 
         return section
 
@@ -265,7 +280,7 @@ def left_out(tables: Tables) -> list[Block]:
     """Say that cases are left out, where some are."""
     more = len(tables.labels) - len(chosen_cases(tables))
     text = f"Shown are the cases that decide and the best ones, {MOST_CASES} in all; {more} more are in the tables."
-    return [Text(text)] * (more > 0)
+    return [Text(text)] if more > 0 else []
 
 
 def distinct(tables: Tables, name: str, columns: Sequence[str], cases: Iterable[str]) -> list[str]:
@@ -293,12 +308,13 @@ def _numbers(column: pd.Series) -> Any:
 def few(group: Sequence[str]) -> tuple[Sequence[str], list[Block]]:
     """Return no more cases than are drawn, and what to say then."""
     more = len(group) - MOST_CASES
-    return group[:MOST_CASES], [Text(f"{more} more cases that differ here are in the tables.")] * (more > 0)
+    said: list[Block] = [Text(f"{more} more cases that differ here are in the tables.")] if more > 0 else []
+    return group[:MOST_CASES], said
 
 
 def named(tables: Tables, case: str, cases: Sequence[str]) -> str:
     """Return the label of a case as a sentence where a figure does not stand for all cases."""
-    return f" {tables.labels[case]}." * (len(cases) > 1)
+    return f" {tables.labels[case]}." if len(cases) > 1 else ""
 
 
 def figures(tables: Tables, plot: str, cases: Sequence[str], **content: str) -> list[Block]:

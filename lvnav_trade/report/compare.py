@@ -14,6 +14,7 @@ from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.comparison.comparison import Comparison
 from lvnav_trade.report.blocks import number, percent
 from lvnav_trade.report.escape import render, xml_text
+from lvnav_trade.report.sentences import say
 from lvnav_trade.store.contents import MANIFEST, RESOLVED, is_without_rows, owned
 from lvnav_trade.store.manifest import DIGESTS, damaged, digest
 from lvnav_trade.store.read import Tables, load, stored_table
@@ -32,9 +33,13 @@ _OF_ONE_MACHINE = ("command", "cpu", "folder", "host", "system", "timings_s", "c
 def answer(found: Comparison) -> str:
     """Say the outcome in one sentence."""
     counts = Counter(found.frame.verdict)
-    parts = [f"{counts[word]} {word}" for word in ORDER if counts[word]]
-    start = {"worse": "Worse", "undecided": "Undecided", "not worse": "Nothing worse"}[found.verdict]
-    return f"{start}: of {len(found.frame)} comparisons {', '.join(parts)}, at {percent(found.confidence)} confidence."
+    return say(
+        "compared_with",
+        verdict=found.verdict,
+        whole=len(found.frame),
+        counts={word: counts[word] for word in ORDER if counts[word]},
+        confidence=found.confidence,
+    )
 
 
 def rows(found: Comparison) -> list[tuple[str, ...]]:
@@ -44,9 +49,8 @@ def rows(found: Comparison) -> list[tuple[str, ...]]:
 
 
 def _row(row: Any) -> tuple[str, ...]:
-    what = row.metric.replace("_", " ") + (" (requirement)" if row.kind == "requirement" else "")
-    what += f" at {row.event.replace('_', ' ')}" if row.event else ""
-    what += f" ({row.statistic})" if row.statistic not in ("rms", "fraction beyond") else ""
+    is_requirement = row.kind == "requirement"
+    what = say("quantity", metric=row.metric, is_requirement=is_requirement, event=row.event, statistic=row.statistic)
     unit = f" {row.unit}" if row.unit else ""
     sizes = [
         percent(value) if row.scale == "fraction of runs" else number(value) + unit

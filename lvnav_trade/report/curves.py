@@ -8,6 +8,7 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.resources import ranked
 from lvnav_trade.report.blocks import Block, Text, figure, stated
 from lvnav_trade.report.escape import note
+from lvnav_trade.report.sentences import say
 from lvnav_trade.store.read import Tables
 
 _FEW = 6  # crossings of an axis that are said in a line
@@ -30,17 +31,17 @@ def curves(tables: Tables) -> list[Block]:
 
 def _crossings(frame: pd.DataFrame) -> str:
     """Say where curves of linear covariance (else of runs) reach their limits, of axes with few crossings."""
-    said = []
+    axes = []
     for _, rows in frame.groupby(["axis", "requirement"], sort=False) if len(frame) else ():
         rows = rows[rows.by == rows.by.iloc[0]]
         if len(rows) <= _FEW:
             one = rows.iloc[0]
-            at = ", ".join(
-                f"{row.crossing:.3g} {row.axis_unit}".strip() + f" ({row.case})" * bool(row.case)
-                for row in rows.itertuples()
-            )
-            said.append(f"{one.axis.replace('_', ' ')}: {at} ({one.requirement}, {one.limit:g} {one.unit})")
-    return "; ".join(said) + "." * bool(said)
+            at = [
+                {"value": f"{row.crossing:.3g} {row.axis_unit}".strip(), "case": row.case} for row in rows.itertuples()
+            ]
+            limit = f"{one.limit:g} {one.unit}"
+            axes.append({"axis": one.axis, "requirement": one.requirement, "limit": limit, "at": at})
+    return say("crossings", axes=axes)
 
 
 def pareto(tables: Tables) -> list[Block]:

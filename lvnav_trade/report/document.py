@@ -9,8 +9,9 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.evaluate import metric_in
 from lvnav_trade.metrics.metric import where
 from lvnav_trade.metrics.requirements.requirements import with_unit
-from lvnav_trade.report.blocks import Block, Text, listed, percent, stated, words
+from lvnav_trade.report.blocks import Block, Text, stated, words
 from lvnav_trade.report.escape import note
+from lvnav_trade.report.sentences import say
 from lvnav_trade.report.validity import when, with_evidence
 from lvnav_trade.store.read import Tables
 
@@ -51,7 +52,7 @@ def head(tables: Tables) -> Head:
     if commit.endswith(CHANGED):
         text = f"{commit}: the results cannot be computed again from a commit"
         return (*found, Line("commit", text, True))
-    return (*found, *[Line("commit", commit)] * bool(commit))
+    return (*found, *([Line("commit", commit)] if commit else []))
 
 
 def stated_requirements(tables: Tables) -> list[Block]:
@@ -104,10 +105,17 @@ def margin_policy(tables: Tables, margins: pd.DataFrame) -> list[Block]:
         f"{case} ({'no margin' if margin != margin else f'{100.0 * margin:+.0f} %'})" for case, margin in short.items()
     ]
     places = " and ".join(dict.fromkeys(place_of(one) for one in tables.campaign.get("requirements") or ()))
-    start = f"{kept} of {len(least)} designs {'keeps' if kept == 1 else 'keep'} it {places}"
-    text = f"{policy['phase']} requires {percent(required)}: {start}"
-    text = f"{text}; not {listed(named, 2 * _FEW)}." if named else f"{text}."
-    return [Text(text + _margins_around(tables, required, set(least.index) - set(short.index)), "Margin policy.")]
+    text = say(
+        "margin_policy",
+        phase=policy["phase"],
+        required=required,
+        kept=kept,
+        whole=len(least),
+        places=places,
+        short=named,
+        around=_margins_around(tables, required, set(least.index) - set(short.index)),
+    )
+    return [Text(text, "Margin policy.")]
 
 
 def _margins_around(tables: Tables, required: float, kept: Collection[str]) -> str:
@@ -125,9 +133,7 @@ def _margins_around(tables: Tables, required: float, kept: Collection[str]) -> s
     ]
     named, by = with_evidence(each, short.by)
     events = " and ".join(dict.fromkeys(words(short.event)))
-    which = f"{len(short)} of the {len(kept)} that keep it {'leaves' if len(short) == 1 else 'leave'} less"
-    which = f"{'The design that keeps it leaves less' if len(kept) == 1 else which} around {events}"
-    return f" {which}{f',{by}' if by else ''}: {listed(named, 2 * _FEW)}."
+    return say("margin_around", kept=len(kept), short=len(short), events=events, evidence=by, cases=named)
 
 
 def _fraction(value: float | str) -> float:

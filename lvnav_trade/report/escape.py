@@ -65,7 +65,7 @@ def _inline(text: object, links: tuple[re.Pattern[str], str] = _LINKS) -> str:
 
 def markdown_fence(text: object) -> str:
     """Return the fence of a block of code: longer than any in the text."""
-    return "`" * max(3, 1 + max(map(len, re.findall("`+", str(text))), default=0))
+    return "".ljust(max(3, 1 + max(map(len, re.findall("`+", str(text))), default=0)), "`")
 
 
 MARKDOWN = {"md": markdown, "line": markdown_line, "cell": markdown_cell, "alt": markdown_alt, "fence": markdown_fence}

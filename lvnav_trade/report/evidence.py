@@ -272,7 +272,7 @@ def satellites(tables: Tables) -> list[Block]:
     group, blocks = few(distinct(tables, "satellites", columns, tables.labels))
     for k, case in enumerate(group, 1):
         rows, label = pick(tables.satellites, case=case), named(tables, case, group)
-        linked = " and their C/N0" * bool(rows.cn0_db_hz.notna().any())
+        linked = " and their C/N0" if rows.cn0_db_hz.notna().any() else ""
         caption = note("satellites", "figures", signal=linked) + label
         blocks.append(Picture(f"satellites-{k}", PLOTS["satellites"](tables, case), caption))
         blocks.append(Picture(f"sky-{k}", PLOTS["sky"](tables, case), note("sky", "figures") + label))
@@ -316,7 +316,7 @@ def tracking(tables: Tables) -> list[Block]:
     group, more = few(distinct(tables, "satellites", ["t_s", "satellite", "tracked", "state"], tables.labels))
     frames = {name: METRICS[name](tables) for name in ("tracking", "losses", "recovery")}
     blocks = [stated(name, frame, alike=True) for name, frame in frames.items() if len(frame)] + more
-    return blocks + figures(tables, "timeline", group) + [Text(note("searches"))] * (len(changes) > 0)
+    return blocks + figures(tables, "timeline", group) + ([Text(note("searches"))] if len(changes) else [])
 
 
 def delays(tables: Tables) -> list[Block]:

@@ -12,6 +12,7 @@ from lvnav_trade.plots import search as plots
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, table
 from lvnav_trade.report.build import html_page, markdown_page, pictures
 from lvnav_trade.report.escape import csv_text, note
+from lvnav_trade.report.sentences import say
 from lvnav_trade.store.contents import owned
 
 _FEW = 6  # answers that are said in a line each
@@ -63,15 +64,18 @@ def _words(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _answer(row: Any, names: Sequence[str]) -> str:
     """Say one answer: the value, what it is the largest of, and what binds."""
-    where = ", ".join(part for part in (row.case, row.tuning) if part != "base")
-    along = f" at {names[1]} = {row.along:.4g} {row.along_unit}" if row.along == row.along else ""
-    if row.answer != row.answer:
-        return f"{where}{along}: no value of {names[0]} meets the requirements ({row.remark})."
-    bound = f"bound by {row.binding}" if row.binding else "the largest that was tried"
-    odd = "" if row.monotone else "; not monotone: see the intervals"
-    outside = row.remark.partition(NOT_APPLICABLE)
-    warning = f" {NOT_APPLICABLE.capitalize()}{outside[2]}." if outside[1] else ""
-    return f"{where}{along}: {names[0]} of at most {row.answer:.4g} {row.unit} ({bound}{odd}).{warning}"
+    _, is_outside, why = row.remark.partition(NOT_APPLICABLE)
+    return say(
+        "largest",
+        case=", ".join(part for part in (row.case, row.tuning) if part != "base"),
+        at=f"{names[1]} = {row.along:.4g} {row.along_unit}" if row.along == row.along else "",
+        field=names[0],
+        value=f"{row.answer:.4g} {row.unit}" if row.answer == row.answer else "",
+        remark=row.remark,
+        binding=row.binding,
+        is_monotone=row.monotone,
+        outside=f"{NOT_APPLICABLE.capitalize()}{why}" if is_outside else "",
+    )
 
 
 def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[Block]:

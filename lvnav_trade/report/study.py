@@ -65,7 +65,7 @@ def build(
     assumptions: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
     sections = [
         _answer(study, answered, published, script),
-        *[Section("assumptions", "Assumptions", assumptions)] * bool(assumptions),
+        *([Section("assumptions", "Assumptions", assumptions)] if assumptions else []),
         *(_campaign(one, _frame(mine), script) for one, mine in zip(answered, rows, strict=True)),
         _agreements(answered),
         _reproduce(study, answered),

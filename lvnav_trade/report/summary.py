@@ -1,5 +1,6 @@
 """Summary of a report: the answer in a few lines, its limits, margins of all cases, the ranking."""
 
+import math
 from typing import Any
 
 import pandas as pd
@@ -11,8 +12,9 @@ from lvnav_trade.metrics.requirements.requirements import with_unit
 from lvnav_trade.metrics.requirements.windows import COVARIANCE
 from lvnav_trade.report.advice import advice
 from lvnav_trade.report.assumptions import placed_by_assumptions, ranked_by_assumptions
-from lvnav_trade.report.blocks import Block, More, Table, Text, figure, listed, number, percent, table, words
+from lvnav_trade.report.blocks import Block, More, Table, Text, figure, listed, number, table, words
 from lvnav_trade.report.document import margin_policy, place_of
+from lvnav_trade.report.sentences import say
 from lvnav_trade.report.validity import MARKS, RESTS_ON, filter_cells, mark, overconfidence, short_lived, window_cells
 from lvnav_trade.store.read import Tables
 
@@ -29,8 +31,8 @@ def summary(tables: Tables) -> list[Block]:
     blocks += [*margin_policy(tables, frame), *_cases_that_decide(tables, frame)]
     first = METRICS["improvements"](tables)
     if len(first):
-        more = f" {len(first) - 1} more under Requirements." * (len(first) > 1)
-        blocks.append(Text(f"{advice(tables, next(first.itertuples()))}{more}", "To comply:"))
+        more = [f"{len(first) - 1} more under Requirements."] if len(first) > 1 else []
+        blocks.append(Text(" ".join([advice(tables, next(first.itertuples())), *more]), "To comply:"))
     blocks.append(Text(" ".join([_scale(tables), *_agreement(tables)])))
     for lead in ("Warning:", "Note:"):
         lines = [Text(f"{line}.", lead) for line in tables.manifest.get(f"{lead[:-1].lower()}s", [])]
@@ -53,44 +55,42 @@ def _verdict(frame: pd.DataFrame) -> list[Block]:
     names = list(dict.fromkeys(frame.requirement))
     of_cases = frame.groupby("case", sort=False).verdict.agg(worst)
     counts = of_cases.value_counts()
-    parts = [_part(frame, of_cases, verdict, len(names)) for verdict in ORDER[::-1] if verdict in counts]
-    met = int(counts.get("met", 0))
-    every = {1: "the requirement", 2: "both requirements"}
-    what = every.get(len(names), f"all {len(names)} requirements")
-    whole = len(of_cases)
-    start = f"{met or 'None'} of {whole} designs meet{'s' * (met < 2)} {what}"
-    if whole == 1:
-        start = f"The design {'meets' if met else 'does not meet'} {what}"
-    name = f"{what.capitalize()} together" if len(names) > 1 else str(names[0]).capitalize()
-    rest = [part for part in parts if part]
-    start += _rests_on(frame, of_cases, "met")
-    alone = "By linear covariance, without a demonstration by runs: " * bool((frame.by == "LinCov").all())
-    return [Text(f"{alone}{'; '.join([start, *rest])}.", f"{name}.")]
+    text = say(
+        "verdict",
+        met=int(counts.get("met", 0)),
+        whole=len(of_cases),
+        requirements=len(names),
+        evidence=_evidence(frame, of_cases, "met"),
+        others=[
+            _not_met(frame, of_cases, verdict, len(names) > 1)
+            for verdict in ORDER[::-1]
+            if verdict in counts and verdict != "met"
+        ],
+        by_covariance=bool((frame.by == COVARIANCE).all()),
+    )
+    name = say("name_of_all", requirements=len(names)) if len(names) > 1 else f"{str(names[0]).capitalize()}."
+    return [Text(text, name)]
 
 
-def _part(frame: pd.DataFrame, of_cases: pd.Series, verdict: str, count: int) -> str:
-    """Return how many designs have a verdict as their worst, and of which requirements; empty for those that comply."""
-    number_of = int((of_cases == verdict).sum())
-    if verdict == "met":
-        return ""
+def _not_met(frame: pd.DataFrame, of_cases: pd.Series, verdict: str, is_several: bool) -> str:
+    """Return how many designs have a verdict as their worst, and of which requirements where there are several."""
     these = frame[frame.case.isin(of_cases.index[of_cases == verdict]) & (frame.verdict == verdict)]
     which = these.groupby("requirement", sort=False).size()
-    where = f" ({', '.join(f'{name}: {size}' for name, size in which.items())})" * (count > 1)
-    one, some = {
-        "violated": ("violates it", "violate it") if count == 1 else ("violates one", "violate at least one"),
-        "undecided": ("is undecided", "are undecided"),
-        "not confirmed": ("is not confirmed", "are not confirmed"),
-        "not applicable": ("has no verdict", "have no verdict"),
-    }[verdict]
-    return f"{number_of} {one if number_of == 1 else some}{where}{_rests_on(frame, of_cases, verdict)}"
+    return say(
+        "not_met",
+        designs=int((of_cases == verdict).sum()),
+        verdict=verdict,
+        which=dict(which.items()) if is_several else {},
+        evidence=_evidence(frame, of_cases, verdict),
+    )
 
 
-def _rests_on(frame: pd.DataFrame, of_cases: pd.Series, verdict: str) -> str:
+def _evidence(frame: pd.DataFrame, of_cases: pd.Series, verdict: str) -> str:
     """Say how many designs of a verdict are shown by their runs, where others rest on linear covariance.
 
     That a design complies is shown where all its requirements are; that it violates one, by that one.
     """
-    of_runs = frame.by != "LinCov"
+    of_runs = frame.by != COVARIANCE
     if of_runs.all() or not of_runs.any() or verdict not in ("met", "violated"):
         return ""
     rows = frame.assign(of_runs=of_runs)[frame.case.map(of_cases) == verdict]
@@ -99,10 +99,7 @@ def _rests_on(frame: pd.DataFrame, of_cases: pd.Series, verdict: str) -> str:
     by_case = rows[rows.verdict == verdict].groupby("case", sort=False).of_runs
     shown = by_case.all() if verdict == "met" else by_case.any()
     others = by_case.any()[~shown]
-    by_runs, by_covariance = "shown by runs", f"by linear covariance{' in part' * bool(others.any())}"
-    if shown.all() or not shown.any():
-        return f", {by_runs if shown.all() else by_covariance}"
-    return f", {int(shown.sum())} {by_runs} and {len(others)} {by_covariance}"
+    return say("evidence", by_runs=int(shown.sum()), others=len(others), in_part=bool(others.any()))
 
 
 def _cases_that_decide(tables: Tables, frame: pd.DataFrame) -> list[Block]:
@@ -154,17 +151,16 @@ def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
         for case in dict.fromkeys(frame.case)
     )
     units = [f"{name} ({ranking[f'{name}_unit'].iloc[0]})" for name in shown]
-    signs = ", ".join(f"{sign} {verdict}" for verdict, sign in SIGNS.items() if (frame.verdict == verdict).any())
-    shown_marks = [f"{sign} {RESTS_ON[by]}" for by, sign in MARKS.items() if any(sign in str(row) for row in rows)]
-    by = " Verdicts and margins are linear covariance's." * alone + f" {', '.join(shown_marks)}." * bool(shown_marks)
-    scale = " (the error as a multiple of it in columns with an error of twice the limit or more)" * any(
-        multiple.values()
-    )
     at = [words(one["at"]) for one in tables.campaign.get("requirements") or () if one.get("at")]
-    nees = " and ".join(["NEES over the run", *[f"at {event}" for event in dict.fromkeys(at)]])
-    caption = (
-        f"{_required(tables, frame)}Margin to the limit{scale}, smallest first: {signs}.{by} Filter consistent: mean "
-        f"{nees}. Last columns: 3D RMS error at {words(METRICS['ranking'](tables).event.iloc[0])}."
+    caption = say(
+        "matrix",
+        required=_required(tables, frame),
+        has_multiples=any(multiple.values()),
+        signs=[f"{sign} {verdict}" for verdict, sign in SIGNS.items() if (frame.verdict == verdict).any()],
+        by_covariance=alone,
+        marks=[f"{sign} {RESTS_ON[by]}" for by, sign in MARKS.items() if any(sign in str(row) for row in rows)],
+        moments=list(dict.fromkeys(at)),
+        event=words(METRICS["ranking"](tables).event.iloc[0]),
     )
     head = ("design", *names, "filter consistent over the run?", *around, *units)
     return Table(head, rows, (False, *(True for _ in names), False, *(True for _ in (*around, *shown))), caption)
@@ -176,11 +172,16 @@ def _required(tables: Tables, frame: pd.DataFrame) -> str:
     if len(stated) > _FEW:
         return ""
     limits = {row.requirement: with_unit(row.limit, row.unit) for row in frame.dropna(subset="limit").itertuples()}
-    parts = []
-    for one in stated:
-        limit = limits.get(one["name"], one["below"])
-        parts.append(f"{one['name']} below {limit} {place_of(one)} in {percent(float(one['probability']))} of flights")
-    return f"Required: {'; '.join(parts)}. " * bool(parts)
+    parts = [
+        {
+            "name": one["name"],
+            "limit": limits.get(one["name"], one["below"]),
+            "place": place_of(one),
+            "probability": float(one["probability"]),
+        }
+        for one in stated
+    ]
+    return say("required", requirements=parts) if parts else ""
 
 
 def _beyond(tables: Tables) -> list[Block]:
@@ -191,27 +192,25 @@ def _beyond(tables: Tables) -> list[Block]:
 
 def _scale(tables: Tables) -> str:
     cases = tables.cases
-    runs, failed = int(cases.run_count.sum()), int(cases.failed_count.sum())
-    least, most = cases.run_count.min(), cases.run_count.max()
-    each = f"{least} to {most}" if least < most else str(most)
-    flown = f"and {each} Monte-Carlo runs{' each' * (len(cases) > 1)}." if runs else "only."
-    lost = ""
-    if failed:
-        first = tables.runs.t_failed_s.min()
-        lost = (
-            f" {failed} of {runs} runs failed and count against every requirement, the first at {first:.0f} s: from "
-            "its failure on a run is in no root mean square, and infinite in every quantile."
-        )
-    return f"{len(cases)} case{'s' * (len(cases) > 1)}, linear covariance {flown}{lost}"
+    failed = int(cases.failed_count.sum())
+    return say(
+        "extent",
+        cases=len(cases),
+        runs=int(cases.run_count.sum()),
+        least=int(cases.run_count.min()),
+        most=int(cases.run_count.max()),
+        failed=failed,
+        first=tables.runs.t_failed_s.min() if failed else math.nan,
+    )
 
 
 def _ranking(tables: Tables) -> Block:
     frame = METRICS["ranking"](tables)
     frame = frame.assign(failed=frame.case.map(tables.cases.set_index("label").failed_count))
     left_out = " Runs that failed before are left out of it." if frame.failed.any() else ""
-    columns = ["case | runs = run_count"] + ["failed"] * bool(left_out)
+    columns = ["case | runs = run_count", *(["failed"] if left_out else [])]
     for quantity in (name for name in ("velocity", "position", "attitude") if name in frame):
-        unit, again = frame[f"{quantity}_unit"].iloc[0], " " * len(columns)  # a heading stands once in a frame
+        unit, again = frame[f"{quantity}_unit"].iloc[0], "".ljust(len(columns))  # a heading stands once in a frame
         columns.append(f"{quantity} ({unit}) = {quantity}")
         columns.append(f"95 % interval{again} = {quantity}_low to {quantity}_high: number")
     caption = f"Ranking: 3D RMS error at {words(frame.event.iloc[0])}, best velocity first.{left_out}"
@@ -224,24 +223,9 @@ def _agreement(tables: Tables) -> list[str]:
     tested = found[found.verdict.isin(["agree", "disagree"])]
     outside = found[found.verdict == "not applicable"].groupby("reason", sort=False)
     why = [f"{listed(list(rows.case), 2 * _FEW)} ({reason})" for reason, rows in outside]
-    parts = [f"Not applicable: {'; '.join(why)}."] * bool(why)
+    parts = [f"Not applicable: {'; '.join(why)}."] if why else []
     if not len(tested):
         return parts
-    level = f"({percent(float(tested.alpha_ratio.iloc[0]))} family-wise level per case)"
-    compared = "RMS errors of attitude, velocity and position by axis at every event"
-    left_out = "Quantiles, orbit and impact point are not compared."
     bad = tested[tested.verdict == "disagree"]
-    if bad.empty:
-        everywhere = "in the one case" if len(tested) == 1 else f"in all {len(tested)} cases"
-        agree = f"Monte Carlo and linear covariance agree in the {compared}, {everywhere} {level}."
-        return [f"{agree} {left_out}", *parts]
-    named = [
-        f"{row.case} (worst: {row.state} at {words(row.event)}, ratio {number(row.ratio)}, "
-        f"bounds {number(row.low)} to {number(row.high)}, largest source there: {row.source or 'unknown'})"
-        for row in bad.itertuples()
-    ]
-    disagree = (
-        f"Monte Carlo and linear covariance disagree in the {compared}, in {len(bad)} of {len(tested)} cases {level}: "
-        f"{listed(named, 2 * _FEW)}. There the Monte-Carlo numbers count. {left_out}"
-    )
-    return [disagree, *parts]
+    named = [say("disagreement", case=row.case, row=row._asdict()) for row in bad.itertuples()]
+    return [say("agreement", tested=len(tested), level=float(tested.alpha_ratio.iloc[0]), bad=named), *parts]

@@ -11,6 +11,7 @@ from lvnav_trade.metrics.requirements.requirements import with_unit
 from lvnav_trade.metrics.requirements.windows import COVARIANCE, EXTRAPOLATED, RUNS
 from lvnav_trade.report.advice import unmodelled
 from lvnav_trade.report.blocks import Block, Text, listed, percent, words
+from lvnav_trade.report.sentences import say
 from lvnav_trade.store.read import Tables
 
 _FEW = 4  # cases that are all named
@@ -24,11 +25,11 @@ def filter_cells(tables: Tables) -> dict[str, str]:
     """Return by label of a case whether its filter is consistent, over the run or else at which event: "✗ overconfident
     x20 at injection".
     """
-    return {
-        row.case: filter_verdict(row.verdict, row.sigma_ratio)
-        + f" at {words(row.moment)}" * (row.moment != "run" and row.verdict in _SIGNS)
-        for row in METRICS["filter_verdicts"](tables).itertuples()
-    }
+    found = {}
+    for row in METRICS["filter_verdicts"](tables).itertuples():
+        moment = f" at {words(row.moment)}" if row.moment != "run" and row.verdict in _SIGNS else ""
+        found[row.case] = filter_verdict(row.verdict, row.sigma_ratio) + moment
+    return found
 
 
 def filter_verdict(verdict: str, sigma_ratio: float) -> str:
@@ -45,21 +46,13 @@ def overconfidence(tables: Tables) -> list[Block]:
     blocks: list[Block] = []
     small, large = (frame[frame.verdict == verdict] for verdict in (OVERCONFIDENT, CONSERVATIVE))
     if len(small):
-        these = "this covariance" if len(small) == 1 else "these covariances"
-        said = f"{_filters(small, len(frame), 'overconfident')} {_span(small.sigma_ratio)} times too small"
-        blocks.append(Text(f"{said}; do not fly {these}.{_cure(tables, small)}", "Warning:"))
+        facts = {"designs": len(small), "whole": len(frame), "ratio": _span(small.sigma_ratio)}
+        blocks.append(Text(say("overconfident", cure=_cure(tables, small), **facts), "Warning:"))
     if len(large):
         ratios = 1.0 / large.sigma_ratio.where(large.sigma_ratio > 0.0)
-        text = f"{_filters(large, len(frame), 'conservative')} {_span(ratios)} times too large."
+        text = say("conservative", designs=len(large), whole=len(frame), ratio=_span(ratios))
         blocks.append(Text(text, "Note:"))
     return blocks
-
-
-def _filters(rows: pd.DataFrame, whole: int, what: str) -> str:
-    if whole == 1:
-        return f"The filter is {what}: its sigma is"
-    verb, whose = ("is", "its") if len(rows) == 1 else ("are", "their")
-    return f"{len(rows)} of {whole} filters {verb} {what}: {whose} sigma is"
 
 
 def _span(ratios: pd.Series) -> str:
@@ -74,19 +67,16 @@ def _cure(tables: Tables, rows: pd.DataFrame) -> str:
     error, found = unmodelled(tables, [digests[case] for case in rows.case])
     if not found:
         return ""
-    cards = list(dict.fromkeys(one.card for one in found if one.card))
     low, high = (f"{100.0 * value:.0f}" for value in (min(one.share for one in found), max(one.share for one in found)))
-    share = high if low == high else f"{low} to {high}"
-    use = f"; {' and '.join(cards)} {'model' if len(cards) > 1 else 'models'} it" if cards else ""
-    none_of = "It does not model"
-    if len(rows) > 1:
-        none_of = (
-            f"None of the {len(rows)} models"
-            if len(found) == len(rows)
-            else f"{len(found)} of the {len(rows)} do{'es' * (len(found) == 1)} not model"
-        )
-    of_error = f"{share} % of the mean-square {error} by linear covariance"
-    return f" {none_of} the {found[0].source}, which makes {of_error}{use}."
+    return say(
+        "lacking",
+        filters=len(rows),
+        without=len(found),
+        source=found[0].source,
+        error=error,
+        share=high if low == high else f"{low} to {high}",
+        cards=list(dict.fromkeys(one.card for one in found if one.card)),
+    )
 
 
 def short_lived(tables: Tables) -> list[Block]:
@@ -103,31 +93,22 @@ def short_lived(tables: Tables) -> list[Block]:
         each = [f"{row.case}: {with_unit(row.worst, row.unit)} {when(row)}" for row in bad.itertuples()]
         named, by = with_evidence(each, bad.by)
         quantile = f"{percent(bad.probability.iloc[0])} quantile{by}"
-        stay = int((rows.case.isin(met) & (rows.worst < rows.limit)).sum())
-        said = f"{_extent(rows, len(met), len(bad), stay)} ({quantile}): {listed(named, 2 * _FEW)}."
-        blocks.append(Text(said, "Warning:"))
-    return blocks + _not_evaluated(tables)
-
-
-def _extent(rows: pd.DataFrame, met: int, bad: int, stay: int) -> str:
-    """Return how many designs that meet a requirement at its event exceed its limit around it, and how many do not.
-
-    rows: those of the requirement in `windows`; met: how many designs meet it; bad, stay: how many of these exceed its
-    limit within the window, and how many stay below it.
-    """
-    one = rows.iloc[0]
-    name, at, limit = str(one.requirement).capitalize(), words(one.event), with_unit(one.limit, one.unit)
-    window = f"{limit} between {one.t_s - one.first_s:.3g} s before and {one.last_s - one.t_s:.3g} s after it"
-    if bad == met:
-        return f"{name} is met at {at} only. " + (
-            f"The design that meets it exceeds {window}"
-            if met == 1
-            else f"All {met} designs that meet it exceed {window}"
+        one = rows.iloc[0]
+        text = say(
+            "holds",
+            name=str(one.requirement).capitalize(),
+            event=words(one.event),
+            limit=with_unit(one.limit, one.unit),
+            before=f"{one.t_s - one.first_s:.3g}",
+            after=f"{one.last_s - one.t_s:.3g}",
+            met=len(met),
+            bad=len(bad),
+            stay=int((rows.case.isin(met) & (rows.worst < rows.limit)).sum()),
+            quantile=quantile,
+            cases=listed(named, 2 * _FEW),
         )
-    parts = [f"{stay or 'none'} {'stay' if stay > 1 else 'stays'} below {window}"]
-    parts += [f"{met - bad - stay} {'is' if met - bad - stay == 1 else 'are'} not evaluated"] * (met > bad + stay)
-    some = f"{bad} {'does' if bad == 1 else 'do'} not"
-    return f"{name} around {at}: of the {met} designs that meet it at {at}, {', '.join(parts)} and {some}"
+        blocks.append(Text(text, "Warning:"))
+    return blocks + _not_evaluated(tables)
 
 
 def with_evidence(texts: Sequence[str], by: pd.Series) -> tuple[list[str], str]:
@@ -157,10 +138,7 @@ def _not_evaluated(tables: Tables) -> list[Block]:
 
 def when(row: Any, event: str = "it") -> str:
     """Return when the worst error of a window occurs, relative to its event."""
-    offset = row.worst_s - row.t_s
-    return (
-        f"at {event}" if abs(offset) < 0.05 else f"{abs(offset):.1f} s {'after' if offset > 0.0 else 'before'} {event}"
-    )
+    return say("when", offset=row.worst_s - row.t_s, event=event)
 
 
 def window_cells(tables: Tables) -> dict[str, dict[str, str]]:
@@ -176,7 +154,7 @@ def window_cells(tables: Tables) -> dict[str, dict[str, str]]:
     for name in names if len(names) <= _MOST_WINDOWS else ():
         rows = frame[frame.requirement == name]
         one = rows.iloc[0]
-        which = f"{name}, " * (len(names) > 1)
+        which = f"{name}, " if len(names) > 1 else ""
         head = f"{which}worst from {one.first_s - one.t_s:+.3g} to {one.last_s - one.t_s:+.3g} s ({one.unit})"
         found[head] = {row.case: f"{_worst_cell(row)}{mark(row.by, alone)}" for row in rows.itertuples()}
     return found

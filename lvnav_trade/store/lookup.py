@@ -31,33 +31,28 @@ def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
 
 
 def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
-    """Return the rows of a table whose columns have the values wanted; of a whole table without a search."""
-    if id(rows) not in PLACES:
-        for column, value in wanted.items():
-            rows = rows[rows[column] == value]
-        return rows
-    span, places = _where(rows, wanted)
-    return rows.iloc[span] if places is None else rows.iloc[span].iloc[places]
+    """Return the rows of a table whose columns have the values wanted; of a whole table by an index."""
+    if id(rows) in PLACES:
+        return rows.iloc[_places(rows, wanted)]
+    for column, value in wanted.items():
+        rows = rows[rows[column] == value]
+    return rows
 
 
 def pick_columns(rows: pd.DataFrame, names: Sequence[str], **wanted: str) -> list[np.ndarray]:
     """Return columns of the rows that `pick` finds, each (n,); of a whole table without a frame of the others."""
-    if id(rows) not in PLACES:
-        rows, wanted = pick(rows, **wanted), {}
-    span, places = _where(rows, wanted) if wanted else (slice(None), None)
-    found = [rows[name].iloc[span].to_numpy() for name in names]
-    return found if places is None else [values[places] for values in found]
+    if not wanted:
+        return [rows[name].to_numpy() for name in names]
+    if id(rows) in PLACES:
+        places = _places(rows, wanted)
+        return [rows[name].to_numpy()[places] for name in names]
+    found = pick(rows, **wanted)
+    return [found[name].to_numpy() for name in names]
 
 
-def _where(rows: pd.DataFrame, wanted: dict[str, str]) -> tuple[slice, Any]:
-    """Return where in a whole table the rows stand whose columns have the values wanted (see `_within`)."""
+def _places(rows: pd.DataFrame, wanted: dict[str, str]) -> Any:
+    """Return the places (n,) in a whole table of the rows whose columns have the values wanted."""
     known, columns, values = PLACES[id(rows)], tuple(wanted), tuple(wanted.values())
     if columns not in known:
-        known[columns] = {value: _within(at) for value, at in rows.groupby(list(columns), sort=False).indices.items()}
-    return known[columns].get(values if len(values) > 1 else values[0], (slice(0, 0), None))
-
-
-def _within(places: Any) -> tuple[slice, Any]:
-    """Return a slice, which copies nothing, and the places in it; None where they are adjacent."""
-    first, last = int(places[0]), int(places[-1])
-    return slice(first, last + 1), None if last - first + 1 == len(places) else places - first
+        known[columns] = rows.groupby(list(columns), sort=False).indices
+    return known[columns].get(values if len(values) > 1 else values[0], np.empty(0, dtype=np.intp))

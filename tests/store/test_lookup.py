@@ -46,10 +46,6 @@ def test_columns_of_rows_are_those_of_the_frame_of_them(known, wanted):
     np.testing.assert_array_equal(value, rows.value.to_numpy())
 
 
-def test_adjacent_rows_are_not_copied(known):
-    assert np.shares_memory(pick(FRAME, case="b").value.to_numpy(), FRAME.value.to_numpy())
-
-
 def test_a_frame_that_is_no_table_is_searched():
     assert list(pick(FRAME.copy(), case="a", axis="z").value) == [2.0, 5.0]
     assert list(pick_columns(FRAME.copy(), ("value",), case="a", axis="z")[0]) == [2.0, 5.0]

@@ -65,4 +65,4 @@ def in_people(value: Any) -> str:
 def _first(texts: list[str]) -> str:
     """Join texts; of many only the first ones and how many more there are."""
     more = len(texts) - _FEW
-    return ", ".join(texts[:_FEW]) + f" and {more} more" * (more > 0)
+    return ", ".join(texts[:_FEW]) + (f" and {more} more" if more > 0 else "")

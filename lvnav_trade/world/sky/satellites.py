@@ -199,7 +199,7 @@ def left_out(constellation: Constellation) -> list[str]:
             broken = [one for one in read_navigation(file).broken if one.name[0] in letters and not one.is_unhealthy]
             if broken:
                 names = ", ".join(sorted({one.name for one in broken}))
-                count = f"{len(broken)} broken record{'s' * (len(broken) > 1)} of {names}"
+                count = f"{len(broken)} broken record{'s' if len(broken) > 1 else ''} of {names}"
                 lines.append(f"{file}: {count} left out, the first at line {broken[0].fault.removeprefix(f'{file}:')}")
     return lines
 

@@ -146,7 +146,7 @@ class TableTrajectory(OutsideFlight):
         yield from self._without_effect()
         for name in self.events:
             if not _NAME.match(name) or name in OWN_EVENTS:
-                yield f"{name!r} cannot name an event" + (": it is one already" * (name in OWN_EVENTS))
+                yield f"{name!r} cannot name an event" + (": it is one already" if name in OWN_EVENTS else "")
         for name in (name for pair in self.moving_reference for name in pair):
             if name not in (*self.events, *OWN_EVENTS):
                 known = ", ".join((*self.events, *OWN_EVENTS))

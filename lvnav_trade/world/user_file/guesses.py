@@ -131,7 +131,7 @@ def epoch_of(file: str, found: Sequence[Guess], near: str) -> tuple[str, str] | 
     if not 0.0 <= number < _LAST_WEEK or number != round(number):
         return None
     why = f"from {week[0].title} and {time['column']} at lift-off"
-    era = "; the week number has ten bits: confirm the year" * (number < WEEK_ROLLOVER)
+    era = "; the week number has ten bits: confirm the year" if number < WEEK_ROLLOVER else ""
     return utc_of(resolve_week(int(number), liftoff, gps_seconds(near))).isoformat(), why + era
 
 

@@ -158,7 +158,8 @@ def first_row_utc(card: NavigationLog, seconds: float, file: str) -> str:
     if scale is None and counted != skipped:
         count = round((skipped - counted).total_seconds())
         raise InputError(
-            f"{file}: {count} leap second{'s' * (abs(count) > 1)} between the epoch {card.epoch} and the first row: "
-            "state time_scale in the card: gps where the column of time counts leap seconds, unix where it skips them"
+            f"{file}: {count} leap second{'s' if abs(count) > 1 else ''} between the epoch {card.epoch} and the first "
+            "row: state time_scale in the card: gps where the column of time counts leap seconds, unix where it skips "
+            "them"
         )
     return (skipped if scale == "unix" else counted).isoformat()

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lvnav_trade import frames
 from lvnav_trade.errors import InputError
@@ -190,10 +191,10 @@ class _Reader:
         if count < FEWEST:
             ended = f"before {self.notes[-1]}" if self.notes else "of different times"
             raise InputError(f"{card.file}: {count} rows {ended}; a trajectory needs {FEWEST} or more")
-        self.notes += [stamps.note] * bool(stamps.note)
+        self.notes += [stamps.note] if stamps.note else []
         if np.any(again):
             number = int(np.sum(again))
-            rows = f"{number} row{'s' * (number > 1)}"
+            rows = f"{number} row{'s' if number > 1 else ''}"
             self.notes = [*self.notes, f"{rows} equal to the row before left out"]
         last = int(kept[count - 1]) + 1
         self.file, self.column = card.file, dict(zip(names, table[:last].T, strict=True))
@@ -337,10 +338,4 @@ class _Reader:
 
 def _from_euler(angles: Floats) -> Floats:
     """Return the matrices (n, 3, 3), body to frame, of yaw, pitch, roll (n, 3) in rad."""
-    (cy, cp, cr), (sy, sp, sr) = np.cos(angles).T, np.sin(angles).T
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.asarray(Rotation.from_euler("ZYX", angles).as_matrix())

@@ -1,0 +1,41 @@
+"""Sentences of the report: facts from Python, words from `templates/sentences.j2`."""
+
+import re
+from functools import cache
+from typing import Any
+
+import jinja2
+
+from lvnav_trade.report.blocks import first_ones, listed, number, percent, words
+from lvnav_trade.report.escape import source
+
+_BLANKS = re.compile(r"[ \n]+")
+
+
+def say(name: str, /, **facts: Any) -> str:
+    """Return the sentence of that name (a macro of `templates/sentences.j2`) about these facts.
+
+    Its blanks and line breaks are single blanks. Nothing is escaped: pages do that.
+    """
+    return _BLANKS.sub(" ", getattr(_sentences(), name)(**facts)).strip()
+
+
+def plural(count: int, one: str, some: str) -> str:
+    """Return the word for one thing, or that for several."""
+    return one if count == 1 else some
+
+
+@cache
+def _sentences() -> Any:
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(source), undefined=jinja2.StrictUndefined, autoescape=False
+    )
+    environment.filters |= {
+        "plural": plural,
+        "number": number,
+        "percent": percent,
+        "words": words,
+        "listed": listed,
+        "first_ones": first_ones,
+    }
+    return environment.get_template("sentences.j2").module
