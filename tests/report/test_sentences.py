@@ -56,7 +56,7 @@ def test_no_text_is_made_by_multiplication() -> None:
         ({"met": 1, "whole": 1}, "The design meets the requirement."),
         (
             {"met": 0, "whole": 1, "others": ["1 does not"]},
-            "The design does not meet the requirement; 1 violates it.",
+            "The design does not meet the requirement; 1 does not.",
         ),
         (
             {"met": 2, "by_covariance": True, "evidence": ", shown by runs"},
