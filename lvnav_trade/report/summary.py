@@ -31,8 +31,8 @@ def summary(tables: Tables) -> list[Block]:
     blocks += [*margin_policy(tables, frame), *_cases_that_decide(tables, frame)]
     first = METRICS["improvements"](tables)
     if len(first):
-        more = [f"{len(first) - 1} more under Requirements."] if len(first) > 1 else []
-        blocks.append(Text(" ".join([advice(tables, next(first.itertuples())), *more]), "To comply:"))
+        text = say("comply_first", advice=advice(tables, next(first.itertuples())), others=len(first) - 1)
+        blocks.append(Text(text, "To comply:"))
     blocks.append(Text(" ".join([_scale(tables), *_agreement(tables)])))
     for lead in ("Warning:", "Note:"):
         lines = [Text(f"{line}.", lead) for line in tables.manifest.get(f"{lead[:-1].lower()}s", [])]
@@ -160,6 +160,7 @@ def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
         by_covariance=alone,
         marks=[f"{sign} {RESTS_ON[by]}" for by, sign in MARKS.items() if any(sign in str(row) for row in rows)],
         moments=list(dict.fromkeys(at)),
+        has_windows=bool(around),
         event=words(METRICS["ranking"](tables).event.iloc[0]),
     )
     head = ("design", *names, "filter consistent over the run?", *around, *units)

@@ -39,7 +39,7 @@ def test_a_shipped_filter_that_models_the_source_comes_before_a_better_sensor(ta
     assert said(tables, "accelerometer scale factor", 0.6727, 0.9555) == (
         "imu=fine: use the filter card filters/tight_extended, which models the accelerometer scale-factor error; this "
         "filter does not; it contributes 96 % of the mean-square velocity error at injection. Otherwise reduce the "
-        "accelerometer scale-factor error from 1500 to 1010 ppm (1 sigma); estimate with frozen gains."
+        "accelerometer scale-factor error from 1500 to 1010 ppm (1 sigma), estimated with frozen gains."
     )
 
 
@@ -63,16 +63,16 @@ def test_the_share_is_of_the_error_that_the_requirement_is_on(tables):
     stated = {"name": "loose bound", "metric": "normalised_velocity_error", "below": "2 sigma", "probability": 0.9}
     found.__dict__["campaign"] = {**tables.campaign, "requirements": [{**stated, "at": "stage1_cutoff"}]}
     text = said(found, "accelerometer bias repeatability", 0.5, 0.97)
-    assert "97 % of the mean-square normalised velocity error at stage1 cutoff. Estimate" in text
+    assert "97 % of the mean-square normalised velocity error at stage1 cutoff." in text
     found.__dict__["campaign"] = {**tables.campaign, "requirements": [{**stated, "during": "flight"}]}
     text = said(found, "accelerometer bias repeatability", 0.5, 0.97, "to keep it at max_q")
-    assert "97 % of the mean-square normalised velocity error, to keep it at max_q. Estimate" in text
+    assert "97 % of the mean-square normalised velocity error, to keep it at max_q." in text
 
 
 def test_several_sources_are_improved_together(tables):
     assert said(tables, "gyro bias, range noise", 0.5, 0.9, "together") == (
-        "imu=fine: reduce the gyro bias, range noise together to 50 % of the present size (1 sigma); they contribute "
-        "90 % of the mean-square velocity error at injection. Estimate with frozen gains."
+        "imu=fine: reduce the gyro bias, range noise together to 50 % of the present size (1 sigma), estimated "
+        "with frozen gains; they contribute 90 % of the mean-square velocity error at injection."
     )
     assert said(tables, "", float("nan"), float("nan"), "nothing would do") == "imu=fine: nothing would do."
 

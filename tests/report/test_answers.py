@@ -15,8 +15,8 @@ def test_each_requirement_is_answered_in_words(text):
     assert "Attitude error roll below 1000 mrad (57.3 deg) at injection" in said
     assert "further good runs each would decide" in said
     assert (
-        "<strong>To comply:</strong> imu=coarse: reduce the gyro bias to 82.6 % of the present size (1 sigma); it "
-        "contributes 72 % of the mean-square velocity error at injection. Estimate with frozen gains."
+        "<strong>To comply:</strong> imu=coarse: reduce the gyro bias to 82.6 % of the present size (1 sigma), "
+        "estimated with frozen gains; it contributes 72 % of the mean-square velocity error at injection."
     ) in said
     assert "<strong>Linear covariance alone:</strong> imu=fine: met, more than 99.9 % of flights" in said
 

@@ -49,7 +49,10 @@ def test_the_first_screen_warns_of_overconfident_filters_and_the_matrix_shows_ea
     )
     matrix = next(block for block in first if block.kind == "table")
     at = matrix.head.index("filter consistent over the run?")
-    assert "Filter consistent: mean NEES over the run and at injection." in matrix.caption
+    assert (
+        "Filter consistent: mean NEES (normalised estimation error squared) over the run and at injection."
+        in matrix.caption
+    )
     assert {row[0]: row[at] for row in matrix.rows} == {
         "imu=coarse": "✗ overconfident x7.1", "imu=fine": "✗ overconfident x20",
     }  # fmt: skip
