@@ -1,8 +1,8 @@
 """Rules between the fields of a scenario: what contradicts itself, what physics refuses, what a case needs.
 
-A fault has the path of the field to mend, and a reason. `SETTINGS` and `REFUSALS` hold for every scenario; validation
-raises the first fault. `CASES` hold for what is flown: an axis may mend them in the base that it varies, so the reader
-of campaigns checks every case, and reports all faults.
+A breach has the path of the field to mend, and a reason. `SETTINGS` and `REFUSALS` apply to every scenario: validation
+raises the first breach. `CASES` apply to the cases of a campaign alone, because an axis may mend the base that it
+varies: the reader of campaigns checks every case and reports all breaches.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lvnav_trade.scenario import Scenario
 
 
-class Fault(NamedTuple):
+class Breach(NamedTuple):
     """A rule that a scenario breaks: path of the field to mend, and the reason."""
 
     path: str
@@ -38,43 +38,43 @@ class Refusal(NamedTuple):
 # --- settings that contradict each other ------------------------------------------------------------------------------
 
 
-def _of_control(scenario: Scenario) -> Iterator[Fault]:
+def _of_control(scenario: Scenario) -> Iterator[Breach]:
     """Yield why a vehicle cannot be steered beside the navigation."""
     control, card = scenario.control, scenario.trajectory
     if control is None:
         return
     if card.kind != "vehicle":
-        yield Fault("control", f"the ascent of a vehicle is steered, not a trajectory of kind {card.kind}")
+        yield Breach("control", f"the ascent of a vehicle is steered, not a trajectory of kind {card.kind}")
         return
     if not sensors_measuring(scenario, "attitude"):
-        yield Fault("control", "a vehicle under control needs a sensor that measures attitude")
+        yield Breach("control", "a vehicle under control needs a sensor that measures attitude")
     if card.control is not None:
-        yield Fault(
+        yield Breach(
             "control", "steers the ascent anew, which flies under trajectory.control already; state one of them"
         )
     for misfit in control.misfits(len(card.vehicle.stages)):
         path, _, reason = misfit.partition(": ")
-        yield Fault(path, reason)
+        yield Breach(path, reason)
 
 
-def _twice(scenario: Scenario) -> Iterator[Fault]:
+def _twice(scenario: Scenario) -> Iterator[Breach]:
     """Yield the fault that is stated a second time."""
     faults = scenario.faults
     again = next((k for k, fault in enumerate(faults) if fault in faults[:k]), None)
     if again is not None:
         first = faults.index(faults[again])
-        yield Fault(f"faults.{again}", f"is the same as faults.{first}; leave one of them out")
+        yield Breach(f"faults.{again}", f"is the same as faults.{first}; leave one of them out")
 
 
-def _unmeasured(scenario: Scenario) -> Iterator[Fault]:
+def _unmeasured(scenario: Scenario) -> Iterator[Breach]:
     """Yield the measurements that no sensor gives; where a sensor is null the filter does without it."""
     for name in scenario.filter.measurements:
         provided = None in scenario.sensors.values() or sensors_measuring(scenario, name)
         if name in SENSOR_MEASUREMENTS and not provided:
-            yield Fault("filter.measurements", f"no sensor of the scenario measures {name}")
+            yield Breach("filter.measurements", f"no sensor of the scenario measures {name}")
 
 
-SETTINGS: tuple[Callable[[Scenario], Iterator[Fault]], ...] = (_of_control, _twice, _unmeasured)
+SETTINGS: tuple[Callable[[Scenario], Iterator[Breach]], ...] = (_of_control, _twice, _unmeasured)
 
 
 # --- what physics refuses ---------------------------------------------------------------------------------------------
@@ -243,7 +243,7 @@ _RATES = {
 }
 
 
-def _rates(scenario: Scenario) -> Iterator[Fault]:
+def _rates(scenario: Scenario) -> Iterator[Breach]:
     """Yield the rates that do not divide the faster ones, each at the slower one."""
     pairs = [
         ("imu.rate", "imu.process_rate"),
@@ -261,18 +261,18 @@ def _rates(scenario: Scenario) -> Iterator[Fault]:
         fast = attrgetter(name)(scenario)
         ratio = fast / slow
         if ratio <= 1 - 1e-9 or abs(ratio - round(ratio)) >= 1e-9 * ratio:
-            yield Fault(path, f"{slow:g} Hz does not divide the {_RATES[name]} of {fast:g} Hz")
+            yield Breach(path, f"{slow:g} Hz does not divide the {_RATES[name]} of {fast:g} Hz")
 
 
-def _strapdown(scenario: Scenario) -> Iterator[Fault]:
+def _strapdown(scenario: Scenario) -> Iterator[Breach]:
     """Yield a strapdown step that is longer than a step of the covariance."""
     most = round(scenario.imu.rate / scenario.filter.covariance_rate)
     if scenario.filter.strapdown.ratio > max(1, most):
         reason = f"a step longer than a covariance step of {most} increments; at most {most} fit"
-        yield Fault("filter.strapdown.ratio", reason)
+        yield Breach("filter.strapdown.ratio", reason)
 
 
-def _noiseless(scenario: Scenario) -> Iterator[Fault]:
+def _noiseless(scenario: Scenario) -> Iterator[Breach]:
     """Yield the measurements that the filter would model without noise: its covariance would lose its rank."""
     card = scenario.filter
     matched = isinstance(card.receiver, str)
@@ -284,21 +284,21 @@ def _noiseless(scenario: Scenario) -> Iterator[Fault]:
         name = f"{measurement}_sigma"
         if getattr(receiver, name, 1.0) <= 0.0:
             reason = f"the filter cannot model {measurement.replace('_', ' ')} without noise; should be greater than 0"
-            yield Fault(f"{truth if matched else 'filter.receiver'}.{name}", reason)
+            yield Breach(f"{truth if matched else 'filter.receiver'}.{name}", reason)
 
 
-CASES: tuple[Callable[[Scenario], Iterator[Fault]], ...] = (_rates, _strapdown, _noiseless)
+CASES: tuple[Callable[[Scenario], Iterator[Breach]], ...] = (_rates, _strapdown, _noiseless)
 
 
-def faults(scenario: Scenario) -> Iterator[Fault]:
-    """Yield the rules for all scenarios that one breaks; of the refused combinations the first."""
+def breaches(scenario: Scenario) -> Iterator[Breach]:
+    """Yield the breaches of the rules for every scenario; of the refused combinations the first."""
     for rule in SETTINGS:
         yield from rule(scenario)
     if (refusal := refused(scenario)) is not None:
-        yield Fault(refusal.path, refusal.reason)
+        yield Breach(refusal.path, refusal.reason)
 
 
-def faults_of_case(scenario: Scenario) -> Iterator[Fault]:
-    """Yield the rules for what is flown that a scenario breaks."""
+def breaches_of_case(scenario: Scenario) -> Iterator[Breach]:
+    """Yield the breaches of the rules for the cases of a campaign."""
     for rule in CASES:
         yield from rule(scenario)

@@ -11,7 +11,7 @@ from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.limits import FAULTS
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.observables.sensors import Sensor
-from lvnav_trade.rules import faults
+from lvnav_trade.rules import breaches
 from lvnav_trade.units import AttitudeSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.control_cards import ControlledCard
 from lvnav_trade.world.fault_cards import Fault
@@ -77,5 +77,5 @@ class Scenario(Card):
         return sensors
 
     def _faults(self) -> Iterator[str]:
-        for path, reason in faults(self):
+        for path, reason in breaches(self):
             yield f"{path}: {reason}"

@@ -13,7 +13,7 @@ from lvnav_trade.store.read import Tables
 _FEW = 4
 _RESOURCES = r"(?:^|\.)resources\."
 _ORDER = "The errors and the order of the cases are no better than these numbers."
-_COST_ALONE = "Only the section Cost and performance rests on them: no error and no margin does."
+_COST_ALONE = "Only the section Cost and performance uses them; errors and margins do not."
 _SPREADS = "vehicle.dispersions"
 _ALONG = "Navigation errors are those along the nominal flight. See Assumptions."
 _NAMES = {"imu": "IMU", "receiver": "Receiver"}

@@ -17,7 +17,6 @@ from lvnav_trade.store.read import Tables
 
 CHANGED = "with changes"  # what the commit of a manifest ends with where files differed from it
 _OPTIONAL = ("id", "parent", "source", "verification", "rationale")
-_FEW = 4  # cases that are all named
 
 
 class Line(NamedTuple):

@@ -117,11 +117,11 @@ def test_the_source_that_filters_do_not_model_is_the_largest_of_one_and_counted_
 
 
 @pytest.mark.parametrize(("states", "said"), [
-    ({}, "None of the 2 models the gyro scale factor, which makes 25 to 75 % of the mean-square velocity error at "
-         "injection by linear covariance; filters/tight_extended models it."),
+    ({}, "None of the 2 models the gyro scale factor, which accounts for 25 to 75 % of the mean-square velocity error "
+         "at injection by linear covariance; filters/tight_extended models it."),
     ({"imu=coarse": ["gyro_scale_factor"]},
-     "1 of the 2 does not model the gyro scale factor, which makes 75 % of the mean-square velocity error at injection "
-     "by linear covariance; filters/tight_extended models it."),
+     "1 of the 2 does not model the gyro scale factor, which accounts for 75 % of the mean-square velocity error at "
+     "injection by linear covariance; filters/tight_extended models it."),
     ({"imu=fine": ["gyro_scale_factor"]}, "do not fly these covariances.")])  # fmt: skip
 def test_a_warning_counts_the_filters_that_lack_a_state(tables, monkeypatch, states, said):
     """Where the only case that it dominates models it, nothing is said."""

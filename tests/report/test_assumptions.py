@@ -37,8 +37,8 @@ def test_the_first_screen_says_by_which_assumed_numbers_products_are_ranked(tabl
     (warning,) = ranked_by_assumptions(tables)
     assert warning.text == (
         "IMU: gyro bias repeatability (second hand in 1 of 2 cases). The errors and the order of the cases are no "
-        "better than these numbers. IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance rests "
-        "on them: no error and no margin does. See Assumptions."
+        "better than these numbers. IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance uses "
+        "them; errors and margins do not. See Assumptions."
     )
     assert warning.lead == "The cases are compared by numbers that are not the maker's own."
     assert warning in summary(tables)
@@ -52,8 +52,8 @@ def test_assumed_costs_are_said_to_decide_no_error(tables, monkeypatch) -> None:
     )
     (warning,) = ranked_by_assumptions(tables)
     assert warning == Text(
-        "IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance rests on them: no error and no "
-        "margin does. See Assumptions.",
+        "IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance uses them; errors and margins do "
+        "not. See Assumptions.",
         "Cost and performance are compared by numbers that are not the maker's own.",
     )
 

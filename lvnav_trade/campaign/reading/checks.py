@@ -19,13 +19,13 @@ from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.layout import AXES as FRAME_AXES
 from lvnav_trade.limits import AXES, CASES
 from lvnav_trade.metrics.families.errors import NORM, StateError
-from lvnav_trade.rules import faults_of_case
+from lvnav_trade.rules import breaches_of_case
 from lvnav_trade.scenario import Scenario
 
 
-def case(scenario: Scenario, base: Node) -> Iterator[Mistake]:
-    """Yield the rules for what is flown that a case breaks."""
-    for path, reason in faults_of_case(scenario):
+def broken_rules(scenario: Scenario, base: Node) -> Iterator[Mistake]:
+    """Yield the rules between fields that a case breaks, each at the field to mend."""
+    for path, reason in breaches_of_case(scenario):
         yield mistake_at(base, path, reason, "base")
 
 

@@ -238,7 +238,7 @@ class _Loader:
         for chosen in design.chosen_levels(whole):
             scenario = self._case(cases, chosen)
             if scenario is not None:
-                self.mistakes += checks.case(scenario, cases.node(chosen))
+                self.mistakes += checks.broken_rules(scenario, cases.node(chosen))
 
     def _case(self, cases: "_Cases", chosen: design.Chosen) -> Scenario | None:
         """Return the scenario of a case; its mistakes are noted."""
