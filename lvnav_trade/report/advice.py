@@ -78,6 +78,15 @@ def advice(tables: Tables, row: Any) -> str:
     )
 
 
+def ways_to_comply(improvements: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of the metric `improvements` that name a change, those of designs that violate first.
+
+    What linear covariance expects to be met as it is needs more runs, and no change.
+    """
+    rows = improvements[improvements.source != ""]
+    return rows.sort_values("verdict", key=lambda verdicts: verdicts != "violated", kind="stable")
+
+
 def _filter(missing: MissingState) -> str:
     """Say which filter to use for an error source that the present one does not model."""
     return say("model", card=missing.card, state=missing.state, source=_error(missing.source))

@@ -10,7 +10,7 @@ from lvnav_trade.metrics.errors.covariances import by_case
 from lvnav_trade.metrics.requirements.margins import ORDER, key_cases, worst
 from lvnav_trade.metrics.requirements.requirements import with_unit
 from lvnav_trade.metrics.requirements.windows import COVARIANCE
-from lvnav_trade.report.advice import advice
+from lvnav_trade.report.advice import advice, ways_to_comply
 from lvnav_trade.report.assumptions import placed_by_assumptions, ranked_by_assumptions
 from lvnav_trade.report.blocks import Block, More, Table, Text, figure, listed, number, table, words
 from lvnav_trade.report.document import margin_policy, place_of
@@ -29,9 +29,9 @@ def summary(tables: Tables) -> list[Block]:
     frame = METRICS["margins"](tables)
     blocks: list[Block] = [*_beyond(tables), *_verdict(frame), *short_lived(tables), *overconfidence(tables)]
     blocks += [*margin_policy(tables, frame), *_cases_that_decide(tables, frame)]
-    first = METRICS["improvements"](tables)
-    if len(first):
-        text = say("comply_first", advice=advice(tables, next(first.itertuples())), others=len(first) - 1)
+    ways = ways_to_comply(METRICS["improvements"](tables))
+    if len(ways):
+        text = say("comply_first", advice=advice(tables, next(ways.itertuples())), others=len(ways) - 1)
         blocks.append(Text(text, "To comply:"))
     blocks.append(Text(" ".join([_scale(tables), *_agreement(tables)])))
     for lead in ("Warning:", "Note:"):

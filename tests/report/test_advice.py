@@ -5,9 +5,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import pandas as pd
 import pytest
 
-from lvnav_trade.report.advice import advice, missing_state, unmodelled
+from lvnav_trade.report.advice import advice, missing_state, unmodelled, ways_to_comply
 from lvnav_trade.report.validity import overconfidence
 from lvnav_trade.store.read import Tables, load
 from tests import synthetic
@@ -141,3 +142,16 @@ def test_a_warning_counts_the_filters_that_lack_a_state(tables, monkeypatch, sta
     (warning,) = overconfidence(found)
     assert warning.text.startswith("2 of 2 filters are overconfident: their sigma is ")
     assert warning.text.endswith(said)
+
+
+def test_the_first_way_to_comply_is_a_change_of_a_design_that_violates():
+    frame = pd.DataFrame(
+        {
+            "case": ["a", "b", "c", "d"],
+            "verdict": ["undecided", "undecided", "violated", "violated"],
+            "source": ["", "range noise", "gyro bias", ""],
+            "remark": ["linear covariance expects it to be met as it is", "", "", "nothing would do"],
+        }
+    )
+    assert list(ways_to_comply(frame).case) == ["c", "b"]
+    assert ways_to_comply(frame[frame.source == ""]).empty
