@@ -12,7 +12,7 @@ from lvnav_trade.api.exports import export_filter, export_vectors
 from lvnav_trade.api.logs import fit_unit, process_log
 from lvnav_trade.api.plotting import Plot, Plots
 from lvnav_trade.api.reference import card_text, cards, fields, metrics, schema
-from lvnav_trade.api.reports import compare, keep_base, kml, load, report
+from lvnav_trade.api.reports import cases, compare, keep_base, kml, load, report
 from lvnav_trade.api.results import (
     FAILED,
     INTERNAL,
@@ -31,6 +31,7 @@ from lvnav_trade.api.studies import StudyWatch, study
 from lvnav_trade.api.types import (
     CheckedCampaign,
     Comparison,
+    Designs,
     EstimatedNoise,
     MetricNames,
     Plan,
@@ -54,6 +55,7 @@ __all__ = [
     "CampaignStatus",
     "CheckedCampaign",
     "Comparison",
+    "Designs",
     "EstimatedNoise",
     "ExportedTrajectory",
     "FittedImu",
@@ -77,6 +79,7 @@ __all__ = [
     "card_text",
     "cards",
     "case_of",
+    "cases",
     "check",
     "compare",
     "dask",

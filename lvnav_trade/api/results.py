@@ -77,7 +77,8 @@ class Results(Frames, Displayed):
 
     The tables of `Frames` are attributes, such as ``results.runs`` and ``results.requirements``. A stored table has
     beside the digest of a case its label, its level of every axis as it is written (``axis_imu``), and of an axis of
-    quantities the number in SI units (``axis_gyro_bias_rad_per_s``).
+    quantities the number in SI units (``axis_gyro_bias_rad_per_s``). ``results.cases`` is the table of designs: one row per
+    case with its axes, errors, requirements and cost in SI.
 
     Attributes
     ----------
@@ -98,6 +99,8 @@ class Results(Frames, Displayed):
     def __getattr__(self, name: str) -> pd.DataFrame:
         if name.startswith("_") or name == "tables":
             raise AttributeError(name)
+        if name == "cases":
+            return self.metric("designs")
         if name in TABLES:
             return with_units(self._joined(getattr(self.tables, name)))
         return self.metric(name, AttributeError)

@@ -19,6 +19,10 @@ from lvnav_trade.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+CaseOf = Annotated[
+    str | None,
+    typer.Option("--case", metavar="CASE", help="one case alone: its digest, the beginning of it, or its label"),
+]
 Strict = Annotated[
     bool, typer.Option("--strict", help="exit code 2 where the runs cannot show a requirement, however good they are")
 ]
@@ -32,6 +36,7 @@ def run(
     campaign: CampaignFile,
     sets: Sets = None,
     out: Out = None,
+    case: CaseOf = None,
     jobs: Jobs = -1,
     fresh: Annotated[bool, typer.Option("--fresh/--resume", help="begin again, or go on with what is there")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="stop at the first failed run")] = False,
@@ -58,19 +63,21 @@ def run(
 
     Linear covariance answers first, in seconds; then Monte Carlo. The same command resumes what was interrupted.
     """
+    from lvnav_trade import api
     from lvnav_trade.api.campaigns import Task, carry_out
     from lvnav_trade.campaign.reading.load import load
+    from lvnav_trade.campaign.reading.single import single
     from lvnav_trade.campaign.running.progress import choose
 
     loaded = load(campaign, sets or ())
+    if case is not None:
+        loaded = single(*api.case_of(loaded, (), case))
     check_preferred(prefer or ())
     folder = out or Path("results") / loaded.name
     if shard is not None:
-        from lvnav_trade.api import run_shard
-
         if prefer or copy_to or scheduler is not None or backend != Backend.PROCESSES:
             raise InputError("--shard: goes without --prefer, --copy-to, --backend and --scheduler")
-        return shared(run_shard(loaded, shard, (), folder, jobs, fresh, fail_fast, choose(quiet)))
+        return shared(api.run_shard(loaded, shard, (), folder, jobs, fresh, fail_fast, choose(quiet)))
     found, show = shown(as_json)
     with workers(backend, scheduler, folder, jobs) as (place, count):
         task = Task(count, fresh, fail_fast, report, copy_to, choose(quiet), show)

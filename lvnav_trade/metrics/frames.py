@@ -10,6 +10,7 @@ import pandas as pd
 from lvnav_trade.metrics import (
     assumptions,
     configuration,
+    designs,
     filter,
     inertial,
     integrity,
@@ -57,6 +58,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     integrity: ("integrity", "decisions", "tested_errors"),
     signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
     resources: ("totals", "pareto"),
+    designs: ("designs",),
     assumptions: ("assumptions",),
     configuration: ("configuration",),
     along: ("curves", "crossings", "tornado"),
@@ -82,7 +84,7 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "windows", "filter_verdicts", "budget", "expected",
     "spot_check", "sensitivity", "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity",
-    "tested_errors", "curves", "crossings", "tornado", "totals", "pareto", "motion", "nozzle", "turning", "allan",
+    "tested_errors", "curves", "crossings", "tornado", "designs", "totals", "pareto", "motion", "nozzle", "turning", "allan",
     "protection", "exclusions", "assumptions", "configuration", "injection",
     "injection_sources", "cutoff",
 )  # fmt: skip

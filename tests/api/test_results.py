@@ -96,8 +96,8 @@ def test_an_axis_of_quantities_is_a_column_of_numbers_in_si_beside_its_label(tmp
         return campaign | {"axes": [axis], "base": {"imu": {"gyro": {"bias_repeatability": "0.003 rad/s"}}}}
 
     found = Results(variant(load(synthetic.results(tmp_path, n_run=8)), tmp_path / "numeric", campaign=numeric).folder)
-    assert list(found.cases.columns[:4]) == ["case", "axis_imu", "axis_imu_rad_per_s", "label"]
-    assert dict(zip(found.cases.axis_imu, found.cases.axis_imu_rad_per_s, strict=True)) == {
+    assert list(found.runs.columns[:4]) == ["case", "label", "axis_imu", "axis_imu_rad_per_s"]
+    assert dict(zip(found.runs.axis_imu, found.runs.axis_imu_rad_per_s, strict=True)) == {
         "fine": 0.001, "coarse": 0.002,
     }  # fmt: skip
     assert found.runs.axis_imu_rad_per_s.dtype == float

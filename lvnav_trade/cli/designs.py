@@ -1,0 +1,69 @@
+"""The verb of designs: cases."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from lvnav_trade.campaign.text import table
+from lvnav_trade.cli.console import Answer, verb
+from lvnav_trade.errors import InputError
+
+_ROWS = 20
+_WIDE = ("label", "binding")  # texts that a terminal has no room for
+
+
+@verb('results/demo --where "velocity < 0.5 m/s" --sort position')
+def cases(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
+    where: Annotated[
+        list[str] | None,
+        typer.Option("--where", metavar="CONDITION", help='such as "velocity < 0.1 m/s and imu == tactical_fog"'),
+    ] = None,
+    sort: Annotated[
+        list[str] | None,
+        typer.Option("--sort", metavar="COLUMN", help="smallest first; -COLUMN: largest first; repeatable"),
+    ] = None,
+    columns: Annotated[
+        str | None, typer.Option("--columns", metavar="A,B,...", help="columns that are shown and written")
+    ] = None,
+    limit: Annotated[int, typer.Option("--limit", metavar="N", help="rows that are shown")] = _ROWS,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="write all of them as .csv or .parquet")
+    ] = None,
+    units: Annotated[bool, typer.Option("--units", help="list the columns with unit and meaning instead")] = False,
+) -> Answer:
+    """List cases: errors, verdicts, cost.
+
+    One row per case, with the levels of its axes; numbers in SI. A column may be named without axis_ and without its unit.
+    """
+    from lvnav_trade import api
+
+    if limit < 1:
+        raise InputError(f"--limit {limit}: give a number of rows, at least 1")
+    wanted = [name.strip() for name in columns.split(",")] if columns is not None else []
+    found = api.cases(folder, where or (), sort or (), wanted)
+    written = str(found.write(out)) if out is not None else None
+    content = {
+        "cases": json.loads(found.rows.to_json(orient="records", double_precision=15)),
+        "columns": found.columns.to_dict("records"),
+        "total": found.total,
+        "written": written,
+    }
+    if units:
+        return Answer(table(["column", "unit", "meaning"], list(found.columns.itertuples(index=False))), content)
+    lines = [_shown(found, limit, bool(wanted))]
+    more = len(found.rows) - limit
+    lines.append(f"{len(found.rows)} of {found.total} cases{f', {limit} of them shown' if more > 0 else ''}")
+    lines += [f"written: {written}"] if written else []
+    return Answer("\n".join(lines), content)
+
+
+def _shown(found: Any, limit: int, is_chosen: bool) -> str:
+    """Return the first rows as a table; of columns that nobody asked for those that say most."""
+    left_out = ("_formal_", "_probability_", "_verdict", "_count")
+    rows = found.rows.head(limit)
+    names = [name for name in rows if is_chosen or not (name in _WIDE or any(part in name for part in left_out))]
+    head = [name if is_chosen else name.removeprefix("axis_") for name in names]
+    return table(head, list(rows[names].itertuples(index=False, name=None)))

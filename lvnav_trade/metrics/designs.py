@@ -1,0 +1,185 @@
+"""One row per design: levels of its axes as numbers in SI, errors at injection, requirements, cost."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.metrics.basics.select import NAVIGATION, final_event, flight_events, history_columns, once, pick
+from lvnav_trade.metrics.metric import NAVIGATION_UNITS
+from lvnav_trade.metrics.registry import metric_of
+from lvnav_trade.metrics.requirements import confirmation
+from lvnav_trade.metrics.requirements.curves import si_axes
+from lvnav_trade.metrics.requirements.improvements import expected
+from lvnav_trade.metrics.requirements.margins import worst
+from lvnav_trade.metrics.resources import totals
+from lvnav_trade.store.read import Tables
+from lvnav_trade.store.schema import SUFFIXES, unit_suffix
+from lvnav_trade.units import parse
+
+AXIS = "axis_"
+# Columns of every design, with their meaning
+MEANINGS = {
+    "case": "digest of the resolved scenario and the seed, 12 hexadecimal digits",
+    "label": "levels of the axes, for people",
+    "run_count": "Monte-Carlo runs, failed ones among them",
+    "failed_count": "runs that failed",
+    **{
+        f"{name}_{unit_suffix(unit)}": f"true {name} error at injection (else the last event), 3-D, root mean square "
+        "by linear covariance"
+        for name, unit in NAVIGATION_UNITS.items()
+    },
+    **{
+        f"{name}_formal_{unit_suffix(unit)}": f"the filter's own sigma of the {name} error there, 3-D"
+        for name, unit in NAVIGATION_UNITS.items()
+    },
+    "nees_per_state_ratio": "expected NEES there over the number of its components: 1 for a consistent filter",
+    "error_ratio": "largest error of a requirement over its limit: at most 1 where all are met",
+    "binding": "requirement that has it",
+    "verdict": "worst verdict on the requirements",
+    "cost": "cost of the devices",
+    "mass_kg": "mass of the devices",
+    "power_w": "power of the devices",
+    "volume_m3": "volume of the devices",
+}
+_LITRE = 1e-3
+
+
+def designs(tables: Tables) -> pd.DataFrame:
+    """Return one row per case, every number in the SI unit that its column's name ends with.
+
+    Columns: those of `MEANINGS` that the results know; ``axis_NAME`` (text) or ``axis_NAME_UNIT`` (number) of every
+    axis; of every requirement the error that the asked fraction of flights stays below (``NAME_UNIT``), the probability
+    that linear covariance gives the limit (``NAME_probability_ratio``), and its verdict (``NAME_verdict``).
+    """
+    frame = pd.DataFrame({"case": list(tables.labels), "label": list(tables.labels.values())})
+    frame = pd.concat([frame, _axes(tables), _runs(tables), _navigation(tables), *_requirements(tables)], axis=1)
+    return _with_totals(tables, frame)
+
+
+def slug(name: str) -> str:
+    """Return a name as a part of a column's name: lower-case letters, digits and underscores."""
+    return re.sub(r"\W+", "_", name).strip("_").lower()
+
+
+def requirement_columns(requirement: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Return the columns of a requirement: error, probability by linear covariance, verdict."""
+    name = slug(str(requirement["name"]))
+    unit = metric_of(str(requirement["metric"])).unit
+    end = {"-": "ratio", "%": "percent"}.get(unit) or unit_suffix(unit)
+    return f"{name}_{end}", f"{name}_probability_ratio", f"{name}_verdict"
+
+
+def meanings(frame: pd.DataFrame, requirements: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return column, unit and meaning of every column of `designs`."""
+    known = dict(MEANINGS)
+    for one in requirements:
+        error, probability, verdict = requirement_columns(one)
+        known[error] = f"{one['name']}: error that the fraction of flights asked for stays below"
+        known[probability] = f"{one['name']}: probability by linear covariance that the limit is kept"
+        known[verdict] = f"{one['name']}: verdict"
+    rows = [(name, unit_of(name), known.get(name, "level of the axis")) for name in map(str, frame.columns)]
+    return pd.DataFrame(rows, columns=["column", "unit", "meaning"])
+
+
+def unit_of(column: str) -> str:
+    """Return the unit that a column's name ends with, in words; empty for text, counts and plain numbers."""
+    ends = [end for end in SUFFIXES if column.endswith(f"_{end}")]
+    found = SUFFIXES[max(ends, key=len)] if ends else ""
+    return "" if found.startswith(("how many", "a name")) else found
+
+
+def _axes(tables: Tables) -> pd.DataFrame:
+    numeric = {axis.name: axis for axis in si_axes(tables)}
+    columns: dict[str, Any] = {}
+    for name in next(iter(tables.levels.values()), {}):
+        levels = [of_case[name] for of_case in tables.levels.values()]
+        if name in numeric:
+            axis = numeric[name]
+            columns[f"{AXIS}{slug(name)}_{unit_suffix(axis.unit)}"] = [axis.values.get(one, np.nan) for one in levels]
+        else:
+            columns[f"{AXIS}{slug(name)}"] = levels
+    return pd.DataFrame(columns)
+
+
+def _runs(tables: Tables) -> pd.DataFrame:
+    return tables.cases[["run_count", "failed_count"]].reset_index(drop=True)
+
+
+def _navigation(tables: Tables) -> pd.DataFrame:
+    """Return the errors of every case at injection, or else at its last event."""
+    return pd.DataFrame([_errors_of(tables, case) for case in tables.labels])
+
+
+@once
+def _errors_of(tables: Tables, case: str) -> dict[str, float]:
+    event = final_event(tables, case)
+    times = flight_events(tables, case).set_index("event").t_s
+    found: dict[str, float] = {}
+    for quantity in NAVIGATION:
+        names = ("t_s", "lincov_true_si", "lincov_mean_si", "lincov_formal_si")
+        t, true, mean, formal = history_columns(tables, case, quantity, "3d", *names)
+        if event and t.size:
+            at = int(np.argmin(np.abs(t - times[event])))
+            end = unit_suffix(NAVIGATION_UNITS[quantity])
+            found[f"{quantity}_{end}"] = float(np.hypot(true[at], mean[at]))
+            found[f"{quantity}_formal_{end}"] = float(formal[at])
+    rows = pick(tables.consistency, case=case)
+    if event and len(rows):
+        row = rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - times[event])))]
+        found["nees_per_state_ratio"] = float(row.expected_nees_ratio) / float(row.nees_dof_count)
+    return found
+
+
+def _requirements(tables: Tables) -> list[pd.DataFrame]:
+    """Return the columns of every requirement, and what they say together."""
+    stated = tables.campaign.get("requirements") or ()
+    if not stated:
+        return []
+    found, alone = (one.set_index(["requirement", "case"]) for one in (confirmation.verdicts(tables), expected(tables)))
+    columns: dict[str, Any] = {}
+    ratios: dict[str, Any] = {}
+    words: dict[str, Any] = {}
+    for one in stated:
+        error, probability, verdict = requirement_columns(one)
+        rows = found.loc[one["name"]].reindex(list(tables.labels.values()))
+        si = metric_of(str(one["metric"])).unit
+        columns[error] = rows.estimate.to_numpy(dtype=float) * [_in_si(unit, si) for unit in rows.unit]
+        columns[probability] = alone.loc[one["name"]].reindex(rows.index).expected_probability.to_numpy(dtype=float)
+        columns[verdict] = words[one["name"]] = rows.verdict.to_numpy()
+        ratios[one["name"]] = (rows.estimate / rows.limit).to_numpy(dtype=float)
+    return [pd.DataFrame(columns), together(pd.DataFrame(ratios), pd.DataFrame(words))]
+
+
+def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
+    """Return `error_ratio`, `binding` and `verdict` of designs.
+
+    ratios : Error over limit, a column for each requirement; NaN where it is not known.
+    verdicts : The verdicts, alike.
+    """
+    known = ratios.notna().all(axis=1)
+    whole = ratios.fillna(-np.inf)
+    return pd.DataFrame(
+        {
+            "error_ratio": whole.max(axis=1).where(known),
+            "binding": whole.idxmax(axis=1).where(known, ""),
+            "verdict": [worst(pd.Series(row)) for row in verdicts.itertuples(index=False)],
+        }
+    )
+
+
+def _in_si(unit: str, si: str) -> float:
+    """Return the SI size of a unit; one of a number that has none."""
+    return 1.0 if not unit or unit == si or si in ("-", "%") else parse(f"1 {unit}", si)
+
+
+def _with_totals(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
+    """Return designs with what their devices cost and need, where a device states it."""
+    found = totals(tables).set_index("case")
+    for name in ("cost", "mass_kg", "power_w", "volume_l"):
+        values = found[name].reindex(frame.label).to_numpy(dtype=float)
+        if np.isfinite(values).any():
+            frame = frame.assign(**({"volume_m3": _LITRE * values} if name == "volume_l" else {name: values}))
+    return frame
