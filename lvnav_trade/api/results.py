@@ -77,8 +77,8 @@ class Results(Frames, Displayed):
 
     The tables of `Frames` are attributes, such as ``results.runs`` and ``results.requirements``. A stored table has
     beside the digest of a case its label, its level of every axis as it is written (``axis_imu``), and of an axis of
-    quantities the number in SI units (``axis_gyro_bias_rad_per_s``). ``results.cases`` is the table of designs: one row per
-    case with its axes, errors, requirements and cost in SI.
+    quantities the number in SI units (``axis_gyro_bias_rad_per_s``). ``results.cases`` is the table of designs: one
+    row per case with its axes, errors, requirements and cost in SI.
 
     Attributes
     ----------

@@ -36,7 +36,8 @@ def cases(
 ) -> Answer:
     """List cases: errors, verdicts, cost.
 
-    One row per case, with the levels of its axes; numbers in SI. A column may be named without axis_ and without its unit.
+    One row per case, with the levels of its axes; numbers in SI. A column may be named without axis_ and without
+    its unit.
     """
     from lvnav_trade import api
 

@@ -84,7 +84,8 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "windows", "filter_verdicts", "budget", "expected",
     "spot_check", "sensitivity", "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity",
-    "tested_errors", "curves", "crossings", "tornado", "designs", "totals", "pareto", "motion", "nozzle", "turning", "allan",
+    "tested_errors", "curves", "crossings", "tornado", "designs", "totals", "pareto", "motion", "nozzle", "turning",
+    "allan",
     "protection", "exclusions", "assumptions", "configuration", "injection",
     "injection_sources", "cutoff",
 )  # fmt: skip
