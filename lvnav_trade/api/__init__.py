@@ -8,11 +8,12 @@ exit code for an error of the user, a function raises `InputError`. A notebook s
 from lvnav_trade.api.campaigns import Task, case_of, check, plan, replay, run, selfcheck, status
 from lvnav_trade.api.clusters import dask, merge, run_shard
 from lvnav_trade.api.derived import estimate_q, export_trajectory, init, schedule_gains
+from lvnav_trade.api.designs import Designs, cases
 from lvnav_trade.api.exports import export_filter, export_vectors
 from lvnav_trade.api.logs import fit_unit, process_log
 from lvnav_trade.api.plotting import Plot, Plots
 from lvnav_trade.api.reference import card_text, cards, fields, metrics, schema
-from lvnav_trade.api.reports import cases, compare, keep_base, kml, load, report
+from lvnav_trade.api.reports import compare, keep_base, kml, load, report
 from lvnav_trade.api.results import (
     FAILED,
     INTERNAL,
@@ -31,7 +32,6 @@ from lvnav_trade.api.studies import StudyWatch, study
 from lvnav_trade.api.types import (
     CheckedCampaign,
     Comparison,
-    Designs,
     EstimatedNoise,
     MetricNames,
     Plan,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lvnav_trade.api.campaigns import run
 from lvnav_trade.api.results import Results
-from lvnav_trade.api.types import Comparison, Designs, ReportFiles
+from lvnav_trade.api.types import Comparison, ReportFiles
 from lvnav_trade.errors import InputError
 from lvnav_trade.store import remote
 from lvnav_trade.store.contents import owned
@@ -77,47 +77,6 @@ def report(
         owned(keep, "report")  # refused before the report is built
     page = build(folder, figures=figures, brief=brief)
     return ReportFiles(page, keep_report(folder, keep, tables=tables) if keep is not None else None)
-
-
-def cases(
-    folder: str | Path,
-    where: Sequence[str] = (),
-    sort: Sequence[str] = (),
-    columns: Sequence[str] = (),
-) -> Designs:
-    """Return the cases of results as a table: one row each, numbers in SI.
-
-    In the arguments a column may be named without ``axis_`` and without the unit at its end.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Folder of results.
-    where : sequence of str
-        Conditions that all rows keep, such as ``velocity < 0.1 m/s and imu == tactical_fog``.
-    sort : sequence of str
-        Columns to sort by, smallest first; ``-velocity``: largest first.
-    columns : sequence of str
-        Columns that are wanted; all if empty.
-
-    Returns
-    -------
-    Designs
-        Rows and what their columns are.
-
-    Raises
-    ------
-    InputError
-        There are no results, no such column, or a condition is none.
-    """
-    from lvnav_trade.api.selecting import chosen, column_named, ordered
-    from lvnav_trade.metrics.designs import meanings
-
-    results = load(folder)
-    whole = results.cases
-    rows = ordered(chosen(whole, where), sort)
-    rows = rows[[column_named(name, whole) for name in columns]] if columns else rows
-    return Designs(rows, meanings(rows, results.tables.campaign.get("requirements") or ()), len(whole))
 
 
 def compare(

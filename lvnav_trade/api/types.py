@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from lvnav_trade.api.display import Displayed, Shown
-from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.comparison import comparison
 
 if TYPE_CHECKING:
@@ -86,70 +85,6 @@ class Plan(Displayed):
 
     def _shown(self) -> Shown:
         return Shown("", (*self.warnings, self.cost), {"Cases": self.cases})
-
-
-@dataclass(frozen=True)
-class Designs(Displayed):
-    """Designs of a campaign, one row each.
-
-    Attributes
-    ----------
-    rows : pandas.DataFrame
-        One row per case: axes, errors, requirements, cost; numbers in SI.
-    columns : pandas.DataFrame
-        Column, unit and meaning.
-    total : int
-        Number of cases of the campaign.
-    """
-
-    rows: pd.DataFrame
-    columns: pd.DataFrame
-    total: int
-
-    def write(self, file: str | Path) -> Path:
-        """Write the rows as CSV or Parquet, by the end of the file's name.
-
-        Parameters
-        ----------
-        file : str or Path
-            File to write, such as ``designs.csv`` or ``designs.parquet``; one that is there is replaced.
-
-        Returns
-        -------
-        Path
-            The file.
-
-        Raises
-        ------
-        InputError
-            The name ends otherwise, or the file cannot be written.
-        """
-        place = Path(file)
-        kinds = {".csv": self._write_csv, ".parquet": self._write_parquet}
-        if place.suffix not in kinds:
-            raise InputError(f"{place}: should end in {' or '.join(kinds)}")
-        with writing(place, "the file cannot be written"):
-            place.parent.mkdir(parents=True, exist_ok=True)
-            kinds[place.suffix](place)
-        return place
-
-    def _write_csv(self, place: Path) -> None:
-        self.rows.to_csv(place, index=False, lineterminator="\n")
-
-    def _write_parquet(self, place: Path) -> None:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        known = self.columns.set_index("column")
-        table = pa.Table.from_pandas(self.rows, preserve_index=False).replace_schema_metadata(None)
-        fields = [
-            field.with_metadata({"unit": known.unit[field.name], "meaning": known.meaning[field.name]})
-            for field in table.schema
-        ]
-        pq.write_table(table.cast(pa.schema(fields)), place)
-
-    def _shown(self) -> Shown:
-        return Shown(f"{len(self.rows)} of {self.total} cases", (), {"": self.rows, "Columns": self.columns})
 
 
 @dataclass(frozen=True)

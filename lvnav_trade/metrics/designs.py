@@ -110,7 +110,7 @@ def _runs(tables: Tables) -> pd.DataFrame:
 
 def _navigation(tables: Tables) -> pd.DataFrame:
     """Return the errors of every case at injection, or else at its last event."""
-    return pd.DataFrame([_errors_of(tables, case) for case in tables.labels])
+    return pd.DataFrame([_errors_of(tables, case) for case in tables.labels], index=range(len(tables.labels)))
 
 
 @once
@@ -136,7 +136,7 @@ def _errors_of(tables: Tables, case: str) -> dict[str, float]:
 def _requirements(tables: Tables) -> list[pd.DataFrame]:
     """Return the columns of every requirement, and what they say together."""
     stated = tables.campaign.get("requirements") or ()
-    if not stated:
+    if not stated or not tables.labels:
         return []
     found, alone = (one.set_index(["requirement", "case"]) for one in (confirmation.verdicts(tables), expected(tables)))
     columns: dict[str, Any] = {}

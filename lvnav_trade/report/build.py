@@ -124,7 +124,7 @@ def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], Non
     labels = {tables.labels[case]: label for case, label in labelled.labels.items()}
     if tables is not labelled:
         frames = {name: frame.assign(case=frame.case.map(labels)) for name, frame in frames.items()}
-    frames |= {"models": registered.evidence(labelled)}
+    frames |= {"designs": METRICS["designs"](labelled), "models": registered.evidence(labelled)}
     csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
     return Made(title, asked, [section for section in made if section.blocks], csv, head(tables))
 

@@ -1,0 +1,120 @@
+"""Cases of results as a table: chosen, sorted, written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lvnav_trade.api.display import Displayed, Shown
+from lvnav_trade.api.reports import load
+from lvnav_trade.errors import InputError, writing
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Designs(Displayed):
+    """Designs of a campaign, one row each.
+
+    Attributes
+    ----------
+    rows : pandas.DataFrame
+        One row per case: axes, errors, requirements, cost; numbers in SI.
+    columns : pandas.DataFrame
+        Column, unit and meaning.
+    total : int
+        Number of cases of the campaign.
+    """
+
+    rows: pd.DataFrame
+    columns: pd.DataFrame
+    total: int
+
+    def write(self, file: str | Path) -> Path:
+        """Write the rows as CSV or Parquet, by the end of the file's name.
+
+        Parameters
+        ----------
+        file : str or Path
+            File to write, such as ``designs.csv`` or ``designs.parquet``; one that is there is replaced.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        InputError
+            The name ends otherwise, or the file cannot be written.
+        """
+        place = Path(file)
+        kinds = {".csv": self._write_csv, ".parquet": self._write_parquet}
+        if place.suffix not in kinds:
+            raise InputError(f"{place}: should end in {' or '.join(kinds)}")
+        with writing(place, "the file cannot be written"):
+            place.parent.mkdir(parents=True, exist_ok=True)
+            kinds[place.suffix](place)
+        return place
+
+    def _write_csv(self, place: Path) -> None:
+        self.rows.to_csv(place, index=False, lineterminator="\n")
+
+    def _write_parquet(self, place: Path) -> None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        known = self.columns.set_index("column")
+        table = pa.Table.from_pandas(self.rows, preserve_index=False).replace_schema_metadata(None)
+        fields = [
+            field.with_metadata({"unit": known.unit[field.name], "meaning": known.meaning[field.name]})
+            for field in table.schema
+        ]
+        pq.write_table(table.cast(pa.schema(fields)), place)
+
+    def _shown(self) -> Shown:
+        return Shown(f"{len(self.rows)} of {self.total} cases", (), {"": self.rows, "Columns": self.columns})
+
+
+def cases(
+    folder: str | Path,
+    where: Sequence[str] = (),
+    sort: Sequence[str] = (),
+    columns: Sequence[str] = (),
+) -> Designs:
+    """Return the cases of results as a table: one row each, numbers in SI.
+
+    In the arguments a column may be named without ``axis_`` and without the unit at its end.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of results.
+    where : sequence of str
+        Conditions that all rows keep, such as ``velocity < 0.1 m/s and imu == tactical_fog``.
+    sort : sequence of str
+        Columns to sort by, smallest first; ``-velocity``: largest first.
+    columns : sequence of str
+        Columns that are wanted; all if empty.
+
+    Returns
+    -------
+    Designs
+        Rows and what their columns are.
+
+    Raises
+    ------
+    InputError
+        There are no results, no such column, or a condition is none.
+    """
+    from lvnav_trade.api.selecting import chosen, column_named, ordered
+    from lvnav_trade.metrics.designs import meanings
+
+    results = load(folder)
+    whole = results.cases
+    rows = ordered(chosen(whole, where), sort)
+    rows = rows[[column_named(name, whole) for name in columns]] if columns else rows
+    return Designs(rows, meanings(rows, results.tables.campaign.get("requirements") or ()), len(whole))
