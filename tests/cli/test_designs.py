@@ -8,7 +8,6 @@ from pathlib import Path
 import pandas as pd
 import pyarrow.parquet as pq
 
-import lvnav_trade
 from lvnav_trade import api
 from tests.cli.calling import call
 
@@ -51,10 +50,3 @@ def test_what_is_wrong_is_one_line(variants: Path) -> None:
         result = call("cases", str(variants / "base"), *options)
         assert result.exit_code == 2
         assert result.stderr.count("\n") == 1
-
-
-def test_cases_from_python_are_the_same_table(variants: Path) -> None:
-    found = api.cases(variants / "base")
-    pd.testing.assert_frame_equal(lvnav_trade.load(variants / "base").cases, found.rows)
-    assert found.rows.attrs["units"]["velocity_m_per_s"] == "m/s"
-    assert "2 of 2 cases" in str(found)
