@@ -201,6 +201,7 @@ class CovHistory(NamedTuple):
     expected_nees : (n_hist,). Expected normalised estimation error squared.
     expected_nis : (n_epoch,). Expected sum of squared normalised innovations.
     false_rejection : (n_epoch,). Largest probability that the gate rejects a good scalar measurement.
+    row_ratio : (n_epoch, n_row). Expected square of each normalised innovation; 0 of rows that are not processed.
     decisions : (n_decision, 4). Fault decisions on the mean innovations, as in RunBlock.
     """
 
@@ -217,6 +218,7 @@ class CovHistory(NamedTuple):
     expected_nees: Floats
     expected_nis: Floats
     false_rejection: Floats
+    row_ratio: Floats
     decisions: Floats = NO_DECISIONS
 
 

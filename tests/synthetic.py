@@ -92,6 +92,7 @@ def covariance(factor: float = 1.0, true_factor: float = 1.0) -> CovHistory:
         expected_nees=((true**2 + mean**2) / formal**2).sum(axis=1),
         expected_nis=np.full(N_EPOCH, 2.0 * N_SAT),
         false_rejection=np.zeros(N_EPOCH),
+        row_ratio=np.ones((N_EPOCH, 2 * N_SAT)),
     )
 
 

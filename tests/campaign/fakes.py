@@ -82,7 +82,7 @@ class Fake:
         full = np.zeros((3, n, n))
         return CovHistory(
             np.array([0.0, 1.0, 2.0]), ones, 2 * ones, self.mean * ones, ("a", "b"), np.ones((3, 2, n)), full, full,
-            np.array([1.0]), np.array([8]), np.ones(3), np.ones(1), np.zeros(1),
+            np.array([1.0]), np.array([8]), np.ones(3), np.ones(1), np.zeros(1), np.zeros((1, 8)),
         )  # fmt: skip
 
     def explain(self, scenario: Any, prepared: Any, covariance: CovHistory, asked: Any) -> Any:

@@ -208,7 +208,7 @@ def follow_update(joint, work, case, weight, epoch, row, channel):
         _clear(work.x)
         square = square * weight
         out.expected_nis[epoch] += square
-        out.worst_ratio[epoch] = max(out.worst_ratio[epoch], square)
+        out.row_ratio[epoch, row] = max(out.row_ratio[epoch, row], square)
         out.n_row[epoch] += 1
 
 

@@ -3,12 +3,12 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc
 
 from lvnav_trade.engines.epoch.case import FilterCase, Parts, case_of
 from lvnav_trade.engines.epoch.joint import NominalFlight
 from lvnav_trade.engines.lincov.adjoint import Backward, go_back
 from lvnav_trade.engines.lincov.components import Components, components
+from lvnav_trade.engines.lincov.expected import expected_nees, false_rejection
 from lvnav_trade.engines.lincov.forward import forward
 from lvnav_trade.engines.lincov.sources import n_joint, source_labels
 from lvnav_trade.engines.lincov.workspace import (
@@ -250,19 +250,6 @@ def _go_back(
     return edges, back.contribution
 
 
-def expected_nees(formal: Floats, total: Floats) -> Floats:
-    """Return tr(formal^-1 total) of each history time (n_hist,); NaN where the filter is certain of a state.
-
-    Both (n_hist, m, m) are brought to the filter's sigmas first: states differ by ten orders of magnitude.
-    """
-    sigma = np.sqrt(np.diagonal(formal, axis1=1, axis2=2))
-    sound = np.all(sigma > 0.0, axis=1)
-    scale = sigma[sound, :, None] * sigma[sound, None, :]
-    expected = np.full(len(formal), np.nan)
-    expected[sound] = np.trace(np.linalg.solve(formal[sound] / scale, total[sound] / scale), axis1=1, axis2=2)
-    return expected
-
-
 def _history(prepared: Prepared, out: PassResults) -> CovHistory:
     reported, m = np.array(prepared.layout.reported), prepared.layout.n_estimated
     n, turn = reported.size, turns(prepared)
@@ -287,16 +274,9 @@ def _history(prepared: Prepared, out: PassResults) -> CovHistory:
         n_row=out.n_row.astype(np.int32),
         expected_nees=nees,
         expected_nis=out.expected_nis,
-        false_rejection=false_rejection(prepared.model.gate_squared, out.worst_ratio),
+        false_rejection=false_rejection(prepared.model.gate_squared, out.row_ratio),
+        row_ratio=out.row_ratio,
     )
-
-
-def false_rejection(gate_squared: float, ratio: Floats) -> Floats:
-    """Return the probability (n_epoch,) that the gate rejects a good measurement, of the epoch's most endangered row.
-
-    A row's normalised innovation is normal with the expected square `ratio`; a matched filter has 1.
-    """
-    return chdtrc(1, gate_squared / np.maximum(ratio, 1e-300)) if np.isfinite(gate_squared) else np.zeros_like(ratio)
 
 
 def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, out: PassResults) -> CovHistory:

@@ -89,7 +89,7 @@ class PassResults(NamedTuple):
     held_mean : (11,). Mean error of the receiver's present solution.
     n_row : (n_epoch,). Number of scalar measurements processed.
     expected_nis : (n_epoch,). Expected sum of squared normalised innovations.
-    worst_ratio : (n_epoch,). Largest expected square of a normalised innovation.
+    row_ratio : (n_epoch, n_row). Expected square of each normalised innovation; 0 of rows that are not processed.
     """
 
     formal: Floats
@@ -103,7 +103,7 @@ class PassResults(NamedTuple):
     held_mean: Floats
     n_row: Floats
     expected_nis: Floats
-    worst_ratio: Floats
+    row_ratio: Floats
 
 
 Nominal = namedtuple(
@@ -367,7 +367,7 @@ def new_record(prepared: Prepared, n_source: int) -> PassResults:
                 "held_mean": (N_STATE,),
                 "n_row": (n_epoch,),
                 "expected_nis": (n_epoch,),
-                "worst_ratio": (n_epoch,),
+                "row_ratio": (n_epoch, prepared.n_row),
             }
         )
     )

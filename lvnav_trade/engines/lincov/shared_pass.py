@@ -1,0 +1,97 @@
+"""Linear covariance of cases that differ in true sigmas alone, from a few passes that they share.
+
+The gains of a filter depend on its own models. With the same gains, the true covariance is a sum over independent
+sources, and each source enters by the square of its sigma. So the covariance of a case is that of the case with the
+smallest sigmas, plus a share of what each larger sigma adds.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.lincov.expected import false_rejection
+from lvnav_trade.records import CovHistory, Floats
+
+TOLERANCE = 1e-9
+"""Largest difference of a predicted covariance, as a share of its sigmas, that still counts as the same."""
+_LINEAR = ("true_cov", "budget", "expected_nees", "expected_nis", "row_ratio")
+"""Fields that are sums over the sources, beside a part that is the same in every case."""
+_SAME = ("formal_cov", "mean", "n_row", "t", "t_epoch", "decisions")
+"""Fields that true sigmas do not enter."""
+
+
+class SharedPass(NamedTuple):
+    """The passes that cases share, each with one sigma of its own.
+
+    gate_squared : Limit of the filter's gate on a squared normalised innovation.
+    least : Smallest value of each varied sigma, (n_axis,).
+    largest : Largest value, (n_axis,).
+    base : Linear covariance with all sigmas at their smallest value.
+    added : What each sigma adds at its largest value: for each axis the fields of `_LINEAR`.
+    """
+
+    gate_squared: float
+    least: Floats
+    largest: Floats
+    base: CovHistory
+    added: tuple[tuple[Floats, ...], ...]
+
+
+def shared_pass(
+    gate_squared: float,
+    least: Sequence[float],
+    largest: Sequence[float],
+    base: CovHistory,
+    raised: Sequence[CovHistory],
+) -> SharedPass:
+    """Return the shared passes from that of the smallest sigmas, and for each axis that with its sigma at its largest.
+
+    ValueError where a raised sigma changes what it cannot: the filter's own covariance, the mean.
+    """
+    for one in raised:
+        if not is_same_filter(base, one):
+            raise ValueError("the filter is not the same")
+    added = tuple(
+        tuple(getattr(one, name) - getattr(base, name) for name in _LINEAR) for one in raised
+    )  # by axis, then by field
+    return SharedPass(gate_squared, np.asarray(least, dtype=float), np.asarray(largest, dtype=float), base, added)
+
+
+def is_same_filter(one: CovHistory, other: CovHistory) -> bool:
+    """Whether two passes have the same filter, mean and times, bit for bit."""
+    return all(np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True) for name in _SAME)
+
+
+def covariance_of(shared: SharedPass, sigmas: Sequence[float]) -> CovHistory:
+    """Return linear covariance of the case with these sigmas (n_axis,), in the units of `SharedPass.least`."""
+    sigma = np.asarray(sigmas, dtype=float)
+    part = (sigma**2 - shared.least**2) / (shared.largest**2 - shared.least**2)
+    found = {}
+    for place, name in enumerate(_LINEAR):
+        total = getattr(shared.base, name).copy()
+        for share, added in zip(part, shared.added, strict=True):
+            total += share * added[place]
+        found[name] = total
+    diagonal = np.diagonal(found["true_cov"], axis1=1, axis2=2)
+    return shared.base._replace(
+        **found,
+        true_sigma=np.sqrt(np.maximum(0.0, diagonal)),
+        false_rejection=false_rejection(shared.gate_squared, found["row_ratio"]),
+    )
+
+
+def largest_difference(found: CovHistory, computed: CovHistory) -> float:
+    """Return how far two covariances are apart: of the true covariance as a share of the sigmas of its row and column,
+    of the other sums as a share of themselves.
+    """
+    sigma = computed.true_sigma
+    scale = np.maximum(sigma[:, :, None] * sigma[:, None, :], 1e-300)
+    apart = [float(np.max(np.abs(found.true_cov - computed.true_cov) / scale, initial=0.0))]
+    for name in ("expected_nees", "expected_nis", "row_ratio"):
+        a, b = getattr(found, name), getattr(computed, name)
+        known = np.isfinite(a) & np.isfinite(b) & (b != 0.0)
+        apart.append(float(np.max(np.abs(a[known] / b[known] - 1.0), initial=0.0)))
+        if not np.array_equal(np.isnan(a), np.isnan(b)):
+            return float("inf")
+    return max(apart)
