@@ -21,7 +21,8 @@ FIELD_LENGTH = 1_000  # characters of a field of a file of data
 # --- campaigns --------------------------------------------------------------------------------------------------------
 
 AXES = 20  # axes of a campaign
-CASES = 500  # cases of a campaign
+CASES = 500  # cases of a campaign that stores each of them whole
+DESIGNS = 100_000  # cases of a campaign that stores metrics alone
 RUNS = 1_000_000  # runs of a case
 SPOT_CHECK = 32  # fewest runs of a spot check of linear covariance
 FINEST_HISTORY = 1e-3  # s between the times of a stored history: few IMUs sample faster

@@ -17,6 +17,7 @@ from lvnav_trade.campaign.running.demonstrable import undemonstrable
 from lvnav_trade.campaign.running.plan import estimate
 from lvnav_trade.campaign.running.progress import Progress, staged
 from lvnav_trade.campaign.running.replay import find
+from lvnav_trade.campaign.space.stage import Space
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError, refuse_all
 from lvnav_trade.store import remote
@@ -211,7 +212,17 @@ def carry_out(campaign: Campaign, folder: str | Path | None, task: Task) -> Resu
     if task.copy_to:
         remote.refuse_foreign_place(task.copy_to)
     mode: execute.Mode = "fresh" if task.fresh else "resume"
-    execute.run(campaign, place, task.jobs, mode, task.fail_fast, task.progress, task.on_answers, shards=task.shards)
+    execute.run(
+        campaign,
+        place,
+        task.jobs,
+        mode,
+        task.fail_fast,
+        task.progress,
+        task.on_answers,
+        shards=task.shards,
+        space=Space(campaign) if campaign.is_space else None,
+    )
     if task.report:
         from lvnav_trade.report import SECTIONS, build
 

@@ -1,5 +1,6 @@
 """One row per design: levels of its axes as numbers in SI, errors at injection, requirements, cost."""
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -23,6 +24,7 @@ AXIS = "axis_"
 # Columns of every design, with their meaning
 MEANINGS = {
     "case": "digest of the resolved scenario and the seed, 12 hexadecimal digits",
+    "design_number": "number of the design, from 0; of results that hold one row for each of many",
     "label": "levels of the axes, for people",
     "run_count": "Monte-Carlo runs, failed ones among them",
     "failed_count": "runs that failed",
@@ -39,6 +41,7 @@ MEANINGS = {
     "error_ratio": "largest error of a requirement over its limit: at most 1 where all are met",
     "binding": "requirement that has it",
     "verdict": "worst verdict on the requirements",
+    "reason": "why there are no numbers, or why linear covariance does not describe the case",
     "cost": "cost of the devices",
     "mass_kg": "mass of the devices",
     "power_w": "power of the devices",
@@ -51,12 +54,41 @@ def designs(tables: Tables) -> pd.DataFrame:
     """Return one row per case, every number in the SI unit that its column's name ends with.
 
     Columns: those of `MEANINGS` that the results know; ``axis_NAME`` (text) or ``axis_NAME_UNIT`` (number) of every
-    axis; of every requirement the error that the asked fraction of flights stays below (``NAME_UNIT``), the probability
-    that linear covariance gives the limit (``NAME_probability_ratio``), and its verdict (``NAME_verdict``).
+    axis; of every requirement the error that the asked fraction of flights stays below (``NAME_quantile_UNIT``), the
+    probability that linear covariance gives the limit (``NAME_probability_ratio``), and its verdict (``NAME_verdict``).
     """
+    if len(tables.designs):
+        return _of_many(tables)
     frame = pd.DataFrame({"case": list(tables.labels), "label": list(tables.labels.values())})
     frame = pd.concat([frame, _axes(tables), _runs(tables), _navigation(tables), *_requirements(tables)], axis=1)
     return _with_totals(tables, frame)
+
+
+def _of_many(tables: Tables) -> pd.DataFrame:
+    """Return the designs of results that hold one row for each, with texts of JSON objects as columns.
+
+    Of the cases that are analysed whole, runs and their verdicts take the place of those of linear covariance.
+    """
+    stored = tables.designs
+    numbers = [str(name) for name in stored.select_dtypes("number") if name != "design_number"]
+    levels = pd.DataFrame([json.loads(text) for text in stored["axes"]])
+    numeric = {name.removeprefix(AXIS) for name in numbers if name.startswith(AXIS)}
+    texts = {name: slug(str(name)) for name in levels}
+    texts = {name: text for name, text in texts.items() if not any(_is_of(text, one) for one in numeric)}
+    frame = stored[["design_number", "case", "label"]].copy()
+    for name, text in texts.items():
+        frame[f"{AXIS}{text}"] = levels[name].to_numpy()
+    frame = pd.concat([frame, stored[numbers]], axis=1)
+    stated = tables.campaign.get("requirements") or ()
+    words = pd.DataFrame([json.loads(text or "{}") for text in stored.verdicts], index=stored.index)
+    for one in stated:
+        frame[requirement_columns(one)[2]] = words[one["name"]].fillna("") if one["name"] in words else ""
+    return frame.assign(binding=stored.binding, verdict=stored.verdict, reason=stored.reason)
+
+
+def _is_of(name: str, column: str) -> bool:
+    """Whether a column (without ``axis_``) is the axis of a name with a unit behind it."""
+    return column.startswith(f"{name}_") and column.removeprefix(f"{name}_") in SUFFIXES | dict.fromkeys(["ratio"], "")
 
 
 def slug(name: str) -> str:
@@ -69,7 +101,7 @@ def requirement_columns(requirement: Mapping[str, Any]) -> tuple[str, str, str]:
     name = slug(str(requirement["name"]))
     unit = metric_of(str(requirement["metric"])).unit
     end = {"-": "ratio", "%": "percent"}.get(unit) or unit_suffix(unit)
-    return f"{name}_{end}", f"{name}_probability_ratio", f"{name}_verdict"
+    return f"{name}_quantile_{end}", f"{name}_probability_ratio", f"{name}_verdict"
 
 
 def meanings(frame: pd.DataFrame, requirements: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

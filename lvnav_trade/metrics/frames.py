@@ -18,6 +18,7 @@ from lvnav_trade.metrics import (
     published,
     resources,
     signals,
+    space,
     vehicle,
 )
 from lvnav_trade.metrics.basics.select import once
@@ -59,6 +60,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
     resources: ("totals", "pareto"),
     designs: ("designs",),
+    space: ("effects", "regions"),
     assumptions: ("assumptions",),
     configuration: ("configuration",),
     along: ("curves", "crossings", "tornado"),
@@ -84,8 +86,8 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "windows", "filter_verdicts", "budget", "expected",
     "spot_check", "sensitivity", "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity",
-    "tested_errors", "curves", "crossings", "tornado", "designs", "totals", "pareto", "motion", "nozzle", "turning",
-    "allan",
+    "tested_errors", "curves", "crossings", "tornado", "designs", "effects", "regions", "totals", "pareto",
+    "motion", "nozzle", "turning", "allan",
     "protection", "exclusions", "assumptions", "configuration", "injection",
     "injection_sources", "cutoff",
 )  # fmt: skip

@@ -53,7 +53,9 @@ def scenario_of(tables: Tables, case: str) -> dict[str, Any]:
     names = list(tables.levels[case])
     for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):
         level = tables.levels[case][name]
-        if level in (axis.get("labels") or ()):
+        if axis.get("between") and level != "base":
+            data = _put(data, str(axis["path"]).split("."), level)
+        elif level in (axis.get("labels") or ()):
             data = _put(data, str(axis["path"]).split("."), axis["values"][axis["labels"].index(level)])
     return dict(data)
 
@@ -122,7 +124,7 @@ def pareto(tables: Tables) -> pd.DataFrame:
     frame = found.merge(ratios, on="case")
     used = [name for name in ("cost", "mass_kg", "power_w", "volume_l") if frame[name].notna().all()]
     values = frame[[*used, "error_ratio"]].to_numpy(dtype=float)
-    by = [_dominating(values, k) for k in range(len(values))]
+    by = [dominating(values, k) for k in range(len(values))]
     return frame.assign(
         meets=frame.verdict == "met",
         front=[one < 0 for one in by],
@@ -150,7 +152,7 @@ def _ratios(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["case", "error_ratio", "binding", "verdict"])
 
 
-def _dominating(values: Floats, k: int) -> int:
+def dominating(values: Floats, k: int) -> int:
     """Return the first row that is no worse than row k in any column and better in one; -1 where none is."""
     better = np.all(values <= values[k], axis=1) & np.any(values < values[k], axis=1)
     return int(np.argmax(better)) if better.any() else -1

@@ -13,6 +13,7 @@ from lvnav_trade.plots import (
     published,
     search,
     signals,
+    space,
     validity,
     vehicle,
 )
@@ -32,6 +33,7 @@ __all__ = [
     "published",
     "search",
     "signals",
+    "space",
     "validity",
     "vehicle",
 ]

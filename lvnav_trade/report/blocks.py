@@ -98,6 +98,13 @@ class Grades(NamedTuple):
     kind: str = "grades"
 
 
+class Designs(NamedTuple):
+    """Data, as JSON, of a scatter and of parallel axes of many designs; drawn by a script of the page, else not."""
+
+    data: str
+    kind: str = "designs"
+
+
 class More(NamedTuple):
     """Blocks that are one click away on the page, and below a heading in Markdown; a brief report leaves them out."""
 
@@ -106,7 +113,7 @@ class More(NamedTuple):
     kind: str = "more"
 
 
-Block = Text | Table | Picture | Grades | More
+Block = Text | Table | Picture | Grades | Designs | More
 Blocks = Callable[[Tables], list[Block]]
 
 

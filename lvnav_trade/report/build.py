@@ -18,8 +18,9 @@ from lvnav_trade.report import configuration as configured
 from lvnav_trade.report import curves, evidence, flight, injection, integrity
 from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report import models as registered
+from lvnav_trade.report import space as together
 from lvnav_trade.report.answers import answers
-from lvnav_trade.report.blocks import Block, Blocks, Grades, More, Picture, Section, Table, Text, chosen_cases
+from lvnav_trade.report.blocks import Block, Blocks, Designs, Grades, More, Picture, Section, Table, Text, chosen_cases
 from lvnav_trade.report.document import Head, head, stated_requirements, title_of
 from lvnav_trade.report.escape import csv_text, render, source
 from lvnav_trade.report.summary import SIGNS, summary
@@ -36,6 +37,7 @@ def _requirements(tables: Tables) -> list[Block]:
 
 
 SECTIONS: dict[str, tuple[str, Blocks]] = {
+    "space": ("The designs together", together.space),
     "summary": ("Answer", summary),
     "requirements": ("Requirements", _requirements),
     "pareto": ("Cost and performance", curves.pareto),
@@ -70,12 +72,12 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
-OPEN = ("summary", "requirements", "envelopes", "budget")
+OPEN = ("space", "summary", "requirements", "envelopes", "budget")
 """Sections that the report shows at once; the others are one click away."""
 BRIEF = (*OPEN, "consistency", "agreement", "configuration", "assumptions", "models", "reproduce")
 """Sections of a brief report, without what the report shows on demand."""
 _BRIEF_ROWS, _BRIEF_FIGURES = 15, 9  # of a table, and in all, of a brief report
-_SCRIPTS = ("uplot/uPlot.iife.min.js", "figures.js", "page.js", "grades.js")
+_SCRIPTS = ("uplot/uPlot.iife.min.js", "figures.js", "page.js", "grades.js", "space.js")
 _MANY = 50
 _DETAILED = ("orbit", "correction", "impact")
 """Sections and tables whose numbers take a second a case; of more than `_MANY` cases they hold the first few."""
@@ -123,7 +125,8 @@ def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], Non
     frames = {name: METRICS[name](detailed if name in _DETAILED else tables) for name in CSV}
     labels = {tables.labels[case]: label for case, label in labelled.labels.items()}
     if tables is not labelled:
-        frames = {name: frame.assign(case=frame.case.map(labels)) for name, frame in frames.items()}
+        of_cases = {name: frame for name, frame in frames.items() if "case" in frame and name != "designs"}
+        frames |= {name: frame.assign(case=frame.case.map(labels)) for name, frame in of_cases.items()}
     frames |= {"designs": METRICS["designs"](labelled), "models": registered.evidence(labelled)}
     csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
     return Made(title, asked, [section for section in made if section.blocks], csv, head(tables))
@@ -196,7 +199,9 @@ def _shortened(sections: Sequence[Section]) -> list[Section]:
             note = Text(f"{len(block.rows) - _BRIEF_ROWS} more rows stand in the full report.")
             return [block._replace(rows=block.rows[:_BRIEF_ROWS]), note]
         left -= isinstance(block, Picture)
-        return [] if isinstance(block, More | Grades) or (isinstance(block, Picture) and left < 0) else [block]
+        return (
+            [] if isinstance(block, More | Grades | Designs) or (isinstance(block, Picture) and left < 0) else [block]
+        )
 
     return [
         section._replace(blocks=[found for block in section.blocks for found in short(block)])

@@ -12,8 +12,8 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.campaign.definition.axes import put
 from lvnav_trade.campaign.definition.evidence import of_sensors
+from lvnav_trade.metrics.resources import scenario_of
 from lvnav_trade.report.blocks import Block, Text, stated
 from lvnav_trade.report.escape import note, source
 from lvnav_trade.store.lookup import once
@@ -76,15 +76,9 @@ def _is_something(value: Any) -> bool:
 
 def scenarios(tables: Tables) -> dict[str, Any]:
     """Return the scenario of each case by its label, as the resolved campaign states it; none where it states none."""
-    axes, base, found = tables.campaign.get("axes") or (), tables.campaign.get("base"), dict[str, Any]()
-    for case, levels in tables.levels.items() if base else ():
-        data = base
-        for axis, level in zip(axes, levels.values(), strict=True):
-            labels = list(axis["labels"])
-            if level in labels:  # else the base's own
-                data = put(data, axis["path"].split("."), axis["values"][labels.index(level)])
-        found[tables.labels[case]] = data
-    return found
+    if not tables.campaign.get("base"):
+        return {}
+    return {tables.labels[case]: scenario_of(tables, case) for case in tables.levels}
 
 
 @once

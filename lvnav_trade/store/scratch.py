@@ -125,7 +125,9 @@ def remove(folder: Path, cases: Iterable[str]) -> None:
     if folder.is_symlink() or not folder.is_dir():
         return
     for case in cases:
-        own = re.compile(rf"\.?{re.escape(case)}(\..*)?\.(covariance|explained|whole)(\.\d+)?")  # half written ones too
+        own = re.compile(
+            rf"\.?{re.escape(case)}(\..*)?\.(covariance|explained|whole|designs)(\.\d+)?"
+        )  # half written ones too
         for path in [path for path in folder.iterdir() if own.fullmatch(path.name)]:
             path.unlink(missing_ok=True)
     with suppress(OSError):  # a file of the user's own is left in it

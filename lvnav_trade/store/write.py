@@ -28,6 +28,7 @@ from lvnav_trade.store.files import (
     has_rows,
     merged_table,
     replace_file,
+    replace_table,
     row_files,
     write_case_table,
 )
@@ -146,7 +147,7 @@ class Results:
         a function with work items, one a table: worker processes may do them.
         """
         found = [case for case in extra_manifest["cases"] if (self.case_folder(case) / "tables").is_dir()]
-        self._merge_tables([name for name in TABLES if name != "traces"], found, each)
+        self._merge_tables([name for name in TABLES if name not in ("traces", "designs")], found, each)
         if trace is not None:
             trace(self.folder)
         self._merge_tables(["traces"], found, one_by_one)
@@ -160,6 +161,24 @@ class Results:
         }
         self.owned.claim("run", (), found)
         _write_json(self.folder / MANIFEST, self.manifest)
+
+    def choose(self, cases: Mapping[str, str], about: Mapping[str, Any]) -> None:
+        """List further cases (digest and label), and note what is said of them."""
+        self.owned.claim("run", (), cases)
+        self.manifest |= {"asked_cases": dict(cases), **about}
+        _write_json(self.folder / MANIFEST, self.manifest)
+
+    def write_designs(self, table: pa.Table) -> None:
+        """Write the table of all designs of a campaign that stores metrics."""
+        replace_table(table.replace_schema_metadata(self._about("designs")), self.folder / "designs.parquet")
+
+    def _about(self, name: str) -> dict[str, str]:
+        """Return what a table says of itself."""
+        return {
+            "lvnav_trade.table": name,
+            "lvnav_trade.version": self.manifest["tool"],
+            "lvnav_trade.campaign": self.manifest["campaign_digest"],
+        }
 
     def remove_case_tables(self) -> None:
         """Remove the tables of single cases: those of all cases hold their rows, in less space."""
@@ -177,13 +196,8 @@ class Results:
         if not any(map(has_rows, files)):
             return name, False
         every = dict.fromkeys(column for file in files for column in case_schema(file).names[1:])
-        metadata = {
-            "lvnav_trade.table": name,
-            "lvnav_trade.version": self.manifest["tool"],
-            "lvnav_trade.campaign": self.manifest["campaign_digest"],
-        }
         schema = arrow_schema(name, tuple(column for column in every if column not in TABLES[name]))
-        schema = schema.with_metadata(metadata)
+        schema = schema.with_metadata(self._about(name))
         with merged_table(self.folder / f"{name}.parquet", schema) as write:
             for table in chain.from_iterable(map(batches, files)):
                 write(_widen(table, schema))

@@ -47,7 +47,7 @@ def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> It
         yield ()
     elif design == "grid":
         yield from itertools.product(*(range(size) for size in sizes))
-    elif design == "zip":
+    elif design in ("zip", "latin_hypercube", "sobol"):
         yield from ((index,) * len(sizes) for index in range(sizes[0]))
     else:
         every = [range(size) if axis in crossed else (None,) for axis, size in enumerate(sizes)]

@@ -22,6 +22,7 @@ from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.scenario import Scenario
 
 _OTHER_RUNS = 40  # of a case that is not selected
+_CHOSEN = 10  # cases of many that have runs
 
 
 class MonteCarlo(units.Card):
@@ -39,9 +40,20 @@ class MonteCarlo(units.Card):
         description="level of some axes: only these cases have all runs; the others have `other_runs`, and their "
         "verdicts are linear covariance's where that many runs do not decide",
     )
+    cases: Literal["undecided", "front"] | None = Field(
+        None,
+        description="where metrics are stored: cases that have runs; undecided: those nearest to a limit; "
+        "front: those on the Pareto front of error and cost; undecided if absent",
+    )
+    most_cases: int | None = Field(None, ge=1, le=limits.CASES, description="most of these cases; 10 if absent")
     other_runs: int | None = Field(
         None, ge=0, description="runs of each case that `selected` leaves out; 40 if absent, 0: linear covariance alone"
     )
+
+    @property
+    def chosen_most(self) -> int:
+        """The most cases that `cases` chooses."""
+        return _CHOSEN if self.most_cases is None else self.most_cases
 
     def runs_of(self, levels: Mapping[str, str]) -> int:
         """Return the runs of the case with these levels, by name of the axis."""
@@ -330,6 +342,11 @@ class Campaign(units.Card):
     # choice of the cases among all combinations of levels
     design: Literal["grid", "zip", "one_at_a_time", "latin_hypercube", "sobol", "box_behnken"] = "grid"
     samples: int | None = Field(None, description="points of a Latin hypercube, or of Sobol's sequence (a power of 2)")
+    store: Literal["metrics", "history"] | None = Field(
+        None,
+        description="history: everything of each case; metrics: a row for each and a few whole; if absent metrics of "
+        f"more than {limits.CASES} cases",
+    )
     exclude: tuple[dict[str, str | tuple[str, ...]], ...] = Field(
         (), description="combinations that are left out: level of some axes, or lists of levels"
     )
@@ -352,11 +369,29 @@ class Campaign(units.Card):
     indices: Indices | None = Field(None, description="global sensitivity, which lvnav-trade indices computes")
     tune: Tune | None = Field(None, description="a filter's tuning, which lvnav-trade tune finds")
     _written: Written = PrivateAttr(default_factory=Written)  # place where each value is written
+    _by_rule: "ByRule" = PrivateAttr(default_factory=lambda: ByRule())  # how many designs are stated
 
     @property
     def written(self) -> Written:
         """Where every value was written, for mistakes that show only later."""
         return self._written
+
+    @property
+    def is_space(self) -> bool:
+        """Whether the campaign stores one row for each of many designs."""
+        return self.store == "metrics"
+
+    @property
+    def rule(self) -> tuple[Axis, ...]:
+        """The axes as they are stated: those of many samples by their limits."""
+        return self._by_rule.axes or self.axes
+
+    @property
+    def probe(self) -> "Campaign":
+        """The campaign whose cases stand for all where a mistake is looked for: of many designs the base, and each end
+        of each axis alone; else itself.
+        """
+        return self if self._by_rule.probe is None else self._by_rule.probe
 
     @field_validator("name")
     @classmethod
@@ -364,3 +399,19 @@ class Campaign(units.Card):
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}", name):
             raise ValueError(f"{quoted(name)} cannot name a folder; use letters, digits, '-', '_' and '.'")
         return name
+
+
+class ByRule:
+    """How many designs are stated. Any two are equal: campaigns are compared by their cases.
+
+    axes : Axes as they are stated, where those of the campaign have a value for each sample.
+    probe : The campaign of the base and of the ends of each axis alone.
+    """
+
+    def __init__(self, axes: tuple[Axis, ...] = (), probe: Campaign | None = None) -> None:
+        self.axes, self.probe = axes, probe
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ByRule)
+
+    __hash__ = None  # type: ignore[assignment]

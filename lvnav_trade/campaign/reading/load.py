@@ -13,6 +13,7 @@ from lvnav_trade.campaign.reading.checks import Varied
 from lvnav_trade.campaign.reading.combining import narrowing, selection
 from lvnav_trade.campaign.reading.expand import expand, expanded, splice
 from lvnav_trade.campaign.reading.explain import explain
+from lvnav_trade.campaign.reading.sampled import Rule, refuse_selection, ruled, with_designs
 from lvnav_trade.campaign.reading.spaced import spaced
 from lvnav_trade.campaign.syntax import fields, marked, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, campaign_file, nowhere
@@ -44,7 +45,8 @@ def load(file: str | Path, sets: Sequence[str] = ()) -> Campaign:
 
 def resolved(campaign: Campaign) -> str:
     """Return the campaign as YAML, all defaults filled in; `load` reads it back to the same campaign."""
-    return tree.dump(campaign.model_dump(mode="json", exclude_none=False))
+    stated = campaign.model_copy(update={"axes": campaign.rule})
+    return tree.dump(stated.model_dump(mode="json", exclude_none=False))
 
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -59,10 +61,13 @@ class _Loader:
         self.broken: list[str] = []  # paths at which expansion found a mistake
         self.unread: set[tuple[int, int]] = set()  # axis and level of those in which it did
         self.design = "grid"
+        self.rule: Rule | None = None  # of a campaign of many designs
 
     def campaign(self, is_narrowed: bool) -> Campaign:
         """Return the campaign or raise all mistakes; `is_narrowed`: without numbers of levels that are gone."""
-        self.root, self.mistakes = spaced(self.root)
+        self.rule, self.root = ruled(self.root)
+        if self.rule is None:
+            self.root, self.mistakes = spaced(self.root)
         self._raise()
         kind = tree.find(self.root, ["design"])
         self.design = str(kind.value) if kind else "grid"
@@ -95,18 +100,30 @@ class _Loader:
         ]
         whole = found.model_copy(update={"axes": tuple(whole_axes)})
         self._raise()
+        if self.rule is not None:
+            whole = self._with_designs(cases, whole)
         self.mistakes += narrowing(whole, root)
         self._raise()
-        self._check_cases(cases, whole)
+        if self.rule is None:
+            self._check_cases(cases, whole)
         self._raise()
         self.mistakes += [*checks.requirements(whole, root), *checks.without_effect(whole, root)]
-        self.mistakes += checks.equal_cases(whole, self.root)
+        self.mistakes += checks.equal_cases(whole, self.root) if self.rule is None else []
         if is_narrowed:
             whole = checks.narrowed(whole)
         self.mistakes += [*checks.references(whole, root), *selection(whole, root)]
         self._raise()
-        whole._written = self._written(root, axes, levels)
-        design.remember(whole, cases.scenarios)
+        whole._written = whole.probe._written = self._written(root, axes, levels)
+        design.remember(whole.probe, cases.scenarios)
+        return whole
+
+    def _with_designs(self, cases: "_Cases", ends: Campaign) -> Campaign:
+        """Return the campaign of many designs from that of the ends of its axes, whose cases are checked."""
+        assert self.rule is not None
+        whole = with_designs(ends, self.rule)
+        refuse_selection(whole, self.root)
+        self._check_cases(cases, whole.probe)
+        self._raise()
         return whole
 
     def _written(self, root: tree.Node, axes: list[Varied], levels: list[list[tree.Node]]) -> tree.Written:

@@ -2,7 +2,7 @@
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.published import Published
-from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.definition.schema import ByRule, Campaign
 from lvnav_trade.campaign.syntax.tree import Written
 
 
@@ -15,7 +15,7 @@ def single(campaign: Campaign, case: Case) -> Campaign:
     runs = campaign.monte_carlo
     if runs is not None:
         number = runs.runs_of(case.axes)
-        changed = {"runs": number, "selected": {}, "other_runs": None}
+        changed = {"runs": number, "selected": {}, "other_runs": None, "cases": None, "most_cases": None}
         runs = runs.model_copy(update=changed) if number else None
     found = campaign.model_copy(
         update={
@@ -24,6 +24,8 @@ def single(campaign: Campaign, case: Case) -> Campaign:
             "base": case.scenario,
             "axes": (),
             "design": "grid",
+            "samples": None,
+            "store": None,
             "exclude": (),
             "constraints": (),
             "monte_carlo": runs,
@@ -35,6 +37,7 @@ def single(campaign: Campaign, case: Case) -> Campaign:
             "tune": None,
         }
     )
+    found._by_rule = ByRule()
     found._written = Written()  # what is without effect on this case may have one on another
     return found
 

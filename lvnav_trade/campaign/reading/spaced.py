@@ -53,13 +53,13 @@ def spaced(root: Node) -> tuple[Node, list[Mistake]]:
         else:
             if (count := find(root, ["samples"])) is not None and count.value is not None:
                 raise refuse(count.place, "samples", f"no effect: of the designs {' and '.join(SAMPLED[:2])} only")
-            axes = [_written(axis, index) for index, axis in enumerate(axes)]
+            axes = [written(axis, index) for index, axis in enumerate(axes)]
     except InputError as error:
         mistakes += error.records
     return tree.with_child(root, "axes", Node(axes, node.place), root.keys["axes"]), mistakes
 
 
-def _written(axis: Node, index: int) -> Node:
+def written(axis: Node, index: int) -> Node:
     """Return an axis in which what is equally spaced is written out."""
     made: dict[str, Callable[[Sequence[Any], Ends], Floats]] = {
         "linspace": _linspace,
@@ -78,13 +78,14 @@ def _written(axis: Node, index: int) -> Node:
                 values = make(parts, ends)
             except ValueError as error:
                 raise refuse(stated.place, path, str(error)) from None
-            return _with_values(axis, key, [ends.text(float(value)) for value in values])
+            return with_values(axis, key, [ends.text(float(value)) for value in values])
     if axis.is_map and (limits := find(axis, ["between"])) is not None and limits.value is not None:
         raise refuse(axis.place, f"axes.{index}.between", f"needs a sampled design: {', '.join(SAMPLED)}")
     return axis
 
 
-def _with_values(axis: Node, key: str, values: Sequence[Any]) -> Node:
+def with_values(axis: Node, key: str, values: Sequence[Any]) -> Node:
+    """Return an axis with a list of values in the place of the rule under a key."""
     place = axis.keys[key]
     held = Node([Node(value, place) for value in values], place)
     left = axis
@@ -121,7 +122,7 @@ def _linspace(parts: Sequence[Any], ends: Ends) -> Floats:
 
 
 def _logspace(parts: Sequence[Any], ends: Ends) -> Floats:
-    return _between(np.linspace(0.0, 1.0, _count(parts[2])), ends, log=True)
+    return between(np.linspace(0.0, 1.0, _count(parts[2])), ends, log=True)
 
 
 def _range(parts: Sequence[Any], ends: Ends) -> Floats:
@@ -138,7 +139,7 @@ def _range(parts: Sequence[Any], ends: Ends) -> Floats:
     return np.asarray(ends.first + step * np.arange(count))
 
 
-def _between(part: Floats, ends: Ends, log: bool) -> Floats:
+def between(part: Floats, ends: Ends, log: bool) -> Floats:
     """Return values at parts (n,) of the way from first to last, or of their logarithms."""
     if not log:
         return ends.first + part * (ends.last - ends.first)
@@ -204,11 +205,11 @@ def _drawn(axis: Node, index: int, part: Floats) -> Node:
             if not isinstance(limits, list) or len(limits) != 2:
                 raise ValueError("should be [least, largest]")
             ends = ends_of(limits)._replace(whole=False)
-            values = _between(part, ends, bool(log is not None and log.value))
+            values = between(part, ends, bool(log is not None and log.value))
         except ValueError as error:
             raise refuse(stated.place, f"axes.{index}.between", str(error)) from None
-        return _with_values(axis, "between", [ends.text(float(value)) for value in values])
-    axis = _written(axis, index)
+        return with_values(axis, "between", [ends.text(float(value)) for value in values])
+    axis = written(axis, index)
     key = "cards" if "cards" in axis.value else "values"
     levels = axis.value.get(key)
     if levels is None or not levels.is_list or not levels.value:

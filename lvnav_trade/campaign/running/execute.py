@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
@@ -56,6 +56,19 @@ class Store(NamedTuple):
 
 STORE = Store(open_results, partial(owned, kind="results"))
 OnAnswers = Callable[[Sequence[work.Answer], Sequence[Case]], None]
+
+
+class Space(Protocol):
+    """Many designs, of which a few are analysed whole; see `campaign.space.stage`."""
+
+    def evaluate(self, job: work.Job, stage: Callable[..., Iterator[Any]]) -> None:
+        """Evaluate every design and store what is found."""
+
+    def finish(self, job: work.Job) -> Any:
+        """Store the table of all designs; return the cases that are analysed whole, and what the manifest says."""
+
+    def names(self, job: work.Job) -> Iterable[str]:
+        """Return the names that parts of the designs are left under."""
 
 
 class Checked(NamedTuple):
@@ -117,6 +130,7 @@ def run(
     keep: Store = STORE,
     shard: Shard | None = None,
     shards: Sequence[Path] = (),
+    space: Space | None = None,
 ) -> Outcome:
     """Run a campaign in `folder` and return its outcome.
 
@@ -127,6 +141,7 @@ def run(
     on_answers : called with linear covariance's answers as soon as they are there
     shard : only its share of blocks is flown and left in the folder, without tables, for a campaign with `shards`
     shards : folders of shards, whose blocks are taken before anything is computed
+    space : the designs of a campaign that stores metrics; those that it chooses are then computed whole
 
     Raises
     ------
@@ -140,7 +155,7 @@ def run(
     """
     watch, jobs = progress or Progress(), (os.cpu_count() or 1) if jobs < 1 else jobs
     try:
-        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.ENGINE, shard)
+        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.ENGINE, shard, space)
         keep.check_folder(folder)  # before a lock is left in a folder that is not the tool's
         with locked(folder):  # a campaign that is refused leaves no folder
             return work_to_do.all(keep, mode, on_answers, shards) if shard is None else work_to_do.share(keep, mode)
@@ -170,9 +185,11 @@ class _Run:
         watch: Progress,
         engine: work.Engine,
         shard: Shard | None,
+        space: Space | None = None,
     ) -> None:
         self.campaign, self.folder, self.jobs, self.fail_fast, self.watch = campaign, folder, jobs, fail_fast, watch
-        self.cases = cases(campaign)
+        self.space, probes = space, cases(campaign.probe)
+        self.cases = [] if space is not None else probes
         self.labels = {case.id: case.label for case in self.cases}
         self.failures: list[str] = []
         self.lost: list[str] = []
@@ -180,7 +197,9 @@ class _Run:
         self.deaths = 0
         self.job = work.job_of(campaign, engine, folder)
         self.stopping = Stopping(campaign)
-        self.remarks = check_flight(campaign, self.cases, engine, jobs).remarks
+        self.remarks = check_flight(campaign.probe, probes, engine, jobs).remarks
+        if space is not None:  # the few cases that are computed whole need not read all that is stated
+            check_effect(campaign.probe, probes, engine)
         self.shard, self.units = shard, blocks(campaign, self.cases, {})
         if shard is not None:  # whether statements have an effect, and when enough was flown, needs all cases and runs
             check_effect(campaign, self.cases, engine)
@@ -221,6 +240,8 @@ class _Run:
         self._open(keep, mode)
         for folder in shards:
             self.job.results.take(folder, [case.id for case in self.cases])
+        if self.space is not None:
+            self._choose(self.space)
         answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         left = [case for case, found in zip(self.cases, answers, strict=True) if not (found.error or found.is_whole)]
@@ -245,6 +266,24 @@ class _Run:
             self._remove_scratch()
         return Outcome(tuple(answers), tuple(self.failures))
 
+    def _choose(self, space: Space) -> None:
+        """Evaluate all designs; those that are chosen are the cases that are computed whole."""
+        space.evaluate(self.job, self._designs)
+        found = space.finish(self.job)
+        self.cases = list(found.cases)
+        self.labels = {case.id: case.label for case in self.cases}
+        self.units = blocks(self.campaign, self.cases, {})
+        self.job.results.choose(self.labels, {"space": found.remark})
+
+    def _designs(self, name: str, function: Any, units: Sequence[Any]) -> Iterator[Any]:
+        """Yield what parts of the designs leave; Halted where one is lost."""
+        self.watch.stage(name, sum(len(unit[-1].numbers) for unit in units))
+        for one in self._stage(name, function, units):
+            self.watch.advance(one.n_run)
+            if one.error:
+                raise Halted(f"{one.case}: {one.error}; the same command resumes")
+            yield one
+
     def _trace(self, folder: Path) -> None:
         """Fly the worst runs again and keep them over time."""
         from lvnav_trade.metrics.requirements.margins import worst_runs
@@ -256,7 +295,7 @@ class _Run:
         self._per_case("worst runs", replay.trace, units, "its worst runs over time")
 
     def _remove_scratch(self) -> None:
-        scratch.remove(self.job.scratch, self.labels)
+        scratch.remove(self.job.scratch, [*self.labels, *(self.space.names(self.job) if self.space else ())])
 
     def _stage(self, name: str, function: Any, units: Iterable[Any]) -> Iterator[Any]:
         """Yield the results of a stage in the order in which they come, timed; what a dead worker had is done again."""
@@ -305,7 +344,7 @@ class _Run:
             if one.error:
                 self._fail(f"{self.labels[one.case]}: linear covariance: {one.error}", lost=True)
             if len(found) == len(self.cases):
-                if self.shard is None:
+                if self.shard is None and self.space is None:
                     used = {key: one.used for key, one in found.items()}
                     refuse_all(Effects(self.campaign, self.cases).mistakes(used))
                 if on_answers is not None:

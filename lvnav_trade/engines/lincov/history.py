@@ -145,7 +145,6 @@ def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
     sampled = prepared.reference.dtheta.shape[0] if prepared.options.vehicle is not None else 0
     tape = new_tape(
         prepared.schedule.n_tick.size, n_update, n_joint(prepared), row_width(prepared), sampled,
-        prepared.layout.n_state,
     )  # fmt: skip
     _pass(prepared, components(prepared), tape, aided)
     return tape

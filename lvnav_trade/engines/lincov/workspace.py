@@ -47,7 +47,7 @@ class UpdateTape(NamedTuple):
     channel : (n_update,). Channel of each update.
     first : (n_window + 1,). Number of updates before those at the end of each window.
     used : (1,). Number of updates recorded so far.
-    sample_gain : (n_tick, 6, n). Gain of IMU samples processed as measurements, tick by tick.
+    sample_gain : (n_tick, 6, N). Gain of IMU samples processed as measurements, tick by tick.
     """
 
     sums: Floats
@@ -373,8 +373,10 @@ def new_record(prepared: Prepared, n_source: int) -> PassResults:
     )
 
 
-def new_tape(n_window: int, n_update: int, n: int, n_entry: int, n_tick: int = 0, n_state: int = 0) -> UpdateTape:
-    """Return an empty tape for n_window windows and n_update scalar updates; n_update 0 records nothing."""
+def new_tape(n_window: int, n_update: int, n: int, n_entry: int, n_tick: int = 0) -> UpdateTape:
+    """Return an empty tape for n_window windows, n_update scalar updates, and n_tick ticks whose samples are updates too,
+    of n joint states; n_update 0 records nothing.
+    """
     windows = n_window if n_update else 0
     return UpdateTape(
         np.zeros((windows, N_SUM)),
@@ -385,5 +387,5 @@ def new_tape(n_window: int, n_update: int, n: int, n_entry: int, n_tick: int = 0
         np.zeros(n_update, dtype=np.int64),
         np.zeros(windows + 1, dtype=np.int64),
         np.zeros(1, dtype=np.int64),
-        np.zeros((n_tick, 6, n_state)),
+        np.zeros((n_tick, N_SAMPLE, n)),
     )

@@ -48,6 +48,8 @@ def numeric_axes(tables: Tables) -> list[NumericAxis]:
     names = list(next(iter(tables.levels.values()), {}))
     found = []
     for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):  # a kept base may state none
+        if axis["values"] is None:  # sampled: its values are no grid that a curve could be drawn over
+            continue
         labels, values = [str(label) for label in axis["labels"]], list(axis["values"])
         read = [_QUANTITY.fullmatch(text) for text in labels]
         units = {one[2] or "" for one in read if one is not None}
@@ -68,13 +70,25 @@ def si_axes(tables: Tables) -> list[NumericAxis]:
     names = list(next(iter(tables.levels.values()), {}))
     found = []
     for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):
-        read = _in_si(list(axis["values"]))
+        labels, stated = _levels(tables, name, axis)
+        read = _in_si(stated)
         if read is not None:
             unit, numbers = read
-            values = dict(zip([str(label) for label in axis["labels"]], numbers, strict=True))
+            values = dict(zip(labels, numbers, strict=True))
             base = _base_value(tables, axis["path"], unit)
             found.append(NumericAxis(name, unit, values | ({} if base is None else {BASE: base})))
     return found
+
+
+def _levels(tables: Tables, name: str, axis: dict[str, Any]) -> tuple[list[str], list[Any]]:
+    """Return labels and resolved values of the levels of an axis; of a sampled one those that the cases have."""
+    if axis["values"] is not None:
+        return [str(label) for label in axis["labels"]], list(axis["values"])
+    labels = list(dict.fromkeys(levels[name] for levels in tables.levels.values()))
+    own = _QUANTITY.fullmatch(str(_at(tables.campaign.get("base"), axis["path"])))
+    if own is None or own[2] is None:
+        return labels, list(labels)
+    return labels, [f"{parse(label, own[2])!r} {own[2]}" for label in labels]
 
 
 def _in_si(values: list[Any]) -> tuple[str, list[float]] | None:
@@ -101,7 +115,8 @@ def base_level(tables: Tables, name: str) -> BaseLevel:
     if (axis := axes.get(name)) is None:
         return BaseLevel()
     own = _at(tables.campaign.get("base"), axis["path"])
-    label = next((str(one) for one, value in zip(axis["labels"], axis["values"], strict=True) if value == own), "")
+    levels = zip(axis["labels"] or (), axis["values"] or (), strict=True)
+    label = next((str(one) for one, value in levels if value == own), "")
     numbers = next((one for one in numeric_axes(tables) if one.name == name and BASE in one.values), None)
     return BaseLevel(label) if numbers is None else BaseLevel(label, numbers.values[BASE], numbers.unit)
 

@@ -27,3 +27,8 @@ def test_a_loose_filter_has_six_rows_where_there_are_four_satellites():
     prepared = case(LOOSE)
     tape = forward_tape(prepared)
     assert int(tape.used[0]) == 6 * int((prepared.signals.n_used >= 4).sum())
+
+
+def test_gains_of_samples_have_room_for_every_joint_state() -> None:
+    """Clones of a filter that takes late measurements are joint states behind those of the filter."""
+    assert new_tape(5, 3, 41, 10, 7).sample_gain.shape == (7, 6, 41)

@@ -1,0 +1,176 @@
+"""Campaigns of many designs: read by the ends of their axes; cases are made from the rule when they are computed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.campaign.definition.schema import Axis, ByRule, Campaign
+from lvnav_trade.campaign.reading.spaced import SAMPLED, Ends, between, ends_of, points, with_values, written
+from lvnav_trade.campaign.syntax import tree
+from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
+from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
+from lvnav_trade.limits import CASES, DESIGNS
+from lvnav_trade.metrics.basics.people import split
+from lvnav_trade.records import Floats
+
+METRICS = "metrics"
+_RULES = ("grid", *SAMPLED[:2])
+
+
+class Rule(NamedTuple):
+    """How the designs of a campaign follow from its axes.
+
+    design : Design as the campaign states it.
+    samples : Number of points; None for a grid.
+    ends : For each axis the limits between which it is sampled, and whether evenly in the logarithm; None for an axis
+        of levels.
+    """
+
+    design: str
+    samples: int | None
+    ends: tuple[tuple[Ends, bool] | None, ...]
+
+
+def ruled(root: Node) -> tuple[Rule | None, Node]:
+    """Return the rule of a campaign that stores metrics alone, and its tree with the ends of every axis as levels, one
+    varied at a time; no rule and the tree as it is for every other campaign. InputError where the rule has mistakes.
+
+    A campaign stores metrics alone where it says so, or where it has more cases than are stored whole.
+    """
+    axes, stated = find(root, ["axes"]), _text(root, "store")
+    design = _text(root, "design") or "grid"
+    if axes is None or not axes.is_list or stated not in ("", METRICS):
+        return None, root
+    if design not in _RULES:
+        if stated == METRICS:
+            raise InputError(records=[mistake_at(root, "store", f"metrics: of the designs {', '.join(_RULES)}")])
+        return None, root
+    node = find(root, ["samples"])
+    samples = node.value if node is not None else None
+    many = isinstance(samples, int) and not isinstance(samples, bool) and samples > CASES
+    if stated != METRICS and design != "grid" and not many:
+        return None, root
+    made = [_ends(axis, index, design) for index, axis in enumerate(axes.value)]
+    whole = [axis for axis, _ in made]
+    if stated != METRICS and design == "grid" and math.prod(map(_levels, whole)) <= CASES:
+        return None, root
+    _check_count(root, design, samples, math.prod(map(_levels, whole)))
+    place = axes.place
+    root = tree.with_child(root, "axes", Node(whole, place), root.keys["axes"])
+    root = tree.put(root, ["design"], Node("one_at_a_time", place))
+    root = tree.without(root, "samples") if node is not None else root
+    return Rule(design, samples if design != "grid" else None, tuple(ends for _, ends in made)), root
+
+
+def _text(root: Node, key: str) -> str:
+    node = find(root, [key])
+    return str(node.value) if node is not None and node.value is not None else ""
+
+
+def _levels(axis: Node) -> int:
+    """Return the number of levels of an axis that is written out; 1 where it cannot be read."""
+    for key in ("values", "cards"):
+        levels = find(axis, [key])
+        if levels is not None and levels.is_list:
+            return max(1, len(levels.value))
+    return 1
+
+
+def _check_count(root: Node, design: str, samples: Any, grid: int) -> None:
+    if design == "grid":
+        if find(root, ["samples"]) is not None and samples is not None:
+            raise InputError(
+                records=[mistake_at(root, "samples", f"no effect: of the designs {' and '.join(_RULES[1:])} only")]
+            )
+        if grid > DESIGNS:
+            raise InputError(records=[mistake_at(root, "axes", f"{grid} cases; at most {DESIGNS} are computed")])
+        return
+    if isinstance(samples, bool) or not isinstance(samples, int) or not 2 <= samples <= DESIGNS:
+        message = f"{quoted(samples)} is no count; a whole number from 2 to {DESIGNS}"
+        raise InputError(records=[mistake_at(root, "samples", message)])
+    try:
+        points(design, 1, samples, 0)
+    except ValueError as error:
+        raise InputError(records=[mistake_at(root, "samples", str(error))]) from None
+
+
+def _ends(axis: Node, index: int, design: str) -> tuple[Node, tuple[Ends, bool] | None]:
+    """Return an axis with its limits, or its levels, written out, and its limits where it is sampled between them."""
+    limits = find(axis, ["between"]) if axis.is_map else None
+    if limits is None or limits.value is None or design == "grid":
+        return written(axis, index), None
+    log = find(axis, ["log"])
+    is_log = bool(log is not None and log.value)
+    try:
+        stated = tree.plain(limits)
+        if not isinstance(stated, list) or len(stated) != 2:
+            raise ValueError("should be [least, largest]")
+        ends = ends_of(stated)._replace(whole=False)
+        values = between(np.array([0.0, 1.0]), ends, is_log)
+    except ValueError as error:
+        raise refuse(limits.place, f"axes.{index}.between", str(error)) from None
+    return with_values(axis, "between", [ends.text(float(value)) for value in values]), (ends, is_log)
+
+
+def with_designs(found: Campaign, rule: Rule) -> Campaign:
+    """Return the campaign of a rule from that of its ends, which it keeps as `probe`.
+
+    Every axis has one value for each sample in SI, and a label in the unit that the campaign states it in. A grid has
+    its levels.
+    """
+    update: dict[str, Any] = {"design": rule.design, "samples": rule.samples, "store": METRICS}
+    axes = tuple(found.axes)
+    if rule.samples is not None:
+        part = points(rule.design, len(axes), rule.samples, found.seed)
+        drawn = zip(axes, rule.ends, part.T, strict=True)
+        update["axes"] = tuple(_sampled(axis, ends, share) for axis, ends, share in drawn)
+    whole = found.model_copy(update=update)
+    probe = found.model_copy(
+        update={
+            "exclude": (),
+            "constraints": (),
+            "axes": tuple(axis.model_copy(update={"when": {}}) for axis in axes),
+        }
+    )
+    stated = tuple(
+        axis if ends is None else axis.model_copy(update=_stated(ends))
+        for axis, ends in zip(axes, rule.ends, strict=True)
+    )
+    whole._by_rule = ByRule(stated, probe)
+    return whole
+
+
+def _stated(ends: tuple[Ends, bool]) -> dict[str, Any]:
+    """Return the fields of an axis that is sampled between limits."""
+    limits, is_log = ends
+    stated = tuple(limits.text(value) for value in limits[:2])
+    return {"between": stated, "log": is_log, "values": None, "labels": None}
+
+
+def _sampled(axis: Axis, ends: tuple[Ends, bool] | None, part: Floats) -> Axis:
+    """Return an axis with a value for every sample at `part` (n,) of the way."""
+    if ends is None:
+        levels, names = axis.values or (), axis.labels or ()
+        at = np.minimum((part * len(levels)).astype(int), len(levels) - 1).tolist()
+        return axis.model_copy(update={"values": tuple(levels[k] for k in at), "labels": tuple(names[k] for k in at)})
+    limits, is_log = ends
+    least, largest = axis.values or (0.0, 1.0)
+    low, high = split(least), split(largest)
+    shown = between(part, limits, is_log).tolist()
+    labels = tuple(f"{value:.6g} {limits.unit}".rstrip() for value in shown)
+    if low is None or high is None:  # a number without a unit
+        return axis.model_copy(update={"values": tuple(shown), "labels": labels})
+    si = between(part, Ends(low[0], high[0], low[1], False), is_log).tolist()
+    return axis.model_copy(update={"values": tuple(f"{value!r} {low[1]}" for value in si), "labels": labels})
+
+
+def refuse_selection(campaign: Campaign, root: Node) -> None:
+    """Refuse what says which cases of a campaign have runs where the designs decide that."""
+    mistakes: Sequence[Mistake] = ()
+    if campaign.monte_carlo is not None and campaign.monte_carlo.selected:
+        mistakes = [mistake_at(root, "monte_carlo.selected", "of many designs `cases` says which have runs")]
+    refuse_all(list(mistakes))

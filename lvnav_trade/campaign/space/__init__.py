@@ -1,0 +1,1 @@
+"""Campaigns of many designs: one row each by linear covariance, and which of them are analysed whole."""

@@ -1,0 +1,204 @@
+"""Designs by number: their scenarios are made where they are evaluated, and those that are impossible say why."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ValidationError
+
+from lvnav_trade.campaign.definition.axes import (
+    BASE_LABEL,
+    Case,
+    Chosen,
+    axis_names,
+    case_id,
+    case_label,
+    chosen_levels,
+    put,
+)
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.errors import InputError
+from lvnav_trade.metrics.basics.people import split
+from lvnav_trade.rules import breaches_of_case
+from lvnav_trade.scenario import Scenario
+
+_NUMBER = re.compile(r"(?<![A-Za-z_\d.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+
+
+class Axes(NamedTuple):
+    """What the axes of a campaign vary.
+
+    names : Name of each axis.
+    steps : Steps of the path of each below the scenario.
+    """
+
+    names: tuple[str, ...]
+    steps: tuple[tuple[str, ...], ...]
+
+
+class Part(NamedTuple):
+    """Some designs of a campaign, for one worker.
+
+    base : Scenario that the axes vary.
+    axes : What they vary.
+    numbers : Number of each design, from 0.
+    values : Value of every axis in each design; `Unvaried` leaves the base's own.
+    labels : Label of every axis in each design.
+    seed : Seed of the campaign.
+    history : Step (s) of stored histories, which counts in the digest of a case.
+    """
+
+    base: Scenario
+    axes: Axes
+    numbers: tuple[int, ...]
+    values: tuple[tuple[Any, ...], ...]
+    labels: tuple[tuple[str, ...], ...]
+    seed: int
+    history: float
+
+
+class Unvaried:
+    """The value of an axis that leaves what the base has."""
+
+
+class Design(NamedTuple):
+    """A design.
+
+    number : Its number, from 0.
+    values : Value of every axis.
+    case : The case; None where it is impossible.
+    levels : Label of the level of each axis.
+    reason : Why it is impossible, its numbers left out so that like reasons are equal; empty where it is possible.
+    """
+
+    number: int
+    values: tuple[Any, ...]
+    case: Case | None
+    levels: dict[str, str]
+    reason: str = ""
+
+
+class Designs:
+    """The designs of a campaign.
+
+    campaign : A loaded campaign that stores metrics.
+    """
+
+    def __init__(self, campaign: Campaign) -> None:
+        self.campaign = campaign
+        self.chosen: list[Chosen] = chosen_levels(campaign)
+        self.axes = Axes(axis_names(campaign.axes), tuple(tuple(axis.steps) for axis in campaign.axes))
+
+    def __len__(self) -> int:
+        return len(self.chosen)
+
+    def values(self, number: int) -> tuple[Any, ...]:
+        """Return the value of every axis in a design."""
+        return tuple(
+            Unvaried if index is None else (axis.values or ())[index]
+            for axis, index in zip(self.campaign.axes, self.chosen[number], strict=True)
+        )
+
+    def labels(self, number: int) -> tuple[str, ...]:
+        """Return the label of every axis in a design."""
+        return tuple(
+            BASE_LABEL if index is None else (axis.labels or ())[index]
+            for axis, index in zip(self.campaign.axes, self.chosen[number], strict=True)
+        )
+
+    def part(self, numbers: Sequence[int]) -> Part:
+        """Return some designs, for one worker."""
+        return Part(
+            self.campaign.base,
+            self.axes,
+            tuple(numbers),
+            tuple(map(self.values, numbers)),
+            tuple(map(self.labels, numbers)),
+            self.campaign.seed,
+            self.campaign.keep.history,
+        )
+
+    def case(self, number: int) -> Case:
+        """Return the case of a design; InputError where it is impossible."""
+        (design,) = made(self.part([number]))
+        if design.case is None:
+            raise InputError(f"design {number}: {design.reason}")
+        return design.case
+
+    def cases(self) -> Iterator[Case]:
+        """Yield the cases in the order of the designs, without those that are impossible."""
+        for first in range(0, len(self), 200):
+            for design in made(self.part(range(first, min(first + 200, len(self))))):
+                if design.case is not None:
+                    yield design.case
+
+
+def made(part: Part) -> Iterator[Design]:
+    """Yield the designs of a part. Sections of the scenario that designs have in common are one object."""
+    base = part.base.model_dump(mode="json")
+    whole = {name: getattr(part.base, name) for name in base}
+    own = {name: value if isinstance(value, BaseModel) else base[name] for name, value in whole.items()}
+    varied = list(dict.fromkeys(steps[0] for steps in part.axes.steps))
+    sections: dict[tuple[str, tuple[str, ...]], Any] = {}
+    known: dict[int, tuple[BaseModel, Any]] = {}
+    case_id(part.base, part.seed, part.history, known)
+    fixed = dict(known)
+    for number, values, labels in zip(part.numbers, part.values, part.labels, strict=True):
+        levels = dict(zip(part.axes.names, labels, strict=True))
+        data, keys = dict(own), {}
+        for name in varied:
+            mine = [k for k, steps in enumerate(part.axes.steps) if steps[0] == name]
+            keys[name] = (name, tuple(labels[k] if isinstance(values[k], dict) else repr(values[k]) for k in mine))
+            data[name] = sections.get(keys[name]) or _section(base, name, mine, part.axes, values)
+        try:
+            scenario = Scenario.model_validate(data)
+        except (ValidationError, InputError) as error:
+            yield Design(number, values, None, levels, reason_of(error))
+            continue
+        breach = next(iter(breaches_of_case(scenario)), None)
+        if breach is not None:
+            yield Design(number, values, None, levels, _without_numbers(f"{breach[0]}: {breach[1]}"))
+            continue
+        for name, key in keys.items():
+            sections.setdefault(key, getattr(scenario, name))
+        digest = case_id(scenario, part.seed, part.history, known)
+        known = known if len(known) < 400 else dict(fixed)
+        yield Design(number, values, Case(digest, case_label(levels), levels, scenario), levels)
+
+
+def _section(base: dict[str, Any], name: str, mine: list[int], axes: Axes, values: tuple[Any, ...]) -> Any:
+    """Return the plain data of a section of a design."""
+    section: Any = {name: base.get(name)}
+    for k in mine:
+        if values[k] is not Unvaried:
+            section = put(section, axes.steps[k], values[k])
+    return section[name]
+
+
+def number_of(value: Any) -> tuple[float, str] | None:
+    """Return number and SI unit of the value of an axis; None where it is neither number nor quantity."""
+    if value is Unvaried or isinstance(value, bool):
+        return None
+    if isinstance(value, int | float):
+        return float(value), ""
+    return split(value)
+
+
+def reason_of(error: Exception) -> str:
+    """Return why a design is impossible, from the error that it raised: its first line, numbers left out."""
+    if isinstance(error, ValidationError):
+        first = error.errors()[0]
+        where = ".".join(str(step) for step in first["loc"])
+        text = f"{where}: {first['msg']}" if where else first["msg"]
+    elif isinstance(error, InputError) and error.records:
+        record = error.records[0]
+        text = f"{record.path}: {record.message}" if record.path else record.message
+    else:
+        text = f"{type(error).__name__}: {error}"
+    return _without_numbers(text.strip().partition("\n")[0].removeprefix("Value error, "))
+
+
+def _without_numbers(text: str) -> str:
+    return _NUMBER.sub("…", text)

@@ -1,0 +1,229 @@
+"""Designs evaluated by linear covariance: errors at the last event, what the requirements say, one row each."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.campaign.definition.axes import Case
+from lvnav_trade.campaign.running.case_arrays import CaseArrays
+from lvnav_trade.campaign.space.designs import Axes, Design, Part, made, number_of, reason_of
+from lvnav_trade.campaign.space.passes import HISTORY as HISTORY
+from lvnav_trade.campaign.space.passes import Passes, together_of
+from lvnav_trade.engines.lincov.shared_pass import covariance_of
+from lvnav_trade.engines.setup.prepare import Prepared, prepare
+from lvnav_trade.interrupts import raise_if_interrupted
+from lvnav_trade.metrics.designs import AXIS, requirement_columns, slug
+from lvnav_trade.metrics.errors.covariances import why_outside
+from lvnav_trade.metrics.metric import NAVIGATION_UNITS
+from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY, asked_of
+from lvnav_trade.metrics.requirements.margins import ORDER
+from lvnav_trade.metrics.resources import total_of
+from lvnav_trade.records import CovHistory, Floats, Ints
+from lvnav_trade.store.schema import unit_suffix
+
+TEXTS = ("case", "label", "axes", "reason", "binding", "verdict", "verdicts")
+_LITRE = 1e-3
+
+
+class Question(NamedTuple):
+    """What is evaluated of every design.
+
+    requirements : The requirements, as a campaign states them.
+    history : Step (s) of the history; coarse where only events count.
+    shared : Axes (their places) that change true sigmas alone, so that designs which differ in them share passes.
+    """
+
+    requirements: tuple[dict[str, Any], ...]
+    history: float
+    shared: tuple[int, ...] = ()
+
+
+class Rows(NamedTuple):
+    """Evaluated designs.
+
+    number : (n,). Number of each design.
+    texts : Columns of text, by the names of `TEXTS`.
+    numbers : Columns of numbers, (n,) each, SI.
+    passes : Passes of linear covariance that were computed.
+    covariance_s : CPU time (s) of these.
+    seconds : CPU time (s) of everything.
+    """
+
+    number: Ints
+    texts: Mapping[str, tuple[str, ...]]
+    numbers: Mapping[str, Floats]
+    passes: int
+    covariance_s: float
+    seconds: float
+
+
+def evaluate(question: Question, part: Part) -> Rows:
+    """Evaluate the designs of a part.
+
+    Designs that differ in the axes `shared` alone, and are enough of them, are evaluated from passes that they share.
+    What is impossible has a reason and no numbers.
+    """
+    begun, passes = time.process_time(), Passes()
+    groups: dict[tuple[str, ...], list[Design]] = defaultdict(list)
+    found: dict[int, dict[str, Any]] = {}
+    for design in made(part):
+        if design.case is None:
+            found[design.number] = _row(design, part.axes) | {"reason": design.reason}
+        else:
+            groups[_others(design, question.shared)].append(design)
+    for designs in groups.values():
+        for design, row in _evaluated(question, part, designs, passes):
+            found[design.number] = _row(design, part.axes) | row
+    return _rows([found[number] for number in part.numbers], part.numbers, passes, time.process_time() - begun)
+
+
+def _others(design: Design, shared: Sequence[int]) -> tuple[str, ...]:
+    """Return the levels of the axes that designs of one group have in common."""
+    return tuple(level for k, level in enumerate(design.levels.values()) if k not in shared)
+
+
+def _rows(rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], passes: Passes, seconds: float) -> Rows:
+    names = list(dict.fromkeys(name for row in rows for name, value in row.items() if not isinstance(value, str)))
+    return Rows(
+        np.array(numbers, dtype=np.int64),
+        {name: tuple(str(row.get(name, "")) for row in rows) for name in TEXTS},
+        {name: np.array([row.get(name, np.nan) for row in rows], dtype=float) for name in names},
+        passes.count,
+        passes.seconds,
+        seconds,
+    )
+
+
+# --- a row ------------------------------------------------------------------------------------------------------------
+
+
+def _row(design: Design, axes: Axes) -> dict[str, Any]:
+    """Return what is known of a design before it is evaluated: levels of its axes, numbers in SI, cost."""
+    case = design.case
+    row: dict[str, Any] = {
+        "case": "" if case is None else case.id,
+        "label": ", ".join(f"{name}={level}" for name, level in design.levels.items()),
+        "axes": json.dumps(design.levels),
+    }
+    for name, value in zip(axes.names, design.values, strict=True):
+        number = number_of(value)
+        if number is not None:
+            row[f"{AXIS}{slug(name)}_{unit_suffix(number[1])}"] = number[0]
+    if case is not None:
+        row |= _totals(case)
+    return row
+
+
+_known_totals: dict[tuple[int, ...], tuple[Any, dict[str, float]]] = {}
+
+
+def _totals(case: Case) -> dict[str, float]:
+    """Return cost, mass, power and volume of the devices of a case, as far as they are stated."""
+    scenario = case.scenario
+    devices = (scenario.imu, scenario.receiver, *scenario.sensors.values())
+    key = tuple(map(id, devices))
+    if key not in _known_totals:
+        if len(_known_totals) > 200:
+            _known_totals.clear()
+        stated = {
+            "imu": scenario.imu.model_dump(mode="json"),
+            "receiver": scenario.receiver.model_dump(mode="json"),
+            "sensors": {name: one.model_dump(mode="json") for name, one in scenario.sensors.items() if one is not None},
+        }
+        found = total_of(stated)
+        known = {name: found[name] for name in ("cost", "mass_kg", "power_w") if found and found[name] == found[name]}
+        if found and found["volume_l"] == found["volume_l"]:
+            known["volume_m3"] = _LITRE * found["volume_l"]
+        _known_totals[key] = devices, known  # the devices are kept, so that no other has their identity
+    return _known_totals[key][1]
+
+
+def metrics_of(prepared: Prepared, history: CovHistory, requirements: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the numbers and words of a row from the linear covariance of a case."""
+    results = CaseArrays(prepared, history)
+    row = _navigation(prepared, results)
+    outside = why_outside(
+        prepared.options.rules is not None, results.largest_tilt(), history.t_epoch, history.false_rejection
+    )
+    ratios: dict[str, float] = {}
+    words: dict[str, str] = {}
+    for one in requirements:
+        error, probability, _ = requirement_columns(one)
+        law = asked_of(results, one)
+        if isinstance(law, str):
+            words[one["name"]], ratios[one["name"]] = "not applicable", np.nan
+            continue
+        size, kept = law.quantile(law.probability), law.kept()
+        row |= {error: size, probability: kept}
+        ratios[one["name"]] = size / law.bound
+        verdict = "met" if kept >= law.probability else "violated"
+        known = not outside and (verdict == "violated" or not law.distribution.above_only)
+        words[one["name"]] = verdict if known else "not applicable"
+        row["reason"] = outside or (ABOVE_ONLY if not known else row.get("reason", ""))
+    return row | _together(ratios, words)
+
+
+def _together(ratios: Mapping[str, float], words: Mapping[str, str]) -> dict[str, Any]:
+    if not words:
+        return {}
+    known = not any(np.isnan(ratio) for ratio in ratios.values())
+    binding = max(ratios, key=lambda name: ratios[name]) if known else ""
+    return {
+        "error_ratio": ratios[binding] if binding else np.nan,
+        "binding": binding,
+        "verdict": min(words.values(), key=ORDER.index),
+        "verdicts": json.dumps(words),
+    }
+
+
+def _navigation(prepared: Prepared, results: CaseArrays) -> dict[str, Any]:
+    """Return the errors at injection, or else at the last event."""
+    events, history = results.events(), results.covariance
+    event = "injection" if "injection" in events else next(reversed(events), "")
+    row: dict[str, Any] = {}
+    for quantity, unit in NAVIGATION_UNITS.items():
+        law, formal = results.gaussian(event, quantity, "3d"), results.formal(event, quantity)
+        if law is None or formal is None:
+            continue
+        end = unit_suffix(unit)
+        row[f"{quantity}_{end}"] = float(np.sqrt(np.trace(law.covariance) + law.mean @ law.mean))
+        row[f"{quantity}_formal_{end}"] = float(np.sqrt(np.trace(formal)))
+    if event:
+        at = int(np.argmin(np.abs(history.t - events[event])))
+        row["nees_per_state_ratio"] = float(history.expected_nees[at]) / prepared.layout.n_estimated
+    return row
+
+
+# --- passes -----------------------------------------------------------------------------------------------------------
+
+
+def _evaluated(
+    question: Question, part: Part, designs: Sequence[Design], passes: Passes
+) -> Iterator[tuple[Design, dict[str, Any]]]:
+    """Yield designs of a group with the metrics of each, or the reason why it has none."""
+    together = together_of(part, designs, question.shared, question.history, passes)
+    for design in designs:
+        if together is None:
+            yield design, _alone(question, design, passes)
+        else:
+            history = covariance_of(together.passes, together.sigmas(design))
+            yield design, metrics_of(together.prepared, history, question.requirements)
+
+
+def _alone(question: Question, design: Design, passes: Passes) -> dict[str, Any]:
+    """Return the metrics of a design from a pass of its own, or the reason why it has none."""
+    assert design.case is not None
+    try:
+        prepared = prepare(design.case.scenario, question.history)
+        return metrics_of(prepared, passes(prepared), question.requirements)
+    except Exception as error:
+        raise_if_interrupted(error)
+        if isinstance(error, OSError):
+            raise
+        return {"reason": reason_of(error), "case": ""}

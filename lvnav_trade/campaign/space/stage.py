@@ -1,0 +1,125 @@
+"""The stage of a run that evaluates many designs, part by part, and says which of them are analysed whole."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+from lvnav_trade.campaign.definition.axes import Case
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.running import work
+from lvnav_trade.campaign.space.choose import Chosen, chosen
+from lvnav_trade.campaign.space.designs import Designs, Part
+from lvnav_trade.campaign.space.evaluate import HISTORY, Question, Rows, evaluate
+from lvnav_trade.campaign.space.passes import shared_axes
+from lvnav_trade.errors import InputError
+from lvnav_trade.store import designs as stored
+from lvnav_trade.store import scratch
+
+PART = 100  # designs of a work item
+_SHOWN = 5  # reasons that a message lists
+
+Stage = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], Iterator[Any]]
+
+
+class Evaluated(NamedTuple):
+    """What the stage leaves.
+
+    cases : Cases that are analysed whole.
+    remark : Entry of the manifest: counts, and why which cases are analysed whole.
+    """
+
+    cases: tuple[Case, ...]
+    remark: dict[str, Any]
+
+
+class Space:
+    """The designs of a campaign, evaluated in the course of its run.
+
+    campaign : A loaded campaign that stores metrics.
+    """
+
+    def __init__(self, campaign: Campaign) -> None:
+        self.campaign = campaign
+        self.designs = Designs(campaign)
+
+    def evaluate(self, job: work.Job, stage: Stage, parts: Sequence[int] | None = None) -> None:
+        """Evaluate the designs that are not stored yet, or those of some parts; each part is stored when it is done."""
+        question = self._question()
+        order = self._order(question)
+        wanted = range(-(-len(order) // PART)) if parts is None else parts
+        units = [
+            (job, question, number, self.designs.part(order[number * PART : (number + 1) * PART])) for number in wanted
+        ]
+        for _ in stage("designs", evaluate_part, units):
+            pass
+
+    def finish(self, job: work.Job) -> Evaluated:
+        """Store the table of all designs and return which are analysed whole; InputError where all are impossible."""
+        count = -(-len(self.designs) // PART)
+        places = [_place(job, number) for number in range(count)]
+        rows = [scratch.read(file, Rows, identity) for file, identity in places]
+        table = stored.table_of(rows)
+        impossible = stored.impossible(table)
+        if len(impossible) and sum(impossible.values()) == len(self.designs):
+            first = "; ".join(f"{reason} ({n})" for reason, n in list(impossible.items())[:_SHOWN])
+            raise InputError(f"all {len(self.designs)} designs are impossible: {first}")
+        found = chosen(table, self.campaign)
+        job.results.write_designs(table)
+        remark = {
+            "designs": len(self.designs),
+            "impossible": impossible,
+            "passes": sum(one.passes for one in rows),
+            "whole": {name: len(numbers) for name, numbers in found.items()},
+        }
+        return Evaluated(self._whole(found), remark)
+
+    def names(self, job: work.Job) -> Iterable[str]:
+        """Return the names that parts are left under."""
+        return [path.name.partition(".")[0] for path in job.scratch.glob("part-*.designs")]
+
+    def _whole(self, found: Chosen) -> tuple[Case, ...]:
+        numbers = dict.fromkeys(number for group in found.values() for number in group)
+        return tuple(self.designs.case(number) for number in numbers)
+
+    def _question(self) -> Question:
+        """Return what is evaluated of every design."""
+        requirements = self.campaign.requirements
+        history = self.campaign.keep.history if any(one.during for one in requirements) else HISTORY
+        shared = shared_axes(self.designs, history)
+        return Question(tuple(one.model_dump(mode="json") for one in requirements), history, shared)
+
+    def _order(self, question: Question) -> list[int]:
+        """Return the designs in an order in which those that share passes are neighbours."""
+
+        def others(number: int) -> tuple[str, ...]:
+            labels = self.designs.labels(number)
+            return tuple(label for axis, label in enumerate(labels) if axis not in question.shared)
+
+        if not question.shared:
+            return list(range(len(self.designs)))
+        return sorted(range(len(self.designs)), key=others)
+
+
+def parts_of(campaign: Campaign) -> int:
+    """Return the number of work items of a campaign's designs."""
+    return -(-len(Designs(campaign)) // PART)
+
+
+def _place(job: work.Job, number: int) -> tuple[Any, str]:
+    """Return where a part is left, and what it is computed from."""
+    identity = f"{job.results.identity_of_case(f'part {number}')} {job.history!r}"
+    digest = hashlib.sha256(repr(job.asked).encode()).hexdigest()[:8]
+    return job.scratch / f"part-{number:05d}.{digest}.designs", identity
+
+
+def evaluate_part(job: work.Job, question: Question, number: int, part: Part) -> work.Done:
+    """Evaluate a part and leave it on disk; one that is there is not evaluated again."""
+    file, identity = _place(job, number)
+    try:
+        if not scratch.is_sound(file, Rows, identity):
+            scratch.write(file, evaluate(question, part), identity)
+        return work.Done(file.name, 0, len(part.numbers))
+    except Exception as error:
+        return work.Done(file.name, 0, len(part.numbers), error=work.message_of(error))

@@ -1,0 +1,186 @@
+"""What many designs show together: which axes matter, what share of the designs meets the requirements where."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from lvnav_trade.metrics.basics.probability import success_bounds
+from lvnav_trade.metrics.basics.select import once
+from lvnav_trade.metrics.designs import AXIS, designs, requirement_columns, slug, unit_of
+from lvnav_trade.records import Floats
+from lvnav_trade.store.read import Tables
+from lvnav_trade.store.schema import SI_SUFFIX, SUFFIXES, unit_suffix
+from lvnav_trade.units import parse
+
+EFFECTS = ["requirement", "axis", "rank_correlation", "low", "high", "first_order", "designs"]
+REGIONS = ["requirement", "axis", "level", "low", "high", "unit", "designs", "met", "share", "share_low", "share_high"]
+ALL = "all requirements"
+BINS = 5  # parts of a numeric axis, with as many designs in each
+_FINE = 12  # parts of a numeric axis whose means give its share of the variance
+_FEWEST = 8  # designs of which anything is said
+_CONFIDENCE = 0.95
+OVERCONFIDENT = 2.0
+"""Expected NEES per state above which a filter counts as overconfident: its sigma is too small by its root."""
+
+
+def axes_of(frame: pd.DataFrame) -> list[str]:
+    """Return the columns of the axes of designs."""
+    return [str(name) for name in frame if str(name).startswith(AXIS)]
+
+
+def possible(tables: Tables) -> pd.DataFrame:
+    """Return the designs of results that have numbers."""
+    frame = designs(tables)
+    return frame[frame.case != ""].reset_index(drop=True)
+
+
+@once
+def effects(tables: Tables) -> pd.DataFrame:
+    """Return how the error of each requirement follows each axis over all designs; no rows of results without many.
+
+    rank_correlation: Spearman's, of numeric axes, with its 95 % interval (Bonett and Wright 2000): low, high.
+    first_order: part of the variance of the error's logarithm that the axis explains alone, from means over parts of
+    the axis with as many designs each, what chance explains taken off.
+    """
+    rows: list[tuple[Any, ...]] = []
+    if len(tables.designs):
+        frame = possible(tables)
+        for one in tables.campaign.get("requirements") or ():
+            column = requirement_columns(one)[0]
+            if column in frame:
+                rows += _effects(frame, str(one["name"]), column)
+    return pd.DataFrame(rows, columns=EFFECTS)
+
+
+def _effects(frame: pd.DataFrame, requirement: str, column: str) -> Iterator[tuple[Any, ...]]:
+    error = frame[column].to_numpy(dtype=float)
+    for axis in axes_of(frame):
+        known = np.isfinite(error) & (error > 0.0) & frame[axis].notna().to_numpy()
+        if known.sum() < _FEWEST:
+            continue
+        level, log = frame[axis][known], np.log(error[known])
+        low = high = correlation = np.nan
+        if is_numeric(frame, axis):
+            correlation = float(stats.spearmanr(level, log).statistic)
+            low, high = _interval(correlation, len(log))
+            parts = _parts(level.to_numpy(dtype=float), _FINE)
+        else:
+            parts = level.map({name: k for k, name in enumerate(dict.fromkeys(level))}).to_numpy()
+        yield requirement, axis, correlation, low, high, _first_order(parts, log), int(known.sum())
+
+
+def is_numeric(frame: pd.DataFrame, axis: str) -> bool:
+    """Whether an axis has numbers."""
+    return bool(pd.api.types.is_numeric_dtype(frame[axis]))
+
+
+def _interval(correlation: float, n: int) -> tuple[float, float]:
+    """Return the 95 % interval of a rank correlation by Fisher's transformation (Bonett and Wright 2000)."""
+    if n <= 3 or not abs(correlation) < 1.0:
+        return correlation, correlation
+    half = stats.norm.isf(0.5 * (1.0 - _CONFIDENCE)) * np.sqrt((1.0 + 0.5 * correlation**2) / (n - 3))
+    middle = np.arctanh(correlation)
+    return float(np.tanh(middle - half)), float(np.tanh(middle + half))
+
+
+def _parts(values: Floats, count: int) -> Any:
+    """Return in which of so many parts with as many values each a value (n,) lies."""
+    order = np.argsort(np.argsort(values, kind="stable"), kind="stable")
+    return order * min(count, max(1, len(values) // _FEWEST)) // len(values)
+
+
+def _first_order(parts: Any, value: Floats) -> float:
+    """Return the part of the variance between parts, what parts by chance would have taken off (omega squared)."""
+    n, k = len(value), int(parts.max()) + 1
+    total = float(np.sum((value - value.mean()) ** 2))
+    if k < 2 or n <= k or total == 0.0:
+        return 0.0
+    count = np.bincount(parts, minlength=k)
+    mean = np.bincount(parts, weights=value, minlength=k) / np.maximum(count, 1)
+    between = float(np.sum(count * (mean - value.mean()) ** 2))
+    within = (total - between) / (n - k)
+    return float(np.clip((between - (k - 1) * within) / (total + within), 0.0, 1.0))
+
+
+@once
+def regions(tables: Tables) -> pd.DataFrame:
+    """Return which share of the designs meets each requirement, and all of them, in each part of each axis.
+
+    A part is a level, or a fifth of the designs by a numeric axis, from `low` to `high` in `unit`. share_low,
+    share_high: exact binomial 95 % interval. No rows of results without many designs.
+    """
+    rows: list[tuple[Any, ...]] = []
+    stated = tables.campaign.get("requirements") or ()
+    if len(tables.designs) and stated:
+        frame = possible(tables)
+        columns = {str(one["name"]): requirement_columns(one)[2] for one in stated}
+        for name, column in {**columns, ALL: "verdict"}.items():
+            for axis in axes_of(frame) if len(frame) else ():
+                rows += _regions(frame, name, column, axis)
+    return pd.DataFrame(rows, columns=REGIONS)
+
+
+def _regions(frame: pd.DataFrame, name: str, column: str, axis: str) -> Iterator[tuple[Any, ...]]:
+    met = (frame[column] == "met").to_numpy()
+    if is_numeric(frame, axis):
+        values = frame[axis].to_numpy(dtype=float)
+        parts = _parts(values, BINS)
+        groups: Sequence[tuple[str, Any]] = [("", parts == k) for k in range(int(parts.max()) + 1)]
+    else:
+        values = np.full(len(frame), np.nan)
+        groups = [(str(level), (frame[axis] == level).to_numpy()) for level in dict.fromkeys(frame[axis])]
+    for level, inside in groups:
+        count, good = int(inside.sum()), int(met[inside].sum())
+        if count:
+            ends = (np.nan, np.nan) if level else (values[inside].min(), values[inside].max())
+            yield name, axis, level, *map(float, ends), unit_of(axis), count, good, good / count, *interval(good, count)
+
+
+def interval(good: int, count: int) -> tuple[float, float]:
+    """Return the exact two-sided 95 % binomial interval of a share."""
+    low, high = success_bounds(count, count - good, 0.5 + 0.5 * _CONFIDENCE)
+    return float(low), float(high)
+
+
+_PEOPLE = {"rad": ("mrad", 1e3)}
+_FURTHER = ("rad/s**0.5", "rad/s**1.5", "m/s**0.5", "m/s**1.5", "m/s**2.5", "Hz", "m**2", "m**3", "K", "Pa", "T")
+# SI unit by the end of a column's name
+SI_OF = {unit_suffix(unit): unit for unit in (*SI_SUFFIX, *_FURTHER) if unit not in ("", "1")}
+
+
+def axis_label(column: str) -> str:
+    """Return the name of an axis for people: without ``axis_`` and its unit, in words."""
+    name = column.removeprefix(AXIS)
+    ends = [end for end in SUFFIXES if name.endswith(f"_{end}")]
+    return (name.removesuffix(f"_{max(ends, key=len)}") if ends else name).replace("_", " ")
+
+
+def people_of(tables: Tables, column: str) -> tuple[str, float]:
+    """Return a unit for people and its factor per SI unit, for a column of designs: that in which the campaign states
+    an axis, mrad of an attitude, else the SI unit.
+    """
+    si = SI_OF.get(next((end for end in sorted(SI_OF, key=len, reverse=True) if column.endswith(f"_{end}")), ""), "")
+    if column.startswith(AXIS):
+        stated = _stated_units(tables).get(column, "")
+        return (stated, 1.0 / parse(f"1 {stated}", si)) if stated and si else (stated or si, 1.0)
+    return _PEOPLE.get(si, (si, 1.0))
+
+
+@once
+def _stated_units(tables: Tables) -> dict[str, str]:
+    """Return the unit in which the campaign states each axis of numbers, by column."""
+    names = list(json.loads(tables.designs["axes"].iloc[0])) if len(tables.designs) else []
+    found = {}
+    for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):
+        stated = (axis.get("between") or axis.get("labels") or [""])[0]
+        unit = str(stated).partition(" ")[2]
+        for column in axes_of(designs(tables)):
+            if column == f"{AXIS}{slug(name)}" or column.startswith(f"{AXIS}{slug(name)}_"):
+                found[column] = unit
+    return found

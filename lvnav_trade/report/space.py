@@ -1,0 +1,188 @@
+"""Section on many designs: how many meet the requirements, which axes matter, the best ones and the nearest misses."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.designs import requirement_columns
+from lvnav_trade.metrics.resources import dominating
+from lvnav_trade.metrics.space import (
+    ALL,
+    OVERCONFIDENT,
+    axes_of,
+    axis_label,
+    interval,
+    is_numeric,
+    people_of,
+    possible,
+)
+from lvnav_trade.records import Floats
+from lvnav_trade.report.blocks import Block, Designs, More, Text, figure, stated
+from lvnav_trade.report.escape import data_json, note
+from lvnav_trade.report.sentences import say
+from lvnav_trade.store.read import Tables
+
+_ROWS = 20
+_SUMMED = ("error_ratio", "velocity_m_per_s", "position_m", "attitude_rad", "nees_per_state_ratio", "cost")
+_WORDS = ("met", "violated", "other")
+
+
+def space(tables: Tables) -> list[Block]:
+    """Return what many designs show together; nothing of results that hold each case whole."""
+    if not len(tables.designs):
+        return []
+    frame = possible(tables)
+    found: list[Block] = [Text(line) for line in _lead(tables, frame) if line]
+    effects = METRICS["effects"](tables)
+    for number, name in enumerate(dict.fromkeys(effects.requirement), 1):
+        drawn = figure(tables, "effects", name, requirement=name)
+        found.append(drawn._replace(name=f"effects-{number}"))
+    if len(METRICS["regions"](tables)):
+        found.append(figure(tables, "regions"))
+    found.append(Designs(data_json(_explorer(tables, frame))))
+    found += _rows(tables, frame)
+    if len(effects):
+        shown = effects.assign(axis=effects.axis.map(axis_label))
+        found.append(More(note("effects_title"), [Text(note("effects")), stated("effects", shown)]))
+    regions = METRICS["regions"](tables)
+    if len(regions):
+        found.append(More(note("regions_title"), [stated("regions", _for_people(tables, regions))]))
+    return [*found, Text(_whole(tables), "Below:")]
+
+
+def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:
+    """Return how many designs meet all requirements, of how many of these the filter cannot be trusted, and how many
+    are impossible.
+    """
+    about = tables.manifest.get("space") or {}
+    impossible = {str(reason): int(count) for reason, count in (about.get("impossible") or {}).items()}
+    lines = [
+        say(
+            "space",
+            designs=int(about.get("designs", len(tables.designs))),
+            possible=len(frame),
+            met=int((frame.verdict == "met").sum()) if "verdict" in frame else 0,
+            undescribed=int((frame.verdict == "not applicable").sum()) if "verdict" in frame else 0,
+            share=interval(int((frame.verdict == "met").sum()), len(frame)) if len(frame) else (0.0, 1.0),
+            requirements=len(tables.campaign.get("requirements") or ()),
+        )
+    ]
+    if "nees_per_state_ratio" in frame:
+        good = frame[frame.verdict == "met"] if (frame.verdict == "met").any() else frame
+        doubtful = int((good.nees_per_state_ratio > OVERCONFIDENT).sum())
+        is_met = bool((frame.verdict == "met").any())
+        lines.append(say("space_filters", doubtful=doubtful, whole=len(good), is_met=is_met, limit=OVERCONFIDENT))
+    lines.append(say("impossible", reasons=impossible) if impossible else "")
+    return lines
+
+
+def _whole(tables: Tables) -> str:
+    """Say which designs the other sections are about."""
+    about = (tables.manifest.get("space") or {}).get("whole") or {}
+    return say("space_whole", cases=len(tables.cases), why={str(name): int(count) for name, count in about.items()})
+
+
+def _rows(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return the best designs, the nearest misses and the front, each with the command that analyses it whole."""
+    if "error_ratio" not in frame or not frame.error_ratio.notna().any():
+        return []
+    met = frame[frame.verdict == "met"]
+    misses = frame[(frame.verdict != "met") & frame.error_ratio.notna()]
+    cheap = [name for name in ("cost", "mass_kg") if name in frame and frame[name].nunique() > 1]
+    best = met.sort_values([*cheap[:1], "error_ratio"], kind="stable").head(_ROWS)
+    missed = misses.sort_values("error_ratio", kind="stable").head(_ROWS)
+    found: list[Block] = []
+    if len(best):
+        order = f"by {cheap[0].partition('_')[0]}, then error" if cheap else "by error"
+        found.append(stated("space_best", _shown(tables, best), order=order))
+    if len(missed):
+        found.append(More(note("missed_title"), [stated("space_missed", _shown(tables, missed))]))
+    if cheap and len(met):
+        values = met[[*cheap, "error_ratio"]].to_numpy(dtype=float)
+        front = met[[dominating(values, k) < 0 for k in range(len(met))]].sort_values(cheap[0], kind="stable")
+        found.append(More(note("front_title"), [stated("space_front", _shown(tables, front.head(_ROWS)))]))
+    return found
+
+
+def _shown(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
+    """Return designs for people: levels in the units of the campaign, errors, cost, command."""
+    rows = pd.DataFrame(index=frame.index)
+    rows["design"] = [_levels(tables, row) for _, row in frame[axes_of(frame)].iterrows()]
+    for name in _SUMMED:
+        rows[name] = frame[name] * people_of(tables, name)[1] if name in frame else np.nan
+    rows["binding"] = frame.binding
+    rows["command"] = [f"{_command(tables)} --case {case}" for case in frame.case]
+    return rows
+
+
+def _levels(tables: Tables, row: pd.Series) -> str:
+    parts = []
+    for column, value in row.items():
+        unit, factor = people_of(tables, str(column))
+        number = isinstance(value, float)
+        text = f"{value * factor:.3g} {unit}".rstrip() if number else str(value)
+        parts.append(f"{axis_label(str(column))} {text}")
+    return ", ".join(parts)
+
+
+def _command(tables: Tables) -> str:
+    """Return the command that runs the campaign, as it was given, or with its name."""
+    words = [str(word) for word in tables.manifest.get("command") or ()]
+    campaign = words[1] if len(words) > 1 and words[0] == "run" else f"{tables.manifest.get('campaign')}.yaml"
+    return f"lvnav-trade run {campaign}"
+
+
+def _for_people(tables: Tables, regions: pd.DataFrame) -> pd.DataFrame:
+    """Return shares with the ends of each part in the units of the campaign."""
+    rows = regions[regions.requirement == ALL]
+    parts = []
+    for row in rows.itertuples():
+        unit, factor = people_of(tables, str(row.axis))
+        span = f"{row.low * factor:.3g} to {row.high * factor:.3g} {unit}".rstrip()
+        parts.append(str(row.level) or span)
+    return rows.assign(axis=rows.axis.map(axis_label), part=parts)
+
+
+def _explorer(tables: Tables, frame: pd.DataFrame) -> dict[str, Any]:
+    """Return the data of the scatter and of the parallel axes, arrays of single precision."""
+    columns = [_column(tables, frame, name) for name in axes_of(frame)]
+    errors = [requirement_columns(one)[0] for one in tables.campaign.get("requirements") or ()]
+    for name in dict.fromkeys(
+        ["velocity_m_per_s", "position_m", *errors, "error_ratio", "nees_per_state_ratio", "cost"]
+    ):
+        if name in frame and frame[name].notna().any() and (name != "cost" or frame[name].nunique() > 1):
+            columns.append(_column(tables, frame, name))
+    words = {word: k for k, word in enumerate(_WORDS)}
+    verdict = (
+        frame.verdict.map(lambda word: words.get(word, len(words) - 1)) if "verdict" in frame else [0] * len(frame)
+    )
+    n_axis = len(axes_of(frame))
+    return {
+        "count": len(frame),
+        "columns": columns,
+        "cases": list(frame.case),
+        "command": _command(tables),
+        "verdicts": [int(k) for k in verdict],
+        "words": list(_WORDS),
+        "x": 0,
+        "y": min(n_axis, len(columns) - 1),
+    }
+
+
+def _column(tables: Tables, frame: pd.DataFrame, name: str) -> dict[str, Any]:
+    if not is_numeric(frame, name):
+        levels = list(dict.fromkeys(frame[name]))
+        numbers = frame[name].map({level: k for k, level in enumerate(levels)}).to_numpy(dtype=float)
+        return {"name": axis_label(name), "unit": "", "levels": levels, "values": _packed(numbers)}
+    unit, factor = people_of(tables, name)
+    values = frame[name].to_numpy(dtype=float) * factor
+    return {"name": axis_label(name), "unit": unit.replace("dimensionless", ""), "values": _packed(values)}
+
+
+def _packed(values: Floats) -> str:
+    return base64.b64encode(values.astype("<f4").tobytes()).decode()
