@@ -5,7 +5,8 @@ Names are those of the command line with an underscore for a hyphen: ``lvnav-tra
 exit code for an error of the user, a function raises `InputError`. A notebook shows a record as tables.
 """
 
-from lvnav_trade.api.campaigns import Task, case_of, check, plan, replay, run, selfcheck, status
+from lvnav_trade.api.campaigns import Task, check, plan, replay, run, selfcheck, status
+from lvnav_trade.api.choosing import case_of
 from lvnav_trade.api.clusters import dask, merge, run_shard
 from lvnav_trade.api.derived import estimate_q, export_trajectory, init, schedule_gains
 from lvnav_trade.api.designs import Designs, cases

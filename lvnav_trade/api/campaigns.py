@@ -6,17 +6,20 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from lvnav_trade.api.choosing import case_of
 from lvnav_trade.api.results import Results
 from lvnav_trade.api.shown import CampaignStatus
 from lvnav_trade.api.types import CheckedCampaign, Plan, ReplayedRun, SelfCheck
-from lvnav_trade.campaign.definition.axes import Case, cases
+from lvnav_trade.campaign.definition.axes import probes
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running import execute, work
+from lvnav_trade.campaign.running.checking import Checked, check_effect, check_flight
 from lvnav_trade.campaign.running.demonstrable import undemonstrable
 from lvnav_trade.campaign.running.plan import estimate
 from lvnav_trade.campaign.running.progress import Progress, staged
-from lvnav_trade.campaign.running.replay import find
+from lvnav_trade.campaign.space.designs import Designs
+from lvnav_trade.campaign.space.plan import planned, refuse_too_large
 from lvnav_trade.campaign.space.stage import Space
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError, refuse_all
@@ -50,12 +53,14 @@ def check(campaign: str | Path, sets: Sequence[str] = (), strict: bool = False) 
     """
     found = load_campaign(campaign, sets)
     remarks = _checked(found).remarks
-    execute.check_effect(found, cases(found), work.ENGINE)
+    check_effect(found.probe, probes(found), work.ENGINE)
     open_ones = undemonstrable(found)
     if strict:
         refuse_all(list(open_ones))
     remarks = remarks | {"warnings": [*remarks.get("warnings", ()), *map(str, open_ones)]}
-    return CheckedCampaign(found, tuple(cases(found)), **{name: tuple(lines) for name, lines in remarks.items()})
+    designs = len(Designs(found)) if found.is_space else 0
+    kinds = {name: tuple(lines) for name, lines in remarks.items()}
+    return CheckedCampaign(found, tuple(probes(found)), designs=designs, **kinds)
 
 
 def plan(
@@ -86,12 +91,17 @@ def plan(
     """
     found = load_campaign(campaign, sets)
     duration = {case: max(times.values()) - min(times.values()) for case, times in _checked(found).events.items()}
-    made, open_ones = estimate(found, place_of(found, folder), duration), undemonstrable(found)
+    open_ones, place = undemonstrable(found), place_of(found, folder)
     if strict:
         refuse_all(list(open_ones))
     import pandas as pd
 
     warnings = tuple(map(str, open_ones))
+    if found.is_space:
+        many = planned(found, place, max(duration.values()))
+        empty = pd.DataFrame(columns=["id", "label", "runs", "done"])
+        return Plan(empty, 0, many.seconds, many.disk_mb, many.memory_mb, warnings, many)
+    made = estimate(found, place, duration)
     return Plan(pd.DataFrame(made.cases), made.blocks, made.seconds, made.disk_mb, made.memory_mb, warnings)
 
 
@@ -121,10 +131,10 @@ def flight_events(campaign: Campaign) -> dict[str, dict[str, float]]:
     return {case: dict(times) for case, times in _checked(campaign).events.items()}
 
 
-def _checked(campaign: Campaign) -> execute.Checked:
+def _checked(campaign: Campaign) -> Checked:
     """Return events and remarks of the cases; InputError where the campaign does not fit its flights."""
     _check_sections(campaign)
-    return execute.check_flight(campaign, cases(campaign), work.ENGINE, jobs=1)
+    return check_flight(campaign.probe, probes(campaign), work.ENGINE, jobs=1)
 
 
 class Task(NamedTuple):
@@ -211,6 +221,9 @@ def carry_out(campaign: Campaign, folder: str | Path | None, task: Task) -> Resu
     _check_sections(campaign)
     if task.copy_to:
         remote.refuse_foreign_place(task.copy_to)
+    if campaign.is_space:
+        duration = max(max(times.values()) - min(times.values()) for times in _checked(campaign).events.values())
+        refuse_too_large(planned(campaign, place, duration), place)
     mode: execute.Mode = "fresh" if task.fresh else "resume"
     execute.run(
         campaign,
@@ -249,33 +262,6 @@ def _check_sections(campaign: Campaign) -> None:
         if name not in SECTIONS
     ]
     refuse_all(wrong)
-
-
-def case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | None) -> tuple[Campaign, Case]:
-    """Return a campaign and one of its cases.
-
-    Parameters
-    ----------
-    campaign : str, Path or Campaign
-        Campaign file, name of a campaign that comes with the tool, or a loaded one.
-    sets : sequence of str
-        Assignments such as ``imu=imu/tactical_fog``; of a file only.
-    case : str or None
-        Label of the case, or its digest or the beginning of it; the first case if None.
-
-    Returns
-    -------
-    Campaign, Case
-        The campaign and the case.
-
-    Raises
-    ------
-    InputError
-        A mistake in the campaign, no such case or several.
-    """
-    loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
-    every = cases(loaded)
-    return loaded, find(every, case) if case else every[0]
 
 
 def selfcheck(
@@ -343,7 +329,7 @@ def replay(
     from lvnav_trade.campaign.running import replay as again
 
     loaded, results = _campaign_of(source, sets)
-    chosen = find(cases(loaded), case)
+    _, chosen = case_of(loaded, (), case)
     found = again.replay(loaded, chosen, run)
     trace = again.write_trace(found, Path(folder) if folder is not None else results, chosen, run)
     import pandas as pd

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lvnav_trade.api.campaigns import case_of
+from lvnav_trade.api.choosing import case_of
 from lvnav_trade.api.shown import ExportedTrajectory, StartedCampaign
 from lvnav_trade.api.types import EstimatedNoise
 from lvnav_trade.campaign.definition.schema import Campaign

@@ -12,6 +12,7 @@ class Frames:
 
     cases: pd.DataFrame  # one row per case: axes, errors, requirements, cost in SI (the computed table designs)
     # Stored tables
+    designs: pd.DataFrame  # rows of many designs, as they are stored
     outputs: pd.DataFrame  # reported error components with their units
     runs: pd.DataFrame  # errors of every run at every event
     spot_runs: pd.DataFrame  # errors of the runs of the spot check
@@ -57,7 +58,8 @@ class Frames:
     contributions: pd.DataFrame  # contribution of each source to the 3-D errors
     observed: pd.DataFrame  # rank of the observability matrix
     filter_verdicts: pd.DataFrame  # whether the filter's covariance matches its errors
-    designs: pd.DataFrame  # one row per case: axes, errors, requirements, cost in SI
+    effects: pd.DataFrame  # of many designs: how the error of each requirement follows each axis
+    regions: pd.DataFrame  # of many designs: share that meets each requirement, by part of each axis
     nees: pd.DataFrame  # normalised estimation error squared with its bounds
     nis: pd.DataFrame  # normalised innovation squared with its bounds
     autocorrelation: pd.DataFrame  # autocorrelation of each channel

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
     from lvnav_trade.campaign.derived import ProcessNoise
     from lvnav_trade.campaign.running.selfcheck import Checked
+    from lvnav_trade.campaign.space.plan import DesignsPlan
     from lvnav_trade.filters.base import FilterCard
 
 
@@ -32,6 +33,9 @@ class CheckedCampaign(Displayed):
         Its cases: id (digest), label, axes (level by axis), scenario.
     beyond_limits, warnings, notes : tuple of str
         Remarks: settings outside validated limits, requirements that the runs cannot show, other remarks.
+    designs : int
+        Number of designs of a campaign that stores one row for each; `cases` are then those that were checked for all:
+        the base, and the ends of each axis alone. 0 of other campaigns.
     """
 
     campaign: Campaign
@@ -39,6 +43,7 @@ class CheckedCampaign(Displayed):
     beyond_limits: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    designs: int = 0
 
     @property
     def remarks(self) -> dict[str, list[str]]:
@@ -68,6 +73,8 @@ class Plan(Displayed):
         Size of the results, and memory of a worker process (MB).
     warnings : tuple of str
         Requirements that the runs cannot show.
+    designs : DesignsPlan or None
+        What many designs take; None of a campaign that stores each case whole.
     """
 
     cases: pd.DataFrame
@@ -76,6 +83,7 @@ class Plan(Displayed):
     disk_mb: float
     memory_mb: float
     warnings: tuple[str, ...] = ()
+    designs: DesignsPlan | None = None
 
     @property
     def cost(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from lvnav_trade.campaign.text import table
@@ -79,6 +79,9 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
         lines.insert(at, _verdicts(_named_basis(in_words(verdicts)), whole))
     if len(failures) > _MOST:
         lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
+    many = results.tables.manifest.get("space") or {}
+    if many:
+        lines.append(_designs(results, many))
     counts = verdicts.verdict.value_counts(sort=False).items()
     said = f"{', '.join(f'{verdict} {count}' for verdict, count in counts)}; " if len(verdicts) else ""
     lines.append(said + (f"report: {page}" if page else f"results: {results.folder}"))
@@ -91,6 +94,18 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
         "requirements": json.loads(verdicts.to_json(orient="records")),  # what is not a number is null
     }
     return Answer("\n".join(lines), content, results.exit_code)
+
+
+def _designs(results: Any, many: Mapping[str, Any]) -> str:
+    """Say how many of many designs meet all requirements, and how to look at them."""
+    frame = results.cases
+    met, impossible = int((frame.verdict == "met").sum()), sum((many.get("impossible") or {}).values())
+    of_them = f", {impossible} of them impossible" if impossible else ""
+    whole = f"above {len(results.tables.labels)} that are analysed whole"
+    return (
+        f"{many['designs']} designs{of_them}: {met} meet all requirements by linear covariance; {whole}\n"
+        f'lvnav-trade cases {results.folder} --where "verdict == met" --sort error'
+    )
 
 
 def _named_basis(shown: Any) -> Any:

@@ -17,7 +17,7 @@ from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Json, Out, Sets,
 from lvnav_trade.errors import InputError
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from lvnav_trade.api import Plan
 
 CaseOf = Annotated[
     str | None,
@@ -93,7 +93,8 @@ def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> 
     from lvnav_trade.campaign.reading.flights import remark_lines
 
     found = api.check(campaign, sets or (), strict)
-    good = f"{campaign}: good, {len(found.cases)} {'case' if len(found.cases) == 1 else 'cases'}"
+    counted = f"{len(found.cases)} {'case' if len(found.cases) == 1 else 'cases'}"
+    good = f"{campaign}: good, {f'{found.designs} designs' if found.designs else counted}"
     known = [{"id": case.id, "label": case.label} for case in found.cases]
     remarks = {name: list(getattr(found, name)) for name in ("beyond_limits", "warnings", "notes")}
     return Answer("\n".join([*remark_lines(remarks), good]), {**remarks, "cases": known, "mistakes": []})
@@ -106,18 +107,22 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Str
     from lvnav_trade.campaign.reading.flights import remark_lines
 
     found = api.plan(campaign, sets or (), out, strict)
-    lines = [_planned(found.cases), *remark_lines({"warnings": found.warnings}), found.cost]
+    lines = [_planned(found), *remark_lines({"warnings": found.warnings}), found.cost]
     content = {"cases": found.cases.to_dict("records"), "blocks": found.blocks, "seconds": found.seconds}
     content |= {"disk_mb": found.disk_mb, "memory_mb": found.memory_mb, "warnings": list(found.warnings)}
     return Answer("\n".join(lines), content)
 
 
-def _planned(cases: pd.DataFrame) -> str:
+def _planned(found: Plan) -> str:
     """Return the planned cases as a table, or as one line where they are too many to be read."""
+    cases, many = found.cases, found.designs
+    if many is not None:
+        runs = f", {many.runs} runs of these at most" if many.runs else ""
+        return f"{many.designs} designs: a row for each (store: metrics), {many.whole} whole at most{runs}"
     if len(cases) <= _LISTED:
         return table(["case", "label", "runs", "done"], [list(row) for row in cases.itertuples(index=False)])
-    runs, done = int(cases["runs"].sum()), int(cases["done"].sum())
-    of_runs = f"{runs} runs, {done} of them done" if runs else "linear covariance alone"
+    total, done = int(cases["runs"].sum()), int(cases["done"].sum())
+    of_runs = f"{total} runs, {done} of them done" if total else "linear covariance alone"
     return f"{len(cases)} cases, {of_runs}; `--json` lists the cases"
 
 

@@ -57,7 +57,7 @@ def designs(tables: Tables) -> pd.DataFrame:
     axis; of every requirement the error that the asked fraction of flights stays below (``NAME_quantile_UNIT``), the
     probability that linear covariance gives the limit (``NAME_probability_ratio``), and its verdict (``NAME_verdict``).
     """
-    if len(tables.designs):
+    if tables.has_designs:
         return _of_many(tables)
     frame = pd.DataFrame({"case": list(tables.labels), "label": list(tables.labels.values())})
     frame = pd.concat([frame, _axes(tables), _runs(tables), _navigation(tables), *_requirements(tables)], axis=1)

@@ -49,7 +49,7 @@ def effects(tables: Tables) -> pd.DataFrame:
     the axis with as many designs each, what chance explains taken off.
     """
     rows: list[tuple[Any, ...]] = []
-    if len(tables.designs):
+    if tables.has_designs:
         frame = possible(tables)
         for one in tables.campaign.get("requirements") or ():
             column = requirement_columns(one)[0]
@@ -117,7 +117,7 @@ def regions(tables: Tables) -> pd.DataFrame:
     """
     rows: list[tuple[Any, ...]] = []
     stated = tables.campaign.get("requirements") or ()
-    if len(tables.designs) and stated:
+    if tables.has_designs and stated:
         frame = possible(tables)
         columns = {str(one["name"]): requirement_columns(one)[2] for one in stated}
         for name, column in {**columns, ALL: "verdict"}.items():
@@ -175,7 +175,7 @@ def people_of(tables: Tables, column: str) -> tuple[str, float]:
 @once
 def _stated_units(tables: Tables) -> dict[str, str]:
     """Return the unit in which the campaign states each axis of numbers, by column."""
-    names = list(json.loads(tables.designs["axes"].iloc[0])) if len(tables.designs) else []
+    names = list(json.loads(tables.designs["axes"].iloc[0])) if tables.has_designs else []
     found = {}
     for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):
         stated = (axis.get("between") or axis.get("labels") or [""])[0]

@@ -30,11 +30,12 @@ from lvnav_trade.store.read import Tables
 _ROWS = 20
 _SUMMED = ("error_ratio", "velocity_m_per_s", "position_m", "attitude_rad", "nees_per_state_ratio", "cost")
 _WORDS = ("met", "violated", "other")
+_NAMES = {"error_ratio": "error over limit", "nees_per_state_ratio": "NEES per state"}
 
 
 def space(tables: Tables) -> list[Block]:
     """Return what many designs show together; nothing of results that hold each case whole."""
-    if not len(tables.designs):
+    if not tables.has_designs:
         return []
     frame = possible(tables)
     found: list[Block] = [Text(line) for line in _lead(tables, frame) if line]
@@ -162,6 +163,8 @@ def _explorer(tables: Tables, frame: pd.DataFrame) -> dict[str, Any]:
         frame.verdict.map(lambda word: words.get(word, len(words) - 1)) if "verdict" in frame else [0] * len(frame)
     )
     n_axis = len(axes_of(frame))
+    effects = METRICS["effects"](tables).dropna(subset="rank_correlation")
+    strongest = str(effects.axis[effects.first_order.idxmax()]) if len(effects) else ""
     return {
         "count": len(frame),
         "columns": columns,
@@ -169,7 +172,7 @@ def _explorer(tables: Tables, frame: pd.DataFrame) -> dict[str, Any]:
         "command": _command(tables),
         "verdicts": [int(k) for k in verdict],
         "words": list(_WORDS),
-        "x": 0,
+        "x": axes_of(frame).index(strongest) if strongest else 0,
         "y": min(n_axis, len(columns) - 1),
     }
 
@@ -181,7 +184,8 @@ def _column(tables: Tables, frame: pd.DataFrame, name: str) -> dict[str, Any]:
         return {"name": axis_label(name), "unit": "", "levels": levels, "values": _packed(numbers)}
     unit, factor = people_of(tables, name)
     values = frame[name].to_numpy(dtype=float) * factor
-    return {"name": axis_label(name), "unit": unit.replace("dimensionless", ""), "values": _packed(values)}
+    unit = "" if name in _NAMES or unit == "dimensionless" else unit
+    return {"name": _NAMES.get(name, axis_label(name)), "unit": unit, "values": _packed(values)}
 
 
 def _packed(values: Floats) -> str:

@@ -68,6 +68,11 @@ class Tables:
             weakref.finalize(frame, PLACES.pop, id(frame), None).atexit = False
         return frame
 
+    @property
+    def has_designs(self) -> bool:
+        """Whether the results hold one row for each of many designs."""
+        return "designs" in self._read or (self.folder / "designs.parquet").is_file()
+
     @cached_property
     def manifest(self) -> dict[str, Any]:
         """What computed the results."""

@@ -148,6 +148,8 @@ class Results:
         """
         found = [case for case in extra_manifest["cases"] if (self.case_folder(case) / "tables").is_dir()]
         self._merge_tables([name for name in TABLES if name not in ("traces", "designs")], found, each)
+        if not (self.folder / "designs.parquet").exists():
+            self.owned.remove("run", ["designs.parquet"])
         if trace is not None:
             trace(self.folder)
         self._merge_tables(["traces"], found, one_by_one)

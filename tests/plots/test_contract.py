@@ -32,8 +32,12 @@ ELSEWHERE = (
     "tornado",
     "pareto",
     "worst_run",
-)  # of a grid of two axes, see test_validity; of a vehicle, see test_vehicle; of an IMU, see test_inertial; of levels,
-# see test_protection; of numeric axes, see test_curves; of costs, see test_resources; of a run, see test_errors
+    "effects",
+    "regions",
+)
+# of a grid of two axes, see test_validity; of a vehicle, see test_vehicle; of an IMU, see test_inertial; of levels, see
+# test_protection; of numeric axes, see test_curves; of costs, see test_resources; of many designs, see test_space; of a
+# run, see test_errors
 
 
 SIZE = {"metric": "velocity_error_3d", "at": "injection"}

@@ -19,6 +19,7 @@ from lvnav_trade.input_files import read_bytes
 from lvnav_trade.limits import DATA_BYTES
 from lvnav_trade.marks import MARKS, unmarked
 from lvnav_trade.resources import Resources
+from lvnav_trade.rules import breaches_of_case
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 
@@ -197,6 +198,16 @@ def cases(campaign: Campaign) -> list[Case]:
         known.cases = tuple(_cases(campaign, known.scenarios))
         known.scenarios = None
     return list(known.cases)
+
+
+def probes(campaign: Campaign) -> list[Case]:
+    """Return the cases that stand for all where a mistake is looked for: all of them, or of many designs the base and
+    each end of each axis alone, as far as these are possible.
+    """
+    found = cases(campaign.probe)
+    if not campaign.is_space:
+        return found
+    return [case for case in found if not any(breaches_of_case(case.scenario))]
 
 
 def _cases(campaign: Campaign, scenarios: "Scenarios | None") -> list[Case]:

@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator
@@ -16,70 +15,11 @@ from lvnav_trade.campaign.definition.published import (
     Published,
     place,
 )
+from lvnav_trade.campaign.definition.runs import MonteCarlo as MonteCarlo
 from lvnav_trade.campaign.definition.searches import Indices, Solve, Tune
 from lvnav_trade.campaign.syntax.tree import Written, hint
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.scenario import Scenario
-
-_OTHER_RUNS = 40  # of a case that is not selected
-_CHOSEN = 10  # cases of many that have runs
-
-
-class MonteCarlo(units.Card):
-    """How many runs per case; leave it out for linear covariance alone."""
-
-    runs: int = Field(description="runs per case, each with its own draws; with stop the most there may be")
-    stop: Literal["decided"] | None = Field(
-        None, description="'decided': a case's blocks of runs end once all its requirements are met or violated"
-    )
-    block: int = Field(
-        40, ge=8, le=limits.RUNS, multiple_of=8, description="runs per block of work: part of the results' identity"
-    )
-    selected: dict[str, str] = Field(
-        {},
-        description="level of some axes: only these cases have all runs; the others have `other_runs`, and their "
-        "verdicts are linear covariance's where that many runs do not decide",
-    )
-    cases: Literal["undecided", "front"] | None = Field(
-        None,
-        description="where metrics are stored: cases that have runs; undecided: those nearest to a limit; "
-        "front: those on the Pareto front of error and cost; undecided if absent",
-    )
-    most_cases: int | None = Field(None, ge=1, le=limits.CASES, description="most of these cases; 10 if absent")
-    other_runs: int | None = Field(
-        None, ge=0, description="runs of each case that `selected` leaves out; 40 if absent, 0: linear covariance alone"
-    )
-
-    @property
-    def chosen_most(self) -> int:
-        """The most cases that `cases` chooses."""
-        return _CHOSEN if self.most_cases is None else self.most_cases
-
-    def runs_of(self, levels: Mapping[str, str]) -> int:
-        """Return the runs of the case with these levels, by name of the axis."""
-        if all(levels.get(axis) == level for axis, level in self.selected.items()):
-            return self.runs
-        return min(self.runs, _OTHER_RUNS if self.other_runs is None else self.other_runs)
-
-    @field_validator("runs")
-    @classmethod
-    def _some(cls, runs: int) -> int:
-        if runs > limits.RUNS:
-            raise ValueError(f"{quoted(runs)} runs; give {limits.RUNS} at most")
-        if runs < 1:
-            raise ValueError(f"{runs} runs; give at least 1, or leave monte_carlo out for linear covariance alone")
-        return runs
-
-    def _faults(self) -> Iterator[str]:
-        if self.stop and self.selected:
-            yield "stop and selected both say which cases have fewer runs, choose one"
-        if self.other_runs is not None and not self.selected:
-            yield "other_runs has no effect: no cases are selected"
-        if (self.other_runs or 0) > self.runs:
-            yield f"other_runs: {self.other_runs} are more than the {self.runs} of the selected cases"
-        if self.stop and self.runs % self.block:
-            more = self.runs + self.block - self.runs % self.block
-            yield f"stop looks after every block of {self.block} runs; {more} runs are whole blocks"
 
 
 class Axis(units.Card):

@@ -15,6 +15,7 @@ from lvnav_trade.campaign.reading.expand import expand, expanded, splice
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.reading.sampled import Rule, refuse_selection, ruled, with_designs
 from lvnav_trade.campaign.reading.spaced import spaced
+from lvnav_trade.campaign.reading.written_cases import WrittenCases, first_cases
 from lvnav_trade.campaign.syntax import fields, marked, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, campaign_file, nowhere
 from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
@@ -90,7 +91,7 @@ class _Loader:
             self.mistakes.append(tree.mistake_at(self.root, "axes", message))
         if not base.is_map:
             self._raise()
-        cases = _Cases(base, axes, levels, found.base if found is not None else None)
+        cases = WrittenCases(base, axes, levels, found.base if found is not None else None)
         tried = self._tried(cases, axes, levels)
         self._raise()
         assert found is not None
@@ -117,12 +118,15 @@ class _Loader:
         design.remember(whole.probe, cases.scenarios)
         return whole
 
-    def _with_designs(self, cases: "_Cases", ends: Campaign) -> Campaign:
+    def _with_designs(self, cases: WrittenCases, ends: Campaign) -> Campaign:
         """Return the campaign of many designs from that of the ends of its axes, whose cases are checked."""
         assert self.rule is not None
         whole = with_designs(ends, self.rule)
         refuse_selection(whole, self.root)
-        self._check_cases(cases, whole.probe)
+        base = (None,) * len(ends.axes)  # an end that is impossible alone may not be so beside others
+        scenario = self._case(cases, base)
+        if scenario is not None:
+            self.mistakes += checks.broken_rules(scenario, cases.node(base))
         self._raise()
         return whole
 
@@ -208,9 +212,11 @@ class _Loader:
                 self.unread.add((index, number))
         return found
 
-    def _tried(self, cases: "_Cases", axes: list[Varied], levels: list[list[tree.Node]]) -> list[list[dict[str, Any]]]:
+    def _tried(
+        self, cases: WrittenCases, axes: list[Varied], levels: list[list[tree.Node]]
+    ) -> list[list[dict[str, Any]]]:
         """Return for every level of every axis the plain section of a scenario that has it, by the section's name."""
-        first = _first_cases(self.design, axes, [len(values) for values in levels])
+        first = first_cases(self.design, axes, [len(values) for values in levels])
         found: list[list[dict[str, Any]]] = []
         for place, (varied, values) in enumerate(zip(axes, levels, strict=True)):
             section = varied.axis.steps[0]
@@ -223,7 +229,7 @@ class _Loader:
                     found[-1].append(scenario.model_dump(mode="json", include={section}))
         return found
 
-    def _having(self, cases: "_Cases", place: int, index: int, first: design.Chosen | None) -> Scenario | None:
+    def _having(self, cases: WrittenCases, place: int, index: int, first: design.Chosen | None) -> Scenario | None:
         """Return a scenario with a level of an axis: the first case that has it or, where that is none, the base with
         nothing else changed, whose mistakes are noted.
         """
@@ -250,14 +256,14 @@ class _Loader:
             update={"path": ".".join(axis.steps), "cards": None, "values": tuple(plain), "labels": tuple(names)}
         )
 
-    def _check_cases(self, cases: "_Cases", whole: Campaign) -> None:
+    def _check_cases(self, cases: WrittenCases, whole: Campaign) -> None:
         """Cross-check every case; a mistake stands where the field that breaks the rule was written."""
         for chosen in design.chosen_levels(whole):
             scenario = self._case(cases, chosen)
             if scenario is not None:
                 self.mistakes += checks.broken_rules(scenario, cases.node(chosen))
 
-    def _case(self, cases: "_Cases", chosen: design.Chosen) -> Scenario | None:
+    def _case(self, cases: WrittenCases, chosen: design.Chosen) -> Scenario | None:
         """Return the scenario of a case; its mistakes are noted."""
         try:
             node = cases.node(chosen)
@@ -265,53 +271,6 @@ class _Loader:
             self.mistakes += error.records
             return None
         return self._validate(node, Scenario, "base", lambda: cases.scenario(chosen))
-
-
-class _Cases:
-    """The cases of a campaign as they are written, and the scenarios that they make.
-
-    Parameters
-    ----------
-    base
-        The base with all cards in place.
-    axes, levels
-        The axes, and the tree of each of their levels with its cards in place.
-    valid
-        The base's scenario; None where it has mistakes.
-    """
-
-    def __init__(
-        self, base: tree.Node, axes: Sequence[Varied], levels: Sequence[Sequence[tree.Node]], valid: Scenario | None
-    ) -> None:
-        self.base, self.axes, self.levels = base, axes, levels
-        self.is_whole = valid is not None
-        self.scenarios = design.Scenarios([varied.axis.steps[0] for varied in axes], valid, tree.plain)
-
-    def node(self, chosen: design.Chosen) -> tree.Node:
-        """Return the tree of the case with these levels; InputError where the base with the others has no such item."""
-        node = self.base
-        for varied, values, index in zip(self.axes, self.levels, chosen, strict=True):
-            if index is not None:
-                node = marked.put(node, varied.axis.steps, values[index])
-        return node
-
-    def scenario(self, chosen: design.Chosen) -> Scenario:
-        """Return the scenario of the case with these levels; ValidationError as pydantic's, InputError as of `node`."""
-        return self.scenarios.known(chosen) or self.scenarios.validated(chosen, self.node(chosen).value)
-
-
-def _first_cases(kind: str, axes: Sequence[Varied], sizes: Sequence[int]) -> dict[tuple[int, int], design.Chosen]:
-    """Return the first case of a design that has a level, by axis and level; none where a later axis changes it."""
-    found: dict[tuple[int, int], design.Chosen] = {}
-    steps = [varied.axis.steps for varied in axes]
-    changed = [any(one[: len(mine)] == mine for one in steps[k + 1 :]) for k, mine in enumerate(steps)]
-    crossed = [place for place, varied in enumerate(axes) if varied.axis.crossed]
-    is_whole = all(sizes) and (kind != "zip" or len(set(sizes)) == 1)
-    for chosen in design.levels(kind, sizes, crossed) if is_whole else ():
-        for place, index in enumerate(chosen):
-            if index is not None and not changed[place]:
-                found.setdefault((place, index), chosen)
-    return found
 
 
 def _kind_at(base: tree.Node, path: list[str]) -> tuple[Any, tree.Node | None]:

@@ -11,12 +11,13 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from lvnav_trade.campaign.definition.axes import Case, cases
+from lvnav_trade.campaign.definition.axes import Case, probes
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import resolved
 from lvnav_trade.campaign.running import replay, work
+from lvnav_trade.campaign.running.checking import check_effect, check_flight
 from lvnav_trade.campaign.running.lock import locked
 from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.pool import WorkList, each, end_workers, numbered
@@ -25,7 +26,6 @@ from lvnav_trade.campaign.running.provenance import manifest, without_folders
 from lvnav_trade.campaign.running.shards import Shard
 from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.campaign.running.whole import whole
-from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import InputError, refuse_all, system_message
 from lvnav_trade.interrupts import raise_if_interrupted
 from lvnav_trade.store import scratch
@@ -69,53 +69,6 @@ class Space(Protocol):
 
     def names(self, job: work.Job) -> Iterable[str]:
         """Return the names that parts of the designs are left under."""
-
-
-class Checked(NamedTuple):
-    """Event times (s) by case digest, and what is to be said of the cases, by kind as `flights.remarks`."""
-
-    events: dict[str, dict[str, float]]
-    remarks: dict[str, list[str]]
-
-
-def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine, jobs: int) -> Checked:
-    """Build every distinct trajectory; refuse what cannot fly, and faults and requirements that do not fit a flight."""
-    distinct: dict[str, Case] = {}
-    for case in found:
-        distinct.setdefault(_flight_of(case), case)
-    results = each(jobs, work.flown, [(engine, case) for case in distinct.values()], ordered=True)
-    flown = dict(zip(distinct, results, strict=True))
-    found_wrong = [
-        record
-        for key, case in distinct.items()
-        if isinstance(flown[key], InputError)
-        for record in flights.located(campaign, case, flown[key].records)
-    ]
-    refuse_all(list(dict.fromkeys(found_wrong)))  # cases that differ in their IMU share what is wrong with the flight
-    times = {case.id: flown[_flight_of(case)].events for case in found}
-    refuse_all([*flights.mistakes(campaign, found, times), *Effects(campaign, found).mistakes({})])
-    return Checked(times, flights.remarks(found, [one for flight in flown.values() for one in flight.remarks]))
-
-
-def check_effect(campaign: Campaign, found: Sequence[Case], engine: work.Engine) -> None:
-    """Refuse what the campaign states and no case reads: as many cases are put together as it takes to see that each
-    statement is read in one of them.
-    """
-    effects = Effects(campaign, found)
-    known: dict[str, Used | None] = {}
-    while (case := effects.next(known)) is not None:
-        try:
-            _, known[case.id] = work.prepared_with(engine, case, campaign.keep.history)
-        except InputError as error:
-            raise InputError(records=flights.located(campaign, case, error.records)) from None
-    refuse_all(effects.mistakes(known))
-
-
-def _flight_of(case: Case) -> str:
-    """Return what a case's events depend on, and whether it can be flown."""
-    scenario = case.scenario
-    checked_against = scenario.imu.model_dump_json() if scenario.trajectory.kind == "table" else ""  # see its residual
-    return scenario.trajectory.model_dump_json() + scenario.constellation.model_dump_json() + checked_against
 
 
 def run(
@@ -188,8 +141,8 @@ class _Run:
         space: Space | None = None,
     ) -> None:
         self.campaign, self.folder, self.jobs, self.fail_fast, self.watch = campaign, folder, jobs, fail_fast, watch
-        self.space, probes = space, cases(campaign.probe)
-        self.cases = [] if space is not None else probes
+        self.space, stand_ins = space, probes(campaign)
+        self.cases = [] if space is not None else stand_ins
         self.labels = {case.id: case.label for case in self.cases}
         self.failures: list[str] = []
         self.lost: list[str] = []
@@ -197,9 +150,9 @@ class _Run:
         self.deaths = 0
         self.job = work.job_of(campaign, engine, folder)
         self.stopping = Stopping(campaign)
-        self.remarks = check_flight(campaign.probe, probes, engine, jobs).remarks
+        self.remarks = check_flight(campaign.probe, stand_ins, engine, jobs).remarks
         if space is not None:  # the few cases that are computed whole need not read all that is stated
-            check_effect(campaign.probe, probes, engine)
+            check_effect(campaign.probe, stand_ins, engine)
         self.shard, self.units = shard, blocks(campaign, self.cases, {})
         if shard is not None:  # whether statements have an effect, and when enough was flown, needs all cases and runs
             check_effect(campaign, self.cases, engine)

@@ -79,7 +79,7 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
     runs = {case.id: card.runs_of(case.axes) if card else 0 for case in found}
     to_do = {case.id: sum(unit.n_run for unit in left if unit.case.id == case.id) for case in found}
     rows = [{"id": c.id, "label": c.label, "runs": runs[c.id], "done": runs[c.id] - to_do[c.id]} for c in found]
-    linear = sum(_covariance_seconds(case, duration[case.id]) for case in found)
+    linear = sum(_CASE_S + covariance_seconds(case, duration[case.id]) for case in found)
     seconds = linear * (1 + _RETUNED * campaign.covariance.sensitivity)
     seconds += sum(unit.n_run * _run_seconds(unit.case, duration[unit.case.id]) for unit in left)
     times = {case.id: duration[case.id] / campaign.keep.history for case in found}
@@ -115,6 +115,7 @@ def _run_seconds(case: Case, duration: float) -> float:
     return float(duration * (_TICK_S * rates.imu.rate + step * rates.filter.covariance_rate))
 
 
-def _covariance_seconds(case: Case, duration: float) -> float:
+def covariance_seconds(case: Case, duration: float) -> float:
+    """Return how long (s) the linear covariance of a case takes on a flight of a duration (s)."""
     step = _COVARIANCE_S * _states(case) ** _COVARIANCE_POWER
-    return float(_CASE_S + duration * step * case.scenario.filter.covariance_rate)
+    return float(duration * step * case.scenario.filter.covariance_rate)

@@ -374,8 +374,16 @@ def new_record(prepared: Prepared, n_source: int) -> PassResults:
 
 
 def new_tape(n_window: int, n_update: int, n: int, n_entry: int, n_tick: int = 0) -> UpdateTape:
-    """Return an empty tape for n_window windows, n_update scalar updates, and n_tick ticks whose samples are updates too,
-    of n joint states; n_update 0 records nothing.
+    """Return an empty tape of n joint states; n_update 0 records nothing.
+
+    Parameters
+    ----------
+    n_window, n_update, n_tick
+        Number of windows, of scalar updates, and of ticks whose samples are updates.
+    n
+        Number of joint states.
+    n_entry
+        Number of entries of a Jacobian row.
     """
     windows = n_window if n_update else 0
     return UpdateTape(

@@ -14,7 +14,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.running import execute
+from lvnav_trade.campaign.running import checking, execute
 from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.world.truth import BEYOND, NOTE, WARNING, Remark
@@ -229,7 +229,8 @@ def dying_pool(monkeypatch: pytest.MonkeyPatch, deaths: list[int]) -> list[int]:
             taken += itertools.islice(units, 1)
             yield result
 
-    monkeypatch.setattr(execute, "each", each)
+    for module in (execute, checking):
+        monkeypatch.setattr(module, "each", each)
     monkeypatch.setattr(execute, "end_workers", lambda jobs: None)
     return pools
 

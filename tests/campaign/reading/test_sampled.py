@@ -1,0 +1,93 @@
+"""Campaigns of many designs: rules with their mistakes, resolved files that keep the rule."""
+
+from __future__ import annotations
+
+import pytest
+
+from lvnav_trade.campaign.definition.axes import cases, probes
+from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.space.designs import Designs
+from lvnav_trade.errors import InputError
+
+SAMPLED = """design: latin_hypercube
+samples: 600
+axes:
+  - {path: initial.heading, between: [0.01 deg, 1 deg], log: true}
+  - {path: filter.gate, between: [3, 9]}
+"""
+
+
+def test_many_samples_store_metrics_unless_the_campaign_says_otherwise(study) -> None:
+    study.append(SAMPLED)
+    found = load(study.path)
+    assert (found.store, found.is_space, len(Designs(found))) == ("metrics", True, 600)
+    few = load(study.path, ["samples=500"])
+    assert (few.store, few.is_space, len(cases(few))) == (None, False, 500)
+    assert load(study.path, ["samples=16", "store=metrics"]).is_space
+    with pytest.raises(InputError, match="600 is no count; a whole number from 2 to 500"):
+        load(study.path, ["store=history"])
+
+
+def test_the_resolved_campaign_has_the_rule_and_the_same_designs(study, tmp_path) -> None:
+    study.append(SAMPLED)
+    found, again = load(study.path), tmp_path / "again.yaml"
+    text = resolved(found)
+    assert text.count("0.01 deg") == 1
+    again.write_text(text)
+    read = load(again)
+    assert read == found
+    assert [Designs(read).case(k).id for k in (0, 599)] == [Designs(found).case(k).id for k in (0, 599)]
+
+
+def test_the_ends_of_each_axis_alone_stand_for_all_designs(study) -> None:
+    study.append(SAMPLED)
+    assert [case.label for case in probes(load(study.path))] == [
+        "base", "heading=0.01 deg", "heading=1 deg", "gate=3.0", "gate=9.0",
+    ]  # fmt: skip
+
+
+def test_a_large_grid_stores_metrics_with_its_exclusions(study) -> None:
+    axes = (
+        "axes:\n  - {path: initial.heading, linspace: [0.01 deg, 1 deg, 30]}\n"
+        "  - {path: filter.gate, linspace: [3, 9, 20]}\n"
+    )
+    study.append(axes)
+    assert len(Designs(load(study.path))) == 600
+    study.append(axes + 'exclude:\n  - {gate: "3"}\n')
+    assert len(Designs(load(study.path))) == 570
+    study.append(axes + 'constraints: ["gate < 8.9"]\n')
+    assert len(Designs(load(study.path))) == 570
+
+
+def test_constraints_of_samples_are_in_si(study) -> None:
+    study.append(SAMPLED + 'constraints: ["heading < 0.001"]\n')
+    designs = Designs(load(study.path))
+    assert 0 < len(designs) < 600
+    assert max(float(designs.values(k)[0].split()[0]) for k in range(len(designs))) < 0.001
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("samples: 600", "samples: 200000"), "200000 is no count; a whole number from 2 to 100000"),
+        (("samples: 600", "samples: true"), "no count"),
+        (("[0.01 deg, 1 deg]", "[0.01 deg, 1 mrad]"), "axes.0.between: begins and ends in different units"),
+        (("[0.01 deg, 1 deg]", "[0 deg, 1 deg]"), "axes.0.between: a logarithm needs ends above zero"),
+        (("[0.01 deg, 1 deg]", "[0.01 kg, 1 kg]"), "wrong unit"),
+        (("[0.01 deg, 1 deg]", "[0.01 deg]"), "should be [least, largest]"),
+        (("initial.heading", "initial.headin"), "not a field of the base (did you mean"),
+        (("latin_hypercube", "sobol"), "600 samples; Sobol's sequence is even for a power of two"),
+        (("latin_hypercube\n", "zip\nstore: metrics\n"), "metrics: of the designs grid, latin_hypercube, sobol"),
+    ],
+)
+def test_mistakes_in_a_rule_are_one_line_at_their_place(study, change, message) -> None:
+    study.append(SAMPLED.replace(*change))
+    with pytest.raises(InputError) as raised:
+        load(study.path)
+    assert message in str(raised.value)
+
+
+def test_which_cases_have_runs_is_not_said_by_levels(study) -> None:
+    study.append(SAMPLED + 'monte_carlo: {runs: 40, selected: {gate: "3"}}\n')
+    with pytest.raises(InputError, match="of many designs `cases` says which have runs"):
+        load(study.path)

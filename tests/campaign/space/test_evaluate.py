@@ -1,0 +1,68 @@
+"""Rows of designs: the numbers of a full analysis, from passes of their own and from shared ones."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from lvnav_trade.campaign.search.point import frozen, look
+from lvnav_trade.campaign.space.designs import Designs
+from lvnav_trade.campaign.space.evaluate import Question, evaluate
+from lvnav_trade.campaign.space.passes import HISTORY, shared_axes
+
+
+def question(campaign, shared=()) -> Question:
+    return Question(tuple(one.model_dump(mode="json") for one in campaign.requirements), HISTORY, shared)
+
+
+def test_a_row_has_the_numbers_that_a_search_finds(campaign) -> None:
+    designs = Designs(campaign)
+    rows = evaluate(question(campaign), designs.part(range(4)))
+    assert rows.passes == 4
+    assert not any(rows.texts["reason"])
+    for number in range(4):
+        case = designs.case(number)
+        found = look(campaign, case.scenario)["fast"]
+        assert rows.texts["case"][number] == case.id
+        assert rows.numbers["fast_quantile_m_per_s"][number] == pytest.approx(found.estimate, rel=1e-9)
+        assert rows.numbers["fast_probability_ratio"][number] == pytest.approx(found.probability, rel=1e-9)
+        assert rows.numbers["error_ratio"][number] == pytest.approx(found.ratio, rel=1e-9)
+        verdict = "met" if found.probability >= 0.9973 else "violated"
+        assert json.loads(rows.texts["verdicts"][number]) == {"fast": verdict}
+        assert rows.texts["verdict"][number] == verdict
+        assert rows.numbers["cost"][number] > 0.0
+
+
+def test_designs_that_differ_in_true_sigmas_share_passes_and_have_the_same_rows(campaign) -> None:
+    base = campaign.base.model_copy(update={"filter": frozen(campaign.base)})
+    axes = campaign.axes[:2]
+    alone = campaign.model_copy(update={"base": base, "axes": axes})
+    designs = Designs(alone)
+    shared = shared_axes(designs, HISTORY)
+    assert shared == (0, 1)
+    together = evaluate(question(alone, shared), designs.part(range(40)))
+    assert together.passes == 4  # smallest, each at its largest, one that is tried
+    single = evaluate(question(alone), designs.part(range(6)))
+    assert single.passes == 6
+    for name, values in single.numbers.items():
+        np.testing.assert_allclose(together.numbers[name][:6], values, rtol=1e-11, atol=0.0)
+    assert together.texts["verdict"][:6] == single.texts["verdict"]
+
+
+def test_a_filter_that_follows_the_truth_shares_nothing(campaign) -> None:
+    assert shared_axes(Designs(campaign), HISTORY) == ()
+
+
+def test_what_cannot_be_prepared_has_a_reason_and_no_digest(campaign, monkeypatch) -> None:
+    from lvnav_trade.campaign.space import evaluate as module
+
+    def none(*_: object) -> None:
+        raise ValueError("matrix 3 is not positive")
+
+    monkeypatch.setattr(module, "prepare", none)
+    rows = evaluate(question(campaign), Designs(campaign).part(range(3)))
+    assert set(rows.texts["case"]) == {""}
+    assert set(rows.texts["reason"]) == {"ValueError: matrix … is not positive"}
+    assert set(rows.texts["verdict"]) == {""}

@@ -1,0 +1,45 @@
+"""Which designs share passes: too few do not, nor those for which the trial fails."""
+
+from __future__ import annotations
+
+from lvnav_trade.campaign.search.point import frozen
+from lvnav_trade.campaign.space.designs import Designs, made
+from lvnav_trade.campaign.space.passes import HISTORY, Passes, together_of
+
+
+def designs_of(campaign):
+    base = campaign.base.model_copy(update={"filter": frozen(campaign.base)})
+    return Designs(campaign.model_copy(update={"base": base, "axes": campaign.axes[:2]}))
+
+
+def test_few_designs_have_passes_of_their_own(campaign) -> None:
+    part = designs_of(campaign).part(range(4))
+    passes = Passes()
+    assert together_of(part, list(made(part)), (0, 1), HISTORY, passes) is None
+    assert passes.count == 0
+
+
+def test_passes_are_counted_and_shared(campaign) -> None:
+    part = designs_of(campaign).part(range(8))
+    passes, designs = Passes(), list(made(part))
+    together = together_of(part, designs, (0, 1), HISTORY, passes)
+    assert together is not None
+    assert (passes.count, together.axes) == (4, (0, 1))
+    assert passes.seconds > 0.0
+    assert together.sigmas(designs[3])[1] == designs[3].case.scenario.initial.heading  # type: ignore[union-attr]
+
+
+def test_an_axis_that_is_no_true_sigma_is_found_out_by_the_trial(campaign) -> None:
+    """Time constants do not enter by their square."""
+    base = campaign.base.model_copy(update={"filter": frozen(campaign.base)})
+    axis = campaign.axes[1].model_copy(
+        update={
+            "path": "imu.gyro.instability_time",
+            "values": tuple(f"{10.0 + 20.0 * k} s" for k in range(40)),
+            "labels": tuple(f"{10.0 + 20.0 * k} s" for k in range(40)),
+        }
+    )
+    part = Designs(campaign.model_copy(update={"base": base, "axes": (axis,)})).part(range(40))
+    passes = Passes()
+    assert together_of(part, list(made(part)), (0,), HISTORY, passes) is None
+    assert passes.count == 3

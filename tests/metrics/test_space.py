@@ -1,0 +1,92 @@
+"""What many designs show together, on designs whose effects are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.designs import designs
+from lvnav_trade.metrics.space import ALL, axis_label, interval, people_of, possible
+from tests import many_designs
+
+BIAS, HEADING, FILTER = "axis_bias_repeatability_rad_per_s", "axis_heading_rad", "axis_filter"
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory: pytest.TempPathFactory):
+    return many_designs.tables(tmp_path_factory.mktemp("space"), 2000)
+
+
+def test_designs_are_those_that_are_stored_with_levels_and_verdicts_as_columns(tables) -> None:
+    found = designs(tables)
+    assert len(found) == 2000
+    assert {BIAS, HEADING, FILTER, "fast_verdict", "reason"} <= set(found.columns)
+    assert set(found[FILTER]) == {"loose", "tight"}
+    assert len(possible(tables)) == 1998
+
+
+def test_the_parts_of_the_variance_are_those_that_the_designs_were_made_with(tables) -> None:
+    """log v = 0.5 log b + log 2 or 0: variances 0.25 (ln 1000)^2 / 12 and (ln 2)^2 / 4, nothing by the heading."""
+    found = METRICS["effects"](tables).set_index("axis")
+    by_bias, by_filter = 0.25 * math.log(1000.0) ** 2 / 12.0, math.log(2.0) ** 2 / 4.0
+    whole = by_bias + by_filter
+    assert found.first_order[BIAS] == pytest.approx(by_bias / whole, abs=0.02)
+    assert found.first_order[FILTER] == pytest.approx(by_filter / whole, abs=0.02)
+    assert found.first_order[HEADING] < 0.01
+    assert found.low[HEADING] < 0.0 < found.high[HEADING]
+    assert 0.9 < found.low[BIAS] < found.rank_correlation[BIAS] < found.high[BIAS]
+    assert np.isnan(found.rank_correlation[FILTER])
+
+
+def test_intervals_of_rank_correlations_hold_the_true_one_in_95_of_100_samples() -> None:
+    from lvnav_trade.metrics.space import _interval
+
+    rng, inside, truth = np.random.default_rng(3), 0, 6.0 / np.pi * np.arcsin(0.6 / 2.0)
+    for _ in range(400):
+        x, y = rng.standard_normal((2, 60))
+        found = float(stats.spearmanr(x, 0.6 * x + 0.8 * y).statistic)
+        low, high = _interval(found, 60)
+        inside += low <= truth <= high
+    assert 365 <= inside <= 396
+
+
+def test_shares_of_a_part_count_its_designs(tables) -> None:
+    found = METRICS["regions"](tables)
+    frame = possible(tables)
+    rows = found[(found.requirement == ALL) & (found.axis == FILTER)].set_index("level")
+    for level in ("loose", "tight"):
+        mine = frame[frame[FILTER] == level]
+        assert (rows.designs[level], rows.met[level]) == (len(mine), (mine.verdict == "met").sum())
+        low, high = interval(rows.met[level], rows.designs[level])
+        assert (rows.share_low[level], rows.share_high[level]) == (low, high)
+    parts = found[(found.requirement == "fast") & (found.axis == BIAS)]
+    assert len(parts) == 5
+    assert parts.designs.sum() == len(frame)
+    assert list(parts.share) == sorted(parts.share, reverse=True)
+
+
+def test_an_interval_is_exact_binomial() -> None:
+    assert interval(0, 10) == (0.0, pytest.approx(1.0 - 0.025 ** (1 / 10)))
+    found = stats.binomtest(30, 100).proportion_ci(0.95, "exact")
+    assert interval(30, 100) == (pytest.approx(found.low), pytest.approx(found.high))
+
+
+def test_axes_are_shown_in_the_unit_that_the_campaign_states(tables) -> None:
+    unit, factor = people_of(tables, BIAS)
+    assert (unit, factor) == ("deg/h", pytest.approx(3600.0 * 180.0 / math.pi))
+    assert people_of(tables, FILTER) == ("", 1.0)
+    assert people_of(tables, "attitude_rad") == ("mrad", 1e3)
+    assert axis_label(BIAS) == "bias repeatability"
+
+
+def test_results_without_many_designs_have_neither(tmp_path) -> None:
+    from lvnav_trade.store.read import load
+    from tests import synthetic
+
+    found = load(synthetic.results(tmp_path, n_run=8))
+    assert METRICS["effects"](found).empty
+    assert METRICS["regions"](found).empty
