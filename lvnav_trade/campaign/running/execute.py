@@ -108,7 +108,7 @@ def run(
     """
     watch, jobs = progress or Progress(), (os.cpu_count() or 1) if jobs < 1 else jobs
     try:
-        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.ENGINE, shard, space)
+        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.ENGINE, _Scope(shard, space))
         keep.check_folder(folder)  # before a lock is left in a folder that is not the tool's
         with locked(folder):  # a campaign that is refused leaves no folder
             return work_to_do.all(keep, mode, on_answers, shards) if shard is None else work_to_do.share(keep, mode)
@@ -128,6 +128,13 @@ def run(
         watch.close()
 
 
+class _Scope(NamedTuple):
+    """What of a campaign is computed where that is not simply all of it: a share, or a few of many designs."""
+
+    shard: Shard | None
+    space: Space | None
+
+
 class _Run:
     def __init__(
         self,
@@ -137,10 +144,10 @@ class _Run:
         fail_fast: bool,
         watch: Progress,
         engine: work.Engine,
-        shard: Shard | None,
-        space: Space | None = None,
+        scope: _Scope,
     ) -> None:
         self.campaign, self.folder, self.jobs, self.fail_fast, self.watch = campaign, folder, jobs, fail_fast, watch
+        shard, space = scope
         self.space, stand_ins = space, probes(campaign)
         self.cases = [] if space is not None else stand_ins
         self.labels = {case.id: case.label for case in self.cases}

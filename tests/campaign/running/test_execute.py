@@ -251,10 +251,9 @@ def test_the_third_death_ends_the_campaign_and_so_does_the_first_where_failures_
     study.append(TWO)
     for options, deaths in (({}, 3), ({"fail_fast": True}, 1)):
         pools = dying_pool(monkeypatch, [9, 9, 0, 0, 0])
+        found, made = load(study.path), {"engine": fakes.Fake().engine(), "keep": fakes.store()}
         with pytest.raises(execute.Halted, match=r"^a worker process died .* resumes, try --jobs 2$"):
-            execute.run(
-                load(study.path), Path("r"), jobs=4, engine=fakes.Fake().engine(), keep=fakes.store(), **options
-            )
+            execute.run(found, Path("r"), jobs=4, **made, **options)
         assert len(pools) == 2 + deaths
 
 
