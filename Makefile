@@ -149,8 +149,10 @@ trade: $(VENV)/.installed
 	@$(bin)/lvnav-trade tune campaigns/trade/tune.yaml --out reports/trade/tune --jobs $(JOBS)
 	$(call run,trade/find_imu)
 	$(call run,trade/bias_by_latency)
+	$(call run,trade/space)
 	@$(bin)/lvnav-trade report results/find_imu --keep reports/trade/find_imu
 	@$(bin)/lvnav-trade report results/bias_by_latency --keep reports/trade/bias_by_latency
+	@$(bin)/lvnav-trade report results/space --keep reports/trade/space --no-tables
 
 wheelhouse: pyproject.toml | $(bin)/python
 	@$(pip) wheel --wheel-dir wheelhouse '.[test]' $(wheels_needed)

@@ -1,6 +1,7 @@
 """IMU arrays on the nominal flight: increments at each IMU, and the combined triad."""
 
 import math
+from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,6 +25,20 @@ from lvnav_trade.world.sensors.elements import Dead, put_out
 from lvnav_trade.world.sensors.imu import ImuCard, lag
 from lvnav_trade.world.sensors.units import ImuSet, keyed, terms_of, triads_of
 
+_kept: OrderedDict[tuple[int, float | None, float], tuple[Floats, Floats]] = OrderedDict()
+_LAST = 4  # increments of two sensors of two trajectories
+
+
+def _lagged(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
+    """Return what a sensor of a bandwidth puts out; the last few are kept, for cases share their trajectory."""
+    key = (id(increments), bandwidth, dt)
+    if key not in _kept:
+        found = np.ascontiguousarray(lag(increments, bandwidth, dt))
+        _kept[key] = increments, found  # with the increments, so that no others can have their identity
+        while len(_kept) > _LAST:
+            _kept.popitem(last=False)
+    return _kept[key][1]
+
 
 def arriving(
     ref: Reference,
@@ -39,7 +54,7 @@ def arriving(
     dt = 1.0 / card.rate
     dvel = ref.dvel if beside is None else ref.dvel + beside
     sensed = ((ref.dtheta, card.gyro.bandwidth), (dvel, card.accel.bandwidth))
-    out = [np.ascontiguousarray(lag(increments, bandwidth, dt)) for increments, bandwidth in sensed]
+    out = [_lagged(increments, bandwidth, dt) for increments, bandwidth in sensed]
     dropped = [
         (fault, period)
         for number, fault in enumerate(faults)
