@@ -153,3 +153,92 @@ def remembered(size: int) -> Callable[[Callable[..., Value]], Callable[..., Valu
         return call
 
     return decorate
+
+
+class _Kept(NamedTuple):
+    """A result that is kept, and what it was computed from.
+
+    key : Key and rest of the arguments.
+    whole : What was read of the card, by path.
+    built : How the settings above that are built, by path.
+    value : The result.
+    """
+
+    key: tuple[Hashable, ...]
+    whole: Mapping[str, Any]
+    built: Mapping[str, Any]
+    value: Any
+
+    def is_of(self, key: tuple[Hashable, ...], card: Card) -> bool:
+        """Whether the result is that of another card too."""
+        return (
+            self.key == key
+            and all(_built(_at(card, path)) == one for path, one in self.built.items())
+            and all(_at(card, path) == one for path, one in self.whole.items())
+        )
+
+
+def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
+    """Keep the last `size` results of a function of (key, card, *rest) by key, rest, and what it read of the card.
+
+    A function that is given the same reads the same. As long as all that it read has the same content it would read
+    nothing else, so fields that it never reads may differ. What it reads otherwise than by attribute belongs into the
+    key.
+    """
+
+    def decorate(function: Callable[..., Value]) -> Callable[..., Value]:
+        kept: list[_Kept] = []
+
+        @wraps(function)
+        def call(key: Hashable, card: Card, *rest: Hashable) -> Value:
+            own = _plain(card) if isinstance(card, _Recording) else card
+            found = next((one for one in reversed(kept) if one.is_of((key, *rest), own)), None)
+            if found is None:
+                reads = Reads(own)
+                value = function(key, reads.card, *rest)
+                above = {above for path in reads.paths for above in _above(path)}
+                whole = {path: _at(own, path) for path in reads.paths - above}
+                found = _Kept((key, *rest), whole, {path: _built(_at(own, path)) for path in above}, value)
+                kept.append(found)
+                del kept[:-size]
+            note(card, {*found.whole, *found.built})
+            return found.value
+
+        return call
+
+    return decorate
+
+
+_ABSENT = object()
+
+
+def _above(path: str) -> list[str]:
+    """Return the paths of the settings that a path lies in."""
+    steps = path.split(".")
+    return [".".join(steps[:depth]) for depth in range(1, len(steps))]
+
+
+def _at(card: Card, path: str) -> Any:
+    """Return what stands at a path of settings; nothing of it counts as read."""
+    value: Any = card
+    for step in path.split("."):
+        if isinstance(value, Card):
+            fields = value.__dict__
+            name = step if step in fields else next((one for one in fields if _key(value, one) == step), "")
+            value = fields.get(name, _ABSENT)
+        elif isinstance(value, Mapping):
+            value = value.get(step, _ABSENT)
+        elif isinstance(value, tuple) and step.isdigit() and int(step) < len(value):
+            value = value[int(step)]
+        else:
+            return _ABSENT
+    return value
+
+
+def _built(value: Any) -> Any:
+    """Return how settings are built, without their content: their class, the classes of their items, by key."""
+    if isinstance(value, Mapping):
+        return {key: type(one) for key, one in value.items()}
+    if isinstance(value, tuple):
+        return tuple(type(one) if isinstance(one, Card | tuple | Mapping) else one for one in value)
+    return type(value)

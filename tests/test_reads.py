@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import pickle
+from typing import Any
 
 from pydantic import Field
 
-from lvnav_trade.reads import Reads, remembered
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.reads import Reads, remembered, remembered_by_reads
 from lvnav_trade.units import Card, Length
 
 
@@ -102,3 +105,52 @@ def test_a_result_that_was_kept_counts_as_having_read_what_it_was_made_of():
     assert larger("a", first.one, 3.0) == larger("b", first.one, 3.0) == 3.0
     assert larger("a", first.one, 2.0) == 2.0
     assert calls == ["a", "a", "b", "a"]  # two are kept
+
+
+def demo() -> Any:
+    return cases(load("demo"))[0].scenario
+
+
+def test_a_result_is_kept_for_cards_that_differ_in_what_was_not_read() -> None:
+    calls = []
+
+    @remembered_by_reads(2)
+    def tilt(key: str, card: Any) -> float:
+        calls.append(key)
+        return float(card.initial.tilt) + (card.receiver.latency if card.initial.tilt > 1.0 else 0.0)
+
+    base = demo()
+
+    def changed(**fields: float) -> Any:
+        return base.model_copy(update={"initial": base.initial.model_copy(update=fields)})
+
+    assert tilt("a", base) == tilt("a", changed(heading=0.3)) == base.initial.tilt
+    assert calls == ["a"]
+    assert tilt("a", changed(tilt=0.5)) == 0.5
+    assert tilt("b", base) == base.initial.tilt
+    assert calls == ["a", "a", "b"]
+    assert tilt("a", base) == base.initial.tilt  # the oldest was dropped
+    assert calls == ["a", "a", "b", "a"]
+
+
+def test_what_a_kept_result_was_computed_from_counts_as_read() -> None:
+    @remembered_by_reads(2)
+    def tilt(key: str, card: Any) -> float:
+        return float(card.initial.tilt)
+
+    tilt("a", demo())
+    reads = Reads(demo())
+    tilt("a", reads.card)
+    assert {"initial", "initial.tilt"} <= reads.paths
+    assert "initial.heading" not in reads.paths
+
+
+def test_a_result_is_not_kept_where_settings_are_built_otherwise() -> None:
+    @remembered_by_reads(4)
+    def count(key: str, card: Any) -> int:
+        return len(card.faults) + sum(fault.start != "" for fault in card.faults)
+
+    base = demo()
+    assert count("a", base) == 2
+    assert count("a", base.model_copy(update={"faults": base.faults * 2})) == 4
+    assert count("a", base.model_copy(update={"faults": ()})) == 0

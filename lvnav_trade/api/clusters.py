@@ -15,6 +15,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute, pool, shards
 from lvnav_trade.campaign.running.progress import Progress
+from lvnav_trade.campaign.space.stage import Space
 from lvnav_trade.errors import InputError
 from lvnav_trade.store.contents import RESOLVED
 from lvnav_trade.store.parts import span
@@ -79,7 +80,10 @@ def run_shard(
     part = shards.parse(shard)
     place = place_of(found, folder) / part.folder
     mode: execute.Mode = "fresh" if fresh else "resume"
-    outcome = execute.run(found, place, jobs, mode, fail_fast, progress, shard=part)
+    space = Space(found) if found.is_space else None
+    outcome = execute.run(found, place, jobs, mode, fail_fast, progress, shard=part, space=space)
+    if space is not None:
+        return Shared(place, 0, space.count(part.of(range(space.parts))), outcome.failures)
     stored = [(path.parent.name, span(path)[1]) for path in (place / "parts").glob("*/*.parquet")]
     return Shared(place, sum(runs for _, runs in stored), len(outcome.answers), outcome.failures)
 

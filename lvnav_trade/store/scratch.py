@@ -135,8 +135,8 @@ def remove(folder: Path, cases: Iterable[str]) -> None:
 
 
 def copy(source: Path, target: Path, case: str) -> None:
-    """Copy the scratch files of a case from one folder to another."""
-    for path in [*source.glob(f"{case}.*.covariance"), *source.glob(f"{case}.*.explained")]:
+    """Copy the scratch files of a case, or of a part of many designs, from one folder to another."""
+    for path in [path for kind in ("covariance", "explained", "designs") for path in source.glob(f"{case}.*.{kind}")]:
         target.mkdir(parents=True, exist_ok=True)
         replace_file(target / path.name, path.read_bytes())
 

@@ -62,7 +62,7 @@ def ruled(root: Node) -> tuple[Rule | None, Node]:
     place = axes.place
     root = tree.with_child(root, "axes", Node(whole, place), root.keys["axes"])
     root = tree.put(root, ["design"], Node("one_at_a_time", place))
-    root = tree.without(root, "samples") if node is not None else root
+    root = tree.put(root, ["samples"], Node(None, place)) if node is not None else root
     return Rule(design, samples if design != "grid" else None, tuple(ends for _, ends in made)), root
 
 

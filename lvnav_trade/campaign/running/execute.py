@@ -61,14 +61,18 @@ OnAnswers = Callable[[Sequence[work.Answer], Sequence[Case]], None]
 class Space(Protocol):
     """Many designs, of which a few are analysed whole; see `campaign.space.stage`."""
 
-    def evaluate(self, job: work.Job, stage: Callable[..., Iterator[Any]]) -> None:
-        """Evaluate every design and store what is found."""
+    @property
+    def parts(self) -> int:
+        """Number of work items."""
+
+    def evaluate(self, job: work.Job, stage: Callable[..., Iterator[Any]], parts: Sequence[int] | None = None) -> None:
+        """Evaluate every design, or those of some parts, and store what is found."""
 
     def finish(self, job: work.Job) -> Any:
         """Store the table of all designs; return the cases that are analysed whole, and what the manifest says."""
 
-    def names(self, job: work.Job) -> Iterable[str]:
-        """Return the names that parts of the designs are left under."""
+    def names(self, folder: Path) -> list[str]:
+        """Return the names that parts of the designs are left under in a folder of scratch files."""
 
 
 def run(
@@ -161,7 +165,9 @@ class _Run:
         if space is not None:  # the few cases that are computed whole need not read all that is stated
             check_effect(campaign.probe, stand_ins, engine)
         self.shard, self.units = shard, blocks(campaign, self.cases, {})
-        if shard is not None:  # whether statements have an effect, and when enough was flown, needs all cases and runs
+        if (
+            shard is not None and space is None
+        ):  # whether statements have an effect, and when enough was flown, needs all cases and runs
             check_effect(campaign, self.cases, engine)
             self.stopping.is_early, self.job = False, self.job._replace(requirements=())
             self.units = list(shard.of(self.units))
@@ -185,6 +191,8 @@ class _Run:
         block it has, its blocks.
         """
         self._open(keep, mode)
+        if self.space is not None and self.shard is not None:
+            self.space.evaluate(self.job, self._designs, self.shard.of(range(self.space.parts)))
         answers = self._answers(None) if self.cases else []
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         first = {unit.case.id for unit in self.units if unit.first_run == 0}
@@ -199,7 +207,8 @@ class _Run:
         """Go through the stages."""
         self._open(keep, mode)
         for folder in shards:
-            self.job.results.take(folder, [case.id for case in self.cases])
+            parts = self.space.names(folder / scratch.FOLDER) if self.space is not None else []
+            self.job.results.take(folder, [*(case.id for case in self.cases), *parts])
         if self.space is not None:
             self._choose(self.space)
         answers = self._answers(on_answers)
@@ -255,7 +264,7 @@ class _Run:
         self._per_case("worst runs", replay.trace, units, "its worst runs over time")
 
     def _remove_scratch(self) -> None:
-        scratch.remove(self.job.scratch, [*self.labels, *(self.space.names(self.job) if self.space else ())])
+        scratch.remove(self.job.scratch, [*self.labels, *(self.space.names(self.job.scratch) if self.space else ())])
 
     def _stage(self, name: str, function: Any, units: Iterable[Any]) -> Iterator[Any]:
         """Yield the results of a stage in the order in which they come, timed; what a dead worker had is done again."""

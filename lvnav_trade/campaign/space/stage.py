@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.definition.axes import Case
@@ -48,7 +49,7 @@ class Space:
         """Evaluate the designs that are not stored yet, or those of some parts; each part is stored when it is done."""
         question = self._question()
         order = self._order(question)
-        wanted = range(-(-len(order) // PART)) if parts is None else parts
+        wanted = range(self.parts) if parts is None else parts
         units = [
             (job, question, number, self.designs.part(order[number * PART : (number + 1) * PART])) for number in wanted
         ]
@@ -57,8 +58,7 @@ class Space:
 
     def finish(self, job: work.Job) -> Evaluated:
         """Store the table of all designs and return which are analysed whole; InputError where all are impossible."""
-        count = -(-len(self.designs) // PART)
-        places = [_place(job, number) for number in range(count)]
+        places = [_place(job, number) for number in range(self.parts)]
         rows = [scratch.read(file, Rows, identity) for file, identity in places]
         table = stored.table_of(rows)
         impossible = stored.impossible(table)
@@ -75,9 +75,18 @@ class Space:
         }
         return Evaluated(self._whole(found), remark)
 
-    def names(self, job: work.Job) -> Iterable[str]:
-        """Return the names that parts are left under."""
-        return [path.name.partition(".")[0] for path in job.scratch.glob("part-*.designs")]
+    @property
+    def parts(self) -> int:
+        """Number of work items."""
+        return -(-len(self.designs) // PART)
+
+    def count(self, parts: Sequence[int]) -> int:
+        """Return the number of designs of some work items."""
+        return sum(min(len(self.designs), (number + 1) * PART) - number * PART for number in parts)
+
+    def names(self, folder: Path) -> list[str]:
+        """Return the names that parts are left under in a folder of scratch files."""
+        return sorted(path.name.partition(".")[0] for path in folder.glob("part-*.designs"))
 
     def _whole(self, found: Chosen) -> tuple[Case, ...]:
         numbers = dict.fromkeys(number for group in found.values() for number in group)
@@ -100,11 +109,6 @@ class Space:
         if not question.shared:
             return list(range(len(self.designs)))
         return sorted(range(len(self.designs)), key=others)
-
-
-def parts_of(campaign: Campaign) -> int:
-    """Return the number of work items of a campaign's designs."""
-    return -(-len(Designs(campaign)) // PART)
 
 
 def _place(job: work.Job, number: int) -> tuple[Any, str]:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.reads import remembered
+from lvnav_trade.reads import remembered, remembered_by_reads
 from lvnav_trade.records import Floats, Reference, Sky
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.faults import delay
@@ -16,7 +16,7 @@ from lvnav_trade.world.flight.trajectory import (
     reference,
     refuse_contradiction,
 )
-from lvnav_trade.world.receiver.visibility import sky
+from lvnav_trade.world.receiver.visibility import Heard, heard_in, with_noise
 from lvnav_trade.world.sensors.units import equivalent
 from lvnav_trade.world.sky.satellites import content as content_of_sky
 
@@ -65,19 +65,19 @@ def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: 
     """Return the sky that the measurements of the epochs (n_epoch,) s are of: that of a latency before, not before
     `start` s.
     """
-    text = scenario.model_dump_json(include={"receiver", "constellation", "faults"})
-    key = (text, content_of_sky(scenario.constellation))
-    return _seen(key, scenario, _Same(trajectory), t_epoch.tobytes(), start)
+    key = content_of_sky(scenario.constellation)
+    heard = _heard(key, scenario, _Same(trajectory), t_epoch.tobytes(), start)
+    return with_noise(heard, scenario.receiver, trajectory)
 
 
-@remembered(4)
-def _seen(key: tuple[str, str], scenario: Scenario, flown: _Same, epochs: bytes, start: float) -> Sky:
+@remembered_by_reads(6)
+def _heard(key: str, scenario: Scenario, flown: _Same, epochs: bytes, start: float) -> Heard:
     t_epoch, trajectory = np.frombuffer(epochs).copy(), flown.flight
     receiver, above = scenario.receiver, scenario.constellation
     late = receiver.latency + delay(scenario.faults, trajectory.course, t_epoch)
     if receiver.latency_per_satellite > 0.0:
-        now = sky(above, receiver, trajectory, t_epoch, scenario.faults)
-        late = late + receiver.latency_per_satellite * now.tracked.sum(axis=1)
+        now = heard_in(above, receiver, trajectory, t_epoch, scenario.faults)
+        late = late + receiver.latency_per_satellite * now.sky.tracked.sum(axis=1)
     # where the latency falls, a later epoch still measures no earlier
     times = np.maximum.accumulate(np.maximum(start, t_epoch - late))
-    return sky(above, receiver, trajectory, times, scenario.faults)
+    return heard_in(above, receiver, trajectory, times, scenario.faults)

@@ -70,14 +70,12 @@ class Arrival(NamedTuple):
 
 
 class Reception(NamedTuple):
-    """Signals as the receiver processes them; see records.Sky."""
+    """Signals as the receiver processes them, without their noise; see records.Sky."""
 
     tracked: Bools  # (n_epoch, n_sat), whether it is measured
     antenna: Ints  # (n_epoch, n_sat), antenna that receives it best
     cn0: Floats  # (n_epoch, n_sat) dB-Hz, C/N0 in the tracking loops
-    range_sigma: Floats  # (n_epoch, n_sat) m, white noise of the pseudorange
-    rate_sigma: Floats  # (n_epoch, n_sat) m/s, white noise of the range rate
-    phase_sigma: Floats  # (n_epoch, n_sat) m, white noise of the carrier phase
+    every_cn0: Floats  # (n_epoch, n_sat) dB-Hz, also of signals that are not heard; NaN where none is computed
     continuous: Bools  # (n_epoch, n_sat), whether the carrier was tracked since the epoch before
     state: NDArray[np.int8]  # (n_epoch, n_sat), state of the receiver's channel
     transitions: tuple[Transition, ...]  # state changes of the channels in order of time
@@ -112,7 +110,7 @@ def receive(
     antenna_alive: Bools | None = None,
     faults: Sequence[AnyFault] = (),
 ) -> Reception:
-    """Return what the receiver makes of the signals.
+    """Return what the receiver makes of the signals; their noise is that of `noise_of`.
 
     antenna_alive (n_epoch, n_antenna) bool; it holds from the epoch before (excluded) to its own (included). None: all.
     faults: jammers among them lower C/N0.
@@ -120,7 +118,7 @@ def receive(
     n_epoch = arrival.t.size
     simple = not receiver.antennas and receiver.link is None and receiver.tracking is None
     if n_epoch == 0 or (simple and antenna_alive is None):
-        return _plain(receiver, trajectory, arrival)
+        return _plain(receiver, arrival)
     steps = _steps(arrival.t, receiver)
     heard = _hear(receiver, trajectory, arrival, steps, antenna_alive, faults)
     at = np.arange(n_epoch) * steps.each
@@ -139,11 +137,10 @@ def receive(
         held = (states == TRACK) & heard.held & ~arrival.faulty[steps.owner]
     shown = np.where(heard.heard[at] & (receiver.link is not None), cn0, np.nan)
     lock = continuous(receiver.cycle_slips, arrival.names, steps.t, steps.owner, held, heard.antenna, heard.cn0)
-    noise = _noise(receiver, trajectory, arrival.t, cn0)
-    return Reception(tracked, heard.antenna[at], shown, *noise, lock, state, transitions)
+    return Reception(tracked, heard.antenna[at], shown, cn0, lock, state, transitions)
 
 
-def _plain(receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival) -> Reception:
+def _plain(receiver: ReceiverCard, arrival: Arrival) -> Reception:
     """Return the reception of a receiver that measures the highest satellites above its mask, whatever happens."""
     tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty, receiver.channels)
     antenna, state = np.zeros(tracked.shape, dtype=np.int64), np.where(tracked, TRACK, IDLE).astype(np.int8)
@@ -151,8 +148,7 @@ def _plain(receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival) -> 
     lock = continuous(
         receiver.cycle_slips, arrival.names, arrival.t, np.arange(arrival.t.size), tracked, antenna, unknown
     )
-    noise = _noise(receiver, trajectory, arrival.t, unknown)
-    return Reception(tracked, antenna, unknown, *noise, lock, state, ())
+    return Reception(tracked, antenna, unknown, unknown, lock, state, ())
 
 
 def _steps(t: Floats, receiver: ReceiverCard) -> _Steps:
@@ -261,7 +257,7 @@ def _signals(receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, s
     return Signals(steps.t, expected, cause, strong, arrival.elevation[steps.owner])
 
 
-def _noise(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Floats) -> tuple[Floats, Floats, Floats]:
+def noise_of(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the sigma of range (m), range rate (m/s) and carrier phase (m) at times t (n_epoch,) s, (n_epoch, n_sat)
     each: of the loops and of what the card adds, squares summed, grown by its tables and by a combination of two
     frequencies.

@@ -14,7 +14,7 @@ from lvnav_trade.world.fault_cards import AntennaFailure, AnyFault
 from lvnav_trade.world.faults import Mask, antennas_alive, lost
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.receiver.receiver import ReceiverCard
-from lvnav_trade.world.receiver.reception import Arrival, receive
+from lvnav_trade.world.receiver.reception import Arrival, noise_of, receive
 from lvnav_trade.world.sky.constellation import GM_GPS, Constellation
 from lvnav_trade.world.sky.satellites import Satellites, satellites
 
@@ -33,6 +33,17 @@ class Transmission(NamedTuple):
     v_i: Floats  # inertial velocity: derivative with respect to transmission time
 
 
+class Heard(NamedTuple):
+    """What is in the sky, and how it is received, before its noise: that depends on other numbers of the receiver.
+
+    sky : The sky; its noise is NaN.
+    cn0 : (n_epoch, n_sat) dB-Hz. C/N0, also of signals that are not heard; NaN where none is computed.
+    """
+
+    sky: Sky
+    cn0: Floats
+
+
 def sky(
     constellation: Constellation,
     receiver: ReceiverCard,
@@ -49,6 +60,26 @@ def sky(
     at the epoch and since the one before; None: as the faults say. InputError where the almanac is broken, or a fault's
     start cannot be resolved.
     """
+    return with_noise(
+        heard_in(constellation, receiver, trajectory, t_epoch, faults, antenna_alive), receiver, trajectory
+    )
+
+
+def with_noise(heard: Heard, receiver: ReceiverCard, trajectory: Trajectory) -> Sky:
+    """Return the sky with the white noise of the receiver's measurements."""
+    of_range, of_rate, of_phase = noise_of(receiver, trajectory, heard.sky.t, heard.cn0)
+    return heard.sky._replace(range_sigma=of_range, rate_sigma=of_rate, phase_sigma=of_phase)
+
+
+def heard_in(
+    constellation: Constellation,
+    receiver: ReceiverCard,
+    trajectory: Trajectory,
+    t_epoch: Floats,
+    faults: Sequence[AnyFault] = (),
+    antenna_alive: Mask | None = None,
+) -> Heard:
+    """Return the same without noise; parameters and errors as of `sky`."""
     above = satellites(constellation, trajectory.epoch)
     antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
     sent = transmission(above, trajectory.theta0, t_epoch, antenna_r)
@@ -63,7 +94,10 @@ def sky(
     arrival = Arrival(t_epoch, above.names, seen.direction, seen.distance, angle, elevation, pull, visible, faulty)
     if antenna_alive is None and any(isinstance(fault, AntennaFailure) for fault in faults):
         antenna_alive = antennas_alive(faults, trajectory.course, t_epoch, len(receiver.antennas))
-    return Sky(
+    received_as = receive(receiver, trajectory, arrival, antenna_alive, faults)._asdict()
+    cn0 = received_as.pop("every_cn0")
+    unknown = np.full(cn0.shape, np.nan)
+    found = Sky(
         t=t_epoch,
         names=above.names,
         systems=above.systems,
@@ -72,8 +106,12 @@ def sky(
         azimuth=azimuth,
         elevation=elevation,
         lever_arms=np.array(receiver.lever_arms),
-        **receive(receiver, trajectory, arrival, antenna_alive, faults)._asdict(),
+        range_sigma=unknown,
+        rate_sigma=unknown,
+        phase_sigma=unknown,
+        **received_as,
     )
+    return Heard(found, cn0)
 
 
 def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) -> Floats | float:

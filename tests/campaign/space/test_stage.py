@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import lvnav_trade
+from lvnav_trade import api
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.space import evaluate as evaluated
 from lvnav_trade.campaign.space import stage
@@ -70,4 +71,22 @@ def test_designs_that_are_all_impossible_are_one_line(written, tmp_path) -> None
 
 
 def test_work_items_are_counted(written) -> None:
-    assert stage.parts_of(load(written, ["samples=201"])) == 3
+    assert stage.Space(load(written, ["samples=201"])).parts == 3
+
+
+def test_shards_put_together_have_the_same_bytes(written, tmp_path, parts_of_five) -> None:
+    whole = lvnav_trade.run(written, SETS, tmp_path / "whole", jobs=1, report=False)
+    shares = [api.run_shard(written, f"{number}/2", SETS, tmp_path / "shared", jobs=1) for number in (1, 2)]
+    assert sum(one.cases for one in shares) == 12
+    merged = api.merge(tmp_path / "shared", jobs=1, report=False)
+    for name in ("designs", "history", "cases"):
+        both = [(folder.folder / f"{name}.parquet").read_bytes() for folder in (whole, merged)]
+        assert both[0] == both[1], name
+
+
+def test_a_cluster_has_the_same_bytes(written, tmp_path, parts_of_five) -> None:
+    pytest.importorskip("distributed")
+    whole = lvnav_trade.run(written, SETS, tmp_path / "whole", jobs=1, report=False)
+    with api.dask(tmp_path / "cluster", jobs=2) as jobs:
+        lvnav_trade.run(written, SETS, tmp_path / "cluster", jobs=jobs, report=False)
+    assert (tmp_path / "cluster/designs.parquet").read_bytes() == (whole.folder / "designs.parquet").read_bytes()
