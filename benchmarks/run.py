@@ -23,6 +23,7 @@ PARTS = (
     "time_lincov",
     "time_vehicle",
     "time_campaign",
+    "time_designs",
     "time_report",
     "time_compile",
     "scaling",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from lvnav_trade.campaign.text import table
@@ -12,7 +12,7 @@ from lvnav_trade.cli.console import FAILED, Answer
 from lvnav_trade.errors import InputError
 
 _MOST = 10  # failed runs that are listed one by one
-_ROWS, _FEW = 40, 10  # rows of a table, and those above that are not worth a second look elsewhere
+_ROWS = 20  # rows of a table; of more cases there is a summary
 
 
 def shown(as_json: bool) -> tuple[list[Any], Callable[..., None]]:
@@ -118,10 +118,18 @@ def _verdicts(shown: Any, whole: str) -> str:
     from lvnav_trade.metrics.requirements.margins import ORDER
 
     more = len(shown) - _ROWS
-    if more <= _FEW:
+    if more <= 0:
         return table(list(shown.columns), list(shown.itertuples(index=False)))
     rows = shown.sort_values("verdict", key=lambda words: words.map(ORDER.index), kind="stable")[:_ROWS]
-    return f"{table(list(rows.columns), list(rows.itertuples(index=False)))}\n{more} more rows, none worse: {whole}"
+    counts = [f"{name}: {', '.join(f'{word} {n}' for word, n in of.items())}" for name, of in _counted(shown)]
+    text = table(list(rows.columns), list(rows.itertuples(index=False)))
+    return "\n".join([text, f"{more} more rows, none worse: {whole}", *counts])
+
+
+def _counted(shown: Any) -> Iterator[tuple[str, dict[str, int]]]:
+    """Yield every requirement with how many cases have which verdict."""
+    for name, rows in shown.groupby("requirement", sort=False):
+        yield str(name), rows.verdict.value_counts(sort=False).to_dict()
 
 
 def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
@@ -129,9 +137,21 @@ def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
     for answer, case in zip(answers, cases, strict=True):
         cells = [f"{true:.3g} ({formal:.3g}) {unit}" for _, true, formal, unit in answer.rows]
         rows.append([case.label, answer.event, *(cells or [answer.error])])
-    shown = rows if len(rows) <= _ROWS + _FEW else rows[:_ROWS]
     print("Linear covariance, RMS of the true error (in brackets the formal sigma), 3D:")
-    print(table(["case", "at", "position", "velocity", "attitude"], shown))
-    if len(shown) < len(rows):
-        print(f"{len(rows) - len(shown)} more cases: in the report, or --json")
+    head = ["case", "at", "position", "velocity", "attitude"]
+    if len(rows) <= _ROWS:
+        print(table(head, rows))
+    else:
+        ends = _ends(answers)
+        print(table(["of", "is", *head], [[name, which, *rows[k]] for name, which, k in ends]))
+        print(f"{len(rows)} cases, those with the smallest and the largest errors shown; all: the report, --json")
     sys.stdout.flush()
+
+
+def _ends(answers: Sequence[Any]) -> Iterator[tuple[str, str, int]]:
+    """Yield for each quantity the numbers of the cases with its smallest and its largest error."""
+    known = [k for k, answer in enumerate(answers) if answer.rows]
+    for place, (name, *_) in enumerate(answers[known[0]].rows if known else ()):
+        by_size = sorted(known, key=lambda k: answers[k].rows[place][1])
+        yield name, "smallest", by_size[0]
+        yield name, "largest", by_size[-1]

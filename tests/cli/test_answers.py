@@ -22,11 +22,36 @@ def test_answers_are_kept_where_json_is_wanted_and_not_printed(capsys: pytest.Ca
     assert capsys.readouterr().out == ""
 
 
-@pytest.mark.parametrize(("count", "lines"), [(50, 51), (400, 42)])
+@pytest.mark.parametrize(("count", "lines"), [(20, 21), (400, 23)])
 def test_of_many_rows_the_worst_are_printed(count: int, lines: int) -> None:
     verdicts = ["met", "undecided", "met", "violated"] * (count // 4) + ["met"] * (count % 4)
-    text = _verdicts(pd.DataFrame({"case": range(count), "verdict": verdicts}), "requirements.csv").splitlines()
+    text = _verdicts(
+        pd.DataFrame({"requirement": "fast", "case": range(count), "verdict": verdicts}), "requirements.csv"
+    ).splitlines()
     assert len(text) == lines
     if count == 400:
-        assert all("violated" in line for line in text[1:-1])
-        assert text[-1] == "360 more rows, none worse: requirements.csv"
+        assert all("violated" in line for line in text[1:-2])
+        assert text[-2] == "380 more rows, none worse: requirements.csv"
+        assert text[-1] == "fast: met 200, undecided 100, violated 100"
+
+
+def test_of_many_cases_those_with_the_smallest_and_the_largest_errors_are_printed(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    from types import SimpleNamespace
+
+    def answer(k: int) -> SimpleNamespace:
+        sizes = (("position", 100.0 - k, 1.0, "m"), ("velocity", float(k), 1.0, "m/s"))
+        return SimpleNamespace(event="injection", rows=sizes, error="")
+
+    _, show = shown(as_json=False)
+    show([answer(k) for k in range(1, 51)], [SimpleNamespace(label=f"case {k}") for k in range(1, 51)])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 7
+    assert [line.split()[:4] for line in lines[2:6]] == [
+        ["position", "smallest", "case", "50"],
+        ["position", "largest", "case", "1"],
+        ["velocity", "smallest", "case", "1"],
+        ["velocity", "largest", "case", "50"],
+    ]
+    assert lines[-1].startswith("50 cases")

@@ -1,0 +1,54 @@
+"""What a design of many takes beside its linear covariance, in processor time, alone and with shared passes; the plan's
+estimate over what is measured.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from benchmarks.common import HERE
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.search.point import frozen
+from lvnav_trade.campaign.space.designs import Designs
+from lvnav_trade.campaign.space.evaluate import Question, Rows, evaluate
+from lvnav_trade.campaign.space.passes import HISTORY, shared_axes
+from lvnav_trade.campaign.space.plan import planned
+from lvnav_trade.engines.setup.shared import trajectory_of
+
+COUNT = 60
+
+
+def measure() -> dict[str, float]:
+    """Return processor time (ms) of a design beside its covariance, that of one that shares passes, and the time that
+    `plan` estimates over the measured one.
+    """
+    campaign = load(HERE.parent / "campaigns/trade/space.yaml", [f"samples={COUNT}", "store=metrics"])
+    asked = tuple(one.model_dump(mode="json") for one in campaign.requirements)
+    alone = _warm(Question(asked, HISTORY), Designs(campaign))
+    base = campaign.base.model_copy(update={"filter": frozen(campaign.base)})
+    axes = tuple(axis for axis in campaign.axes if axis.path not in ("filter", "receiver"))
+    together = Designs(campaign.model_copy(update={"base": base, "axes": axes}))
+    shared = _warm(Question(asked, HISTORY, shared_axes(together, HISTORY)), together)
+    flight = trajectory_of(campaign.base)
+    with tempfile.TemporaryDirectory() as folder:
+        single = campaign.model_copy(update={"monte_carlo": None})
+        whole = planned(single, Path(folder), flight.end - flight.start)
+    designs = whole.seconds_of_designs / len(Designs(campaign))
+    return {
+        "design_beside_covariance_cpu_ms": 1e3 * (alone.seconds - alone.covariance_s) / COUNT,
+        "design_over_covariance": alone.seconds / alone.covariance_s,
+        "shared_design_cpu_ms": 1e3 * shared.seconds / COUNT,
+        "shared_design_passes": shared.passes,
+        "plan_over_measured": designs / (alone.seconds / COUNT),
+    }
+
+
+def _warm(question: Question, designs: Designs) -> Rows:
+    """Return the rows of all designs, after kernels were loaded by a few."""
+    evaluate(question, designs.part(range(6)))
+    return evaluate(question, designs.part(range(COUNT)))
+
+
+if __name__ == "__main__":
+    print(measure())
