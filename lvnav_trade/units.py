@@ -165,6 +165,11 @@ _EXAMPLES = {
 }
 
 
+def si_units() -> tuple[str, ...]:
+    """Return the SI units that quantities are held in."""
+    return tuple(_EXAMPLES)
+
+
 def example(unit: str) -> str:
     """Return what a quantity of SI `unit` is, with units that it is written in."""
     return _EXAMPLES.get(unit, unit)

@@ -9,7 +9,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running.replay import find
-from lvnav_trade.campaign.space.designs import Designs
+from lvnav_trade.campaign.space.designs import Designs, number_in
 from lvnav_trade.errors import InputError
 
 _DIGITS = 6  # of a digest that names one of many designs
@@ -45,7 +45,10 @@ def case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | No
 
 
 def _design(designs: Designs, wanted: str | None) -> Case:
-    """Return the design of a digest, the beginning of one, or a label; the first one without any."""
+    """Return the design of a digest, the beginning of one, or a label (``design 12``); the first without any."""
+    number = None if wanted is None else number_in(wanted)
+    if number is not None and number < len(designs):
+        return designs.case(number)
     for case in designs.cases():
         if wanted is None or case.label == wanted or (len(wanted) >= _DIGITS and case.id.startswith(wanted)):
             return case

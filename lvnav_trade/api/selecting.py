@@ -8,7 +8,7 @@ import pandas as pd
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.decimals import DECIMAL
 from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.store.schema import SI_SUFFIX, SUFFIXES
+from lvnav_trade.store.schema import unit_at_end
 from lvnav_trade.units import parse
 
 _LENGTH = 1_000
@@ -19,7 +19,6 @@ _TOKEN = re.compile(
 _UNIT = re.compile(r"\s+(?!(?:and|or|not|in)\b)(?P<unit>[^\W\d][^\s<>=!,]*|[%\u00b0][^\s<>=!,]*)")
 _WORD = re.compile(r"\s*(?P<word>[\w#.+%-]+)")
 _JOINING = ("and", "or", "not", "in")
-_SI = {end: unit for unit, end in SI_SUFFIX.items() if unit not in ("", "1", "m/s^2")}
 
 
 def column_named(name: str, frame: pd.DataFrame) -> str:
@@ -41,8 +40,7 @@ def column_named(name: str, frame: pd.DataFrame) -> str:
 
 def _shortened(column: str) -> tuple[str, ...]:
     """Return the names of a column without its unit, with and without ``axis_``."""
-    ends = sorted((end for end in SUFFIXES if column.endswith(f"_{end}")), key=len)
-    bare = column.removesuffix(f"_{ends[-1]}") if ends else column
+    bare = unit_at_end(column)[0].removesuffix("_count").removesuffix("_number")
     return bare, bare.removeprefix("axis_")
 
 
@@ -102,11 +100,11 @@ def _is_text(frame: pd.DataFrame, column: str) -> bool:
 
 def _quantity(text: str, column: str) -> float:
     """Return a quantity in the unit of the column that it is compared with; InputError where that is another one."""
-    ends = sorted((end for end in _SI if column.endswith(f"_{end}")), key=len)
-    if not ends:
+    unit = unit_at_end(column)[1]
+    if not unit:
         raise InputError(f"{quoted(text)}: {column or 'what it is compared with'} has no unit")
     try:
-        return parse(text, _SI[ends[-1]])
+        return parse(text, unit)
     except ValueError as error:
         raise InputError(f"{column}: {error}") from None
 

@@ -73,13 +73,13 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
     remarks = {name: results.tables.manifest.get(name, []) for name in KINDS}
     page = results.folder / "report.html" if report else None
     lines = remark_lines(remarks) + [f"failed: {line}" for line in failures[:_MOST]]
-    if len(verdicts):
+    many = results.tables.manifest.get("space") or {}
+    if len(verdicts) and not many:
         at = 1 if remarks["beyond_limits"] else 0
         whole = "requirements.csv, the report" if report else "requirements.csv, --json"
         lines.insert(at, _verdicts(_named_basis(in_words(verdicts)), whole))
     if len(failures) > _MOST:
         lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
-    many = results.tables.manifest.get("space") or {}
     if many:
         lines.append(_designs(results, many))
     counts = verdicts.verdict.value_counts(sort=False).items()
@@ -101,10 +101,10 @@ def _designs(results: Any, many: Mapping[str, Any]) -> str:
     frame = results.cases
     met, impossible = int((frame.verdict == "met").sum()), sum((many.get("impossible") or {}).values())
     of_them = f", {impossible} of them impossible" if impossible else ""
-    whole = f"above {len(results.tables.labels)} that are analysed whole"
     return (
-        f"{many['designs']} designs{of_them}: {met} meet all requirements by linear covariance; {whole}\n"
-        f'lvnav-trade cases {results.folder} --where "verdict == met" --sort error'
+        f"{many['designs']} designs{of_them}: {met} meet all requirements by linear covariance\n"
+        f'list them: lvnav-trade cases {results.folder} --where "verdict == met" --sort error\n'
+        f"verdicts of the {len(results.tables.labels)} that are analysed whole:"
     )
 
 

@@ -78,7 +78,7 @@ def run(
         if prefer or copy_to or scheduler is not None or backend != Backend.PROCESSES:
             raise InputError("--shard: goes without --prefer, --copy-to, --backend and --scheduler")
         return shared(api.run_shard(loaded, shard, (), folder, jobs, fresh, fail_fast, choose(quiet)))
-    found, show = shown(as_json)
+    found, show = shown(as_json or loaded.is_space)
     with workers(backend, scheduler, folder, jobs) as (place, count):
         task = Task(count, fresh, fail_fast, report, copy_to, choose(quiet), show)
         results = carry_out(loaded, place, task)

@@ -17,7 +17,7 @@ from lvnav_trade.metrics.requirements.improvements import expected
 from lvnav_trade.metrics.requirements.margins import worst
 from lvnav_trade.metrics.resources import totals
 from lvnav_trade.store.read import Tables
-from lvnav_trade.store.schema import SUFFIXES, unit_suffix
+from lvnav_trade.store.schema import SUFFIXES, unit_at_end, unit_suffix
 from lvnav_trade.units import parse
 
 AXIS = "axis_"
@@ -88,7 +88,7 @@ def _of_many(tables: Tables) -> pd.DataFrame:
 
 def _is_of(name: str, column: str) -> bool:
     """Whether a column (without ``axis_``) is the axis of a name with a unit behind it."""
-    return column.startswith(f"{name}_") and column.removeprefix(f"{name}_") in SUFFIXES | dict.fromkeys(["ratio"], "")
+    return unit_at_end(column)[0] == name
 
 
 def slug(name: str) -> str:
@@ -119,7 +119,9 @@ def meanings(frame: pd.DataFrame, requirements: Sequence[Mapping[str, Any]]) -> 
 def unit_of(column: str) -> str:
     """Return the unit that a column's name ends with, in words; empty for text, counts and plain numbers."""
     ends = [end for end in SUFFIXES if column.endswith(f"_{end}")]
-    found = SUFFIXES[max(ends, key=len)] if ends else ""
+    if not ends:
+        return unit_at_end(column)[1]
+    found = SUFFIXES[max(ends, key=len)]
     return "" if found.startswith(("how many", "a name")) else found
 
 

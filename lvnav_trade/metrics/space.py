@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -15,7 +16,7 @@ from lvnav_trade.metrics.basics.select import once
 from lvnav_trade.metrics.designs import AXIS, designs, requirement_columns, slug, unit_of
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
-from lvnav_trade.store.schema import SI_SUFFIX, SUFFIXES, unit_suffix
+from lvnav_trade.store.schema import unit_at_end
 from lvnav_trade.units import parse
 
 EFFECTS = ["requirement", "axis", "rank_correlation", "low", "high", "first_order", "designs"]
@@ -149,26 +150,22 @@ def interval(good: int, count: int) -> tuple[float, float]:
 
 
 _PEOPLE = {"rad": ("mrad", 1e3)}
-_FURTHER = ("rad/s**0.5", "rad/s**1.5", "m/s**0.5", "m/s**1.5", "m/s**2.5", "Hz", "m**2", "m**3", "K", "Pa", "T")
-# SI unit by the end of a column's name
-SI_OF = {unit_suffix(unit): unit for unit in (*SI_SUFFIX, *_FURTHER) if unit not in ("", "1")}
 
 
 def axis_label(column: str) -> str:
     """Return the name of an axis for people: without ``axis_`` and its unit, in words."""
-    name = column.removeprefix(AXIS)
-    ends = [end for end in SUFFIXES if name.endswith(f"_{end}")]
-    return (name.removesuffix(f"_{max(ends, key=len)}") if ends else name).replace("_", " ")
+    return unit_at_end(column.removeprefix(AXIS))[0].replace("_", " ")
 
 
 def people_of(tables: Tables, column: str) -> tuple[str, float]:
     """Return a unit for people and its factor per SI unit, for a column of designs: that in which the campaign states
     an axis, mrad of an attitude, else the SI unit.
     """
-    si = SI_OF.get(next((end for end in sorted(SI_OF, key=len, reverse=True) if column.endswith(f"_{end}")), ""), "")
+    si = unit_at_end(column)[1]
     if column.startswith(AXIS):
         stated = _stated_units(tables).get(column, "")
-        return (stated, 1.0 / parse(f"1 {stated}", si)) if stated and si else (stated or si, 1.0)
+        shown = re.sub(r"sqrt\((\w+)\)", r"√\1", stated)
+        return (shown, 1.0 / parse(f"1 {stated}", si)) if stated and si else (shown or si, 1.0)
     return _PEOPLE.get(si, (si, 1.0))
 
 

@@ -53,7 +53,16 @@ def space(tables: Tables) -> list[Block]:
     regions = METRICS["regions"](tables)
     if len(regions):
         found.append(More(note("regions_title"), [stated("regions", _for_people(tables, regions))]))
-    return [*found, Text(_whole(tables), "Below:")]
+    return [*found, Text(_whole(tables), "Below:"), *_analysed_whole(tables, frame)]
+
+
+def _analysed_whole(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return the designs that the other sections are about, by the labels that they have there."""
+    rows = frame[frame.case.isin(tables.labels)]
+    if rows.empty:
+        return []
+    shown = _shown(tables, rows).assign(label=[tables.labels[case] for case in rows.case])
+    return [stated("space_labels", shown)]
 
 
 def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:

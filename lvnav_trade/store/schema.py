@@ -7,6 +7,8 @@ from importlib import resources
 
 import pyarrow as pa
 
+from lvnav_trade.units import si_units
+
 _STATED = tomllib.loads((resources.files("lvnav_trade.store") / "tables.toml").read_text(encoding="utf-8"))
 # The last part of the name of every column of numbers is one of these
 SUFFIXES: dict[str, str] = _STATED["units"]
@@ -46,6 +48,21 @@ def unit_suffix(unit: str) -> str:
     text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)1\.5", r"\1_sqrt_\1", text)
     text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)2\.5", r"\1_\1_sqrt_\1", text)
     return re.sub(r"\W", "_", text.replace("**", "").replace("^", "").replace("/", "_per_").replace("*", "_")).lower()
+
+
+@lru_cache(maxsize=1)
+def _units_by_end() -> dict[str, str]:
+    found = {unit_suffix(unit): unit for unit in (*si_units(), *SI_SUFFIX) if unit}
+    return found | {"ratio": "dimensionless"}
+
+
+def unit_at_end(column: str) -> tuple[str, str]:
+    """Return what a column's name is without its unit, and that SI unit; no unit where it ends with none."""
+    ends = [end for end in _units_by_end() if column.endswith(f"_{end}")]
+    if not ends:
+        return column, ""
+    longest = max(ends, key=len)
+    return column.removesuffix(f"_{longest}"), _units_by_end()[longest]
 
 
 def error_column(quantity: str, axis: str, unit: str) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pyarrow.parquet as pq
+import pytest
 
 from lvnav_trade.store.read import load
-from lvnav_trade.store.schema import SUFFIXES, TABLES, arrow_schema, error_column
+from lvnav_trade.store.schema import SUFFIXES, TABLES, arrow_schema, error_column, unit_at_end, unit_suffix
 from tests import synthetic
 
 
@@ -44,3 +45,21 @@ def test_every_column_has_a_meaning():
 
 def test_error_columns_are_named_by_quantity_axis_and_unit():
     assert error_column("velocity", "3d", "m/s") == "velocity_3d_error_m_per_s"
+
+
+@pytest.mark.parametrize(
+    ("column", "name", "unit"),
+    [
+        ("axis_random_walk_rad_per_sqrt_s", "axis_random_walk", "rad/s**0.5"),
+        ("axis_accel_random_walk_m_per_s_sqrt_s", "axis_accel_random_walk", "m/s**1.5"),
+        ("velocity_m_per_s", "velocity", "m/s"),
+        ("axis_accel_bias_m_per_s2", "axis_accel_bias", "m/s**2"),
+        ("error_ratio", "error", "dimensionless"),
+        ("axis_rate_hz", "axis_rate", "Hz"),
+        ("cost", "cost", ""),
+    ],
+)
+def test_a_column_s_unit_is_found_from_its_end(column: str, name: str, unit: str) -> None:
+    found = unit_at_end(column)
+    assert found[0] == name
+    assert unit_suffix(found[1]) == unit_suffix(unit)

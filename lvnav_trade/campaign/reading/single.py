@@ -1,6 +1,6 @@
 """One case of a campaign as a campaign of its own, for its full analysis."""
 
-from lvnav_trade.campaign.definition.axes import Case
+from lvnav_trade.campaign.definition.axes import Case, case_label
 from lvnav_trade.campaign.definition.published import Published
 from lvnav_trade.campaign.definition.schema import ByRule, Campaign
 from lvnav_trade.campaign.syntax.tree import Written
@@ -20,7 +20,7 @@ def single(campaign: Campaign, case: Case) -> Campaign:
     found = campaign.model_copy(
         update={
             "name": f"{campaign.name}-{case.id}",
-            "description": f"{case.label}: one case of {campaign.name}",
+            "description": f"{case.label} of {campaign.name}: {case_label(case.axes)}",
             "base": case.scenario,
             "axes": (),
             "design": "grid",

@@ -14,7 +14,6 @@ from lvnav_trade.campaign.definition.axes import (
     Chosen,
     axis_names,
     case_id,
-    case_label,
     chosen_levels,
     put,
 )
@@ -24,6 +23,7 @@ from lvnav_trade.metrics.basics.people import split
 from lvnav_trade.rules import breaches_of_case
 from lvnav_trade.scenario import Scenario
 
+_LABEL = "design "
 _NUMBER = re.compile(r"(?<![A-Za-z_\d.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
@@ -165,7 +165,18 @@ def made(part: Part) -> Iterator[Design]:
             sections.setdefault(key, getattr(scenario, name))
         digest = case_id(scenario, part.seed, part.history, known)
         known = known if len(known) < 400 else dict(fixed)
-        yield Design(number, values, Case(digest, case_label(levels), levels, scenario), levels)
+        yield Design(number, values, Case(digest, label_of(number), levels, scenario), levels)
+
+
+def label_of(number: int) -> str:
+    """Return the label of a design: the levels of all its axes would fill a line."""
+    return f"{_LABEL}{number}"
+
+
+def number_in(label: str) -> int | None:
+    """Return the number of the design with a label; None where it is no such label."""
+    number = label.removeprefix(_LABEL)
+    return int(number) if label.startswith(_LABEL) and number.isdecimal() and number.isascii() else None
 
 
 def _section(base: dict[str, Any], name: str, mine: list[int], axes: Axes, values: tuple[Any, ...]) -> Any:

@@ -71,12 +71,12 @@
     clear.type = "button";
     const said = add(holder, "p", "said"), one = add(holder, "pre", "chosen");
     said.setAttribute("aria-live", "polite");
-    const scatter = canvas(holder, 360), axes = canvas(holder, 300);
+    const scatter = canvas(holder, 360), axes = canvas(holder, 380);
     scatter.node.setAttribute("role", "img");
     scatter.node.setAttribute("aria-label", "scatter of the designs; a click names the nearest one");
     axes.node.setAttribute("role", "img");
     axes.node.setAttribute("aria-label", "designs over parallel axes; drag along an axis to keep a range");
-    const BOX = { left: 62, right: 14, top: 10, bottom: 40 }, LINES = { left: 70, right: 70, top: 40, bottom: 12 };
+    const BOX = { left: 62, right: 14, top: 10, bottom: 40 }, LINES = { left: 110, right: 90, top: 118, bottom: 12 };
 
     function keep() {
       kept.fill(1);
@@ -153,10 +153,11 @@
         c.strokeStyle = ink();
         c.fillStyle = ink();
         c.strokeRect(x, LINES.top, 0, h);
-        c.textAlign = "center";
+        c.textAlign = "left";
         c.save();
-        c.translate(x, LINES.top - 8 - (k % 2) * 14);
-        c.fillText(column.title.length > 26 ? `${column.title.slice(0, 25)}…` : column.title, 0, 0);
+        c.translate(x, LINES.top - 8);
+        c.rotate(-0.62);
+        c.fillText(column.title.length > 30 ? `${column.title.slice(0, 29)}…` : column.title, 0, 0);
         c.restore();
         const ends = column.levels ? column.ticks : [column.ticks[0], column.ticks[4]];
         c.textAlign = k === columns.length - 1 ? "left" : "right";

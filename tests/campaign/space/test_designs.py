@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.single import single
-from lvnav_trade.campaign.space.designs import Designs, Unvaried, made, number_of, reason_of
+from lvnav_trade.campaign.space.designs import Designs, Unvaried, label_of, made, number_in, number_of, reason_of
 from lvnav_trade.errors import InputError
 from lvnav_trade.units import parse
 
@@ -75,6 +75,13 @@ def test_a_base_that_is_impossible_is_a_mistake(written) -> None:
 def test_cases_come_in_the_order_of_the_designs(campaign) -> None:
     designs = Designs(campaign)
     assert [case.id for case in designs.cases()] == [designs.case(number).id for number in range(40)]
+
+
+def test_a_design_is_called_by_its_number(campaign) -> None:
+    assert Designs(campaign).case(7).label == label_of(7) == "design 7"
+    assert number_in("design 7") == 7
+    for text in ("design", "design -7", "design 7a", "7", "designs 7"):
+        assert number_in(text) is None
 
 
 def test_a_value_is_a_number_a_quantity_or_neither() -> None:
