@@ -126,7 +126,8 @@ def _converted(text: str, value: float, spelled: str, unit: str) -> float:
         return math.inf
 
 
-_EXAMPLES = {
+# SI units that quantities are held in, with units that they are written in
+EXAMPLES = {
     "m": "length (m, km, cm)",
     "s": "time (s, ms, min)",
     "rad": "angle (deg, mrad, arcsec)",
@@ -165,14 +166,9 @@ _EXAMPLES = {
 }
 
 
-def si_units() -> tuple[str, ...]:
-    """Return the SI units that quantities are held in."""
-    return tuple(_EXAMPLES)
-
-
 def example(unit: str) -> str:
     """Return what a quantity of SI `unit` is, with units that it is written in."""
-    return _EXAMPLES.get(unit, unit)
+    return EXAMPLES.get(unit, unit)
 
 
 def quantity(unit: str, minimum: float | None = None, above: float | None = None) -> Any:

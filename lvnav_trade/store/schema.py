@@ -7,7 +7,7 @@ from importlib import resources
 
 import pyarrow as pa
 
-from lvnav_trade.units import si_units
+from lvnav_trade.units import EXAMPLES
 
 _STATED = tomllib.loads((resources.files("lvnav_trade.store") / "tables.toml").read_text(encoding="utf-8"))
 # The last part of the name of every column of numbers is one of these
@@ -52,7 +52,7 @@ def unit_suffix(unit: str) -> str:
 
 @lru_cache(maxsize=1)
 def _units_by_end() -> dict[str, str]:
-    found = {unit_suffix(unit): unit for unit in (*si_units(), *SI_SUFFIX) if unit}
+    found = {unit_suffix(unit): unit for unit in (*EXAMPLES, *SI_SUFFIX) if unit}
     return found | {"ratio": "dimensionless"}
 
 
