@@ -187,7 +187,7 @@ def test_a_temperature_scale_has_its_offset_alone_and_a_difference_in_a_product(
         parse("-5 K", "K")
 
 
-@pytest.mark.parametrize("unit", sorted(quantities._EXAMPLES))
+@pytest.mark.parametrize("unit", sorted(quantities.EXAMPLES))
 def test_the_units_of_a_messages_example_are_of_what_it_asks_for(unit: str) -> None:
     words = quantities.example(unit)
     for spelled in words[words.index("(") + 1 : -1].split(", "):
