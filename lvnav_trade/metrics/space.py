@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from lvnav_trade.metrics.basics.chaos import basis, fitted, fitted_indices, predicted
 from lvnav_trade.metrics.basics.probability import success_bounds
 from lvnav_trade.metrics.basics.select import once
 from lvnav_trade.metrics.designs import AXIS, designs, requirement_columns, slug, unit_of
@@ -19,7 +20,18 @@ from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import unit_at_end
 from lvnav_trade.units import parse
 
-EFFECTS = ["requirement", "axis", "rank_correlation", "low", "high", "first_order", "designs"]
+EFFECTS = [
+    "requirement",
+    "axis",
+    "rank_correlation",
+    "low",
+    "high",
+    "first_order",
+    "designs",
+    "sobol_first",
+    "sobol_total",
+    "predicted",
+]
 REGIONS = ["requirement", "axis", "level", "low", "high", "unit", "designs", "met", "share", "share_low", "share_high"]
 ALL = "all requirements"
 BINS = 5  # parts of a numeric axis, with as many designs in each
@@ -48,6 +60,8 @@ def effects(tables: Tables) -> pd.DataFrame:
     rank_correlation: Spearman's, of numeric axes, with its 95 % interval (Bonett and Wright 2000): low, high.
     first_order: part of the variance of the error's logarithm that the axis explains alone, from means over parts of
     the axis with as many designs each, what chance explains taken off.
+    sobol_first, sobol_total: Sobol's indices of the squared error by a fit of polynomials to its logarithm (`chaos`),
+    of samples over numeric axes alone; predicted: how well the fit predicts left-out designs (1: exactly).
     """
     rows: list[tuple[Any, ...]] = []
     if tables.has_designs:
@@ -55,12 +69,14 @@ def effects(tables: Tables) -> pd.DataFrame:
         for one in tables.campaign.get("requirements") or ():
             column = requirement_columns(one)[0]
             if column in frame:
-                rows += _effects(frame, str(one["name"]), column)
+                is_sampled = tables.campaign.get("design") in ("latin_hypercube", "sobol")
+                rows += _effects(frame, str(one["name"]), column, is_sampled)
     return pd.DataFrame(rows, columns=EFFECTS)
 
 
-def _effects(frame: pd.DataFrame, requirement: str, column: str) -> Iterator[tuple[Any, ...]]:
+def _effects(frame: pd.DataFrame, requirement: str, column: str, is_sampled: bool) -> Iterator[tuple[Any, ...]]:
     error = frame[column].to_numpy(dtype=float)
+    sobol = _sobol(frame, error) if is_sampled else {}
     for axis in axes_of(frame):
         known = np.isfinite(error) & (error > 0.0) & frame[axis].notna().to_numpy()
         if known.sum() < _FEWEST:
@@ -73,7 +89,25 @@ def _effects(frame: pd.DataFrame, requirement: str, column: str) -> Iterator[tup
             parts = _parts(level.to_numpy(dtype=float), _FINE)
         else:
             parts = level.map({name: k for k, name in enumerate(dict.fromkeys(level))}).to_numpy()
-        yield requirement, axis, correlation, low, high, _first_order(parts, log), int(known.sum())
+        shares = sobol.get(axis, (np.nan,) * 3)
+        yield requirement, axis, correlation, low, high, _first_order(parts, log), int(known.sum()), *shares
+
+
+def _sobol(frame: pd.DataFrame, error: Floats) -> dict[str, tuple[float, float, float]]:
+    """Return first-order and total index of each axis, and how well the fit behind them predicts; nothing where an axis
+    has no numbers, or the designs are too few for the fit.
+    """
+    axes, known = axes_of(frame), np.isfinite(error) & (error > 0.0)
+    count = int(known.sum())
+    if not all(is_numeric(frame, axis) for axis in axes) or count < 2 * len(basis(len(axes))):
+        return {}
+    ranks = np.argsort(
+        np.argsort(frame[axes].to_numpy(dtype=float)[known], axis=0, kind="stable"), axis=0, kind="stable"
+    )
+    u, square = 2.0 * (ranks + 0.5) / count - 1.0, error[known] ** 2
+    first, whole = fitted_indices(fitted(u, square)[None], len(axes))[:, 0]
+    well = predicted(u, square)
+    return {axis: (float(first[k]), float(whole[k]), well) for k, axis in enumerate(axes)}
 
 
 def is_numeric(frame: pd.DataFrame, axis: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -40,6 +41,36 @@ def test_the_parts_of_the_variance_are_those_that_the_designs_were_made_with(tab
     assert found.low[HEADING] < 0.0 < found.high[HEADING]
     assert 0.9 < found.low[BIAS] < found.rank_correlation[BIAS] < found.high[BIAS]
     assert np.isnan(found.rank_correlation[FILTER])
+
+
+def test_indices_of_numeric_axes_are_those_of_a_product_in_closed_form(tmp_path) -> None:
+    """Squared error b h^0.5 with log-uniform b, h: of a product with means 1 the first-order indices are Vb and Vh, the
+    total ones Vb (1 + Vh) and Vh (1 + Vb), over Vb + Vh + Vb Vh.
+    """
+    found = many_designs.tables(tmp_path, 2000)
+    frame = found.designs.copy()
+    heading = np.degrees(frame.axis_heading_rad)
+    bias = np.degrees(frame.axis_bias_repeatability_rad_per_s) * 3600.0
+    frame["fast_quantile_m_per_s"] = np.sqrt(bias ** (1 / 3) * heading**0.5)
+    levels = [json.loads(text) for text in frame["axes"]]
+    frame["axes"] = [json.dumps({name: of[name] for name in ("bias_repeatability", "heading")}) for of in levels]
+    effects = METRICS["effects"](found.with_frames(designs=frame)).set_index("axis")
+
+    def spread(power: float, decades: float) -> float:
+        a = 0.5 * power * decades * math.log(10.0)
+        return (math.sinh(2.0 * a) / (2.0 * a)) / (math.sinh(a) / a) ** 2 - 1.0
+
+    by_bias, by_heading = spread(1 / 3, 3.0), spread(0.5, 2.0)
+    whole = by_bias + by_heading + by_bias * by_heading
+    assert effects.sobol_first[BIAS] == pytest.approx(by_bias / whole, abs=0.01)
+    assert effects.sobol_first[HEADING] == pytest.approx(by_heading / whole, abs=0.01)
+    assert effects.sobol_total[BIAS] == pytest.approx(by_bias * (1.0 + by_heading) / whole, abs=0.01)
+    assert effects.sobol_total[HEADING] == pytest.approx(by_heading * (1.0 + by_bias) / whole, abs=0.01)
+    assert effects.predicted[BIAS] > 0.98
+
+
+def test_designs_with_levels_have_no_such_indices(tables) -> None:
+    assert METRICS["effects"](tables)[["sobol_first", "sobol_total", "predicted"]].isna().all(axis=None)
 
 
 def test_intervals_of_rank_correlations_hold_the_true_one_in_95_of_100_samples() -> None:

@@ -28,9 +28,6 @@ def test_every_design_has_a_row_and_the_best_is_whole(written, tmp_path, parts_o
     (whole,) = found.tables.labels
     best = rows.loc[rows.error_ratio.idxmin()]
     assert whole == best.case
-    alone = lvnav_trade.run(written, [*SETS, "store=metrics"], tmp_path / "again", jobs=2)
-    assert (tmp_path / "again/designs.parquet").read_bytes() == (tmp_path / "out/designs.parquet").read_bytes()
-    assert found.tables.manifest["space"] == alone.tables.manifest["space"]
     assert found.tables.manifest["space"]["designs"] == 12
     page = (tmp_path / "out/report.html").read_text()
     assert "The designs together" in page
@@ -84,6 +81,14 @@ def test_shards_put_together_have_the_same_bytes(written, tmp_path, parts_of_fiv
         assert both[0] == both[1], name
 
 
+@pytest.mark.slow
+def test_several_workers_have_the_same_bytes(written, tmp_path, parts_of_five) -> None:
+    one, two = (lvnav_trade.run(written, SETS, tmp_path / f"{jobs}", jobs=jobs, report=False) for jobs in (1, 2))
+    assert (tmp_path / "1/designs.parquet").read_bytes() == (tmp_path / "2/designs.parquet").read_bytes()
+    assert one.tables.manifest["space"] == two.tables.manifest["space"]
+
+
+@pytest.mark.slow
 def test_a_cluster_has_the_same_bytes(written, tmp_path, parts_of_five) -> None:
     pytest.importorskip("distributed")
     whole = lvnav_trade.run(written, SETS, tmp_path / "whole", jobs=1, report=False)
