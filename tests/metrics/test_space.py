@@ -121,3 +121,9 @@ def test_results_without_many_designs_have_neither(tmp_path) -> None:
     found = load(synthetic.results(tmp_path, n_run=8))
     assert METRICS["effects"](found).empty
     assert METRICS["regions"](found).empty
+
+
+def test_many_designs_keep_their_short_names(tables) -> None:
+    from lvnav_trade.metrics.basics.names import case_names
+
+    assert case_names(tables) == tables.labels

@@ -16,8 +16,10 @@ def case_names(tables: Tables) -> dict[str, str]:
 
     A level of an axis is named by the name of its card where every card of the axis has one of its own, by axis and
     label otherwise, such as ``update_rate=1 Hz``; axes whose level is the same in all cases are left out. The label
-    itself stays where that is no name.
+    itself stays where that is no name, and of results of many designs, which are called by their numbers.
     """
+    if tables.has_designs:
+        return dict(tables.labels)
     names = list(next(iter(tables.levels.values()), {}))
     stated = dict(zip(names, tables.campaign.get("axes") or (), strict=False))
     shown = {name: _level_names(stated[name]) for name in names if name in stated}
