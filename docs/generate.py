@@ -55,7 +55,7 @@ def overview() -> str:
     """Return the README as the first page."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     text = re.sub(r"\]\(docs/", "](", text)
-    return re.sub(r"\]\((?!https?:|#)([^)]*/[^)]*|[A-Z]+\.md|LICENSE)\)", _inside, text)
+    return re.sub(r"\]\((?!https?:|#)([^)]*/[^)]*|[A-Z]+\.(?:md|cff)|LICENSE)\)", _inside, text)
 
 
 def _inside(found: re.Match[str]) -> str:
