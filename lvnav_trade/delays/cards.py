@@ -11,6 +11,7 @@ from lvnav_trade.units import (
     ElectronContent,
     Fraction,
     Length,
+    Pause,
     Pressure,
     ScaleHeight,
     Temperature,
@@ -195,6 +196,12 @@ class CorrectionsCard(Card):
 
     troposphere: Annotated[_Troposphere | Matched, Field(discriminator="kind")] = NoTroposphere()
     ionosphere: Annotated[_Ionosphere | Matched, Field(discriminator="kind")] = NoIonosphere()
+    relativity: bool = Field(
+        False, description="periodic relativistic term of the satellites' clocks, from their position and velocity"
+    )
+    doppler_interval: Literal["matched"] | Pause = Field(
+        0.0, description="over which the filter takes range rates for means; 0: for instantaneous; matched: true one"
+    )
 
 
 def correction_models(

@@ -37,6 +37,7 @@ from tests.world.tables import write
 OFF_NOMINAL = {
     "range_error": "0.5 m", "range_error_time": "90 s", "time_offset": "2 m", "time_offset_time": "500 s",
     "node_rate": "-5e-7 deg/s", "latitude_rate": "7.1e-3 deg/s",
+    "eccentricity": 0.01, "perigee": "50 deg", "relativity": True,
 }  # fmt: skip
 
 
@@ -66,6 +67,7 @@ def test_every_field_of_a_constellation_changes_what_is_computed() -> None:
     # rates of the first slot and of all others: each follows from the orbit where it is absent
     text["slots"][0] |= {"semi_major_axis": "29000 km", "inclination": "55 deg"}
     text["slots"][0] |= {"node_rate": "-4e-7 deg/s", "latitude_rate": "7e-3 deg/s"}
+    text["slots"][0] |= {"eccentricity": 0.02, "perigee": "20 deg"}
     card = NominalConstellation.model_validate(text | OFF_NOMINAL)
 
     def beside(one: NominalConstellation) -> str:

@@ -119,7 +119,7 @@ OTHER = {
         "latency_per_satellite": "10 ms", "latency_sigma": "3 ms", "multipath": "3 m", "multipath_time": "20 s",
         "lever_error": "0.5 m", "lever_b": ["1 m", "0.5 m", "0.3 m"], "channels": 5,
         "range_rate_offset": "0.2 m/s", "range_rate_instability": "0.2 m/s", "range_rate_instability_time": "9 s",
-        "frequencies": "L1_L5",
+        "frequencies": "L1_L5", "doppler_interval": "30 ms",
         "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "solution.kind": "bancroft",
         "solution.position_bias": "3 m", "solution.velocity_bias": "0.3 m/s", "solution.bias_time": "20 s",
         "solution.position_sigma": "4 m", "solution.velocity_sigma": "0.3 m/s", "clock.h0": 2e-19,

@@ -9,8 +9,10 @@ from lvnav_trade.engines.setup.filtering import Filtering
 from lvnav_trade.engines.setup.flight import Flight
 from lvnav_trade.engines.setup.inputs import Further, Signals
 from lvnav_trade.engines.setup.options import solver_of
+from lvnav_trade.engines.setup.receiver.doppler import doppler_left
 from lvnav_trade.engines.setup.receiver.further import delayed_of, further_of, references_of
 from lvnav_trade.engines.setup.receiver.recorded import Recorded, recorded
+from lvnav_trade.engines.setup.receiver.relativity import relativity_left
 from lvnav_trade.engines.setup.receiver.signals import (
     Assumed,
     InUse,
@@ -61,7 +63,7 @@ class Measurements(NamedTuple):
 
 class _Ranging(NamedTuple):
     """What the receiver measures: the true side, its correlated errors, recorded errors, gains (n_epoch, n_sat) of
-    carrier smoothing, and offsets (n_epoch, n_sat, 2) m, m/s of the times of the satellites' systems.
+    carrier smoothing, and offsets (n_epoch, n_sat, 2) m, m/s of the satellites' clocks and of their systems' times.
     """
 
     received: Received
@@ -103,8 +105,10 @@ def _ranging(scenario: Scenario, flight: Flight, filtering: Filtering) -> _Rangi
     shape = (flight.epochs.t.size, flight.ranging.n_channel)
     shared = shared_of(entering, filtering.layout, epoch_interval(scenario), shape)
     offsets = time_offsets(scenario.constellation, seen.systems, flight.trajectory.epoch, seen.t)
+    offsets = offsets + relativity_left(scenario, flight)
     gain = smoothing_gains(scenario, seen)
-    left = late_by.left + offsets + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], failed.slip, line)
+    left = late_by.left + offsets + doppler_left(scenario, flight)
+    left = left + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], failed.slip, line)
     received = received_of(scenario, flight, shared, left, tabled.mean)
     return _Ranging(received, entering, tabled, gain, offsets)
 

@@ -221,6 +221,9 @@ class ReceiverCard(units.NamedCard):
     )
     range_rate_instability: units.SpeedSigma = Field(0.0, description="the same, but a Gauss-Markov error")
     range_rate_instability_time: units.TimeConstant = 60.0  # its correlation time
+    doppler_interval: units.Pause = Field(
+        0.0, description="a range rate of the Doppler is the mean over so long up to its epoch; 0: instantaneous"
+    )
     frequencies: Literal["L1", "L1_L2", "L1_L5"] = Field(
         "L1", description="two: combined so that the ionosphere of first order is gone and noise is amplified"
     )
@@ -264,6 +267,8 @@ class ReceiverCard(units.NamedCard):
             yield "solution.smoothing.time: a window of one epoch smooths nothing"
         if smoothing is not None and smoothing.velocity != "doppler" and smoothing.rate_interval * self.rate > _HALF:
             yield "solution.smoothing.rate_interval: at most half of the interval between epochs"
+        if self.doppler_interval * self.rate > 1.0:
+            yield "doppler_interval: at most the interval between epochs"
         if self.cycle_slips is not None and self.cycle_slips.below is not None and self.link is None:
             yield "cycle_slips.below needs a link: it is a C/N0"
 

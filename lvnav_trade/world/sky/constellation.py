@@ -27,18 +27,23 @@ EARTH_RATE_BEIDOU = 7.2921150e-5  # rad/s
 RELATIVITY_BEIDOU = -4.442807309e-10  # s/m^0.5: -2 sqrt(GM) / c^2
 
 
+Eccentricity = Annotated[float, Field(ge=0.0, le=0.1)]
+
+
 class Slot(Card):
     """One satellite of a nominal constellation: right ascension of the node and argument of latitude at the epoch, and
     what its orbit has of its own.
     """
 
-    name: str
-    node: Angle
-    latitude_argument: Angle
+    name: str  # such as A1
+    node: Angle  # right ascension, at the epoch
+    latitude_argument: Angle  # at the epoch
     semi_major_axis: Annotated[Length, Field(gt=0.0)] | None = Field(None, description="that of the others if absent")
     inclination: Angle | None = Field(None, description="that of the others if absent")
     node_rate: AngularRate | None = Field(None, description="as that of the constellation; follows from J2 if absent")
     latitude_rate: AngularRate | None = Field(None, description="as that of the constellation")
+    eccentricity: Eccentricity | None = Field(None, description="that of the others if absent")
+    perigee: Angle | None = Field(None, description="argument of perigee; that of the others if absent")
 
 
 class SignalErrors(Card):
@@ -56,6 +61,9 @@ class SignalErrors(Card):
     time_offset_time: TimeConstant | None = Field(
         default=None, description="time constant of the time offset; constant over the flight if absent"
     )
+    relativity: bool = Field(
+        default=False, description="clocks have the periodic relativistic term of eccentric orbits, 2 r v / c in range"
+    )
 
     def _faults(self) -> Iterator[str]:
         if getattr(self, "system", "") == "GPS" and self.time_offset > 0.0:
@@ -63,13 +71,13 @@ class SignalErrors(Card):
 
 
 class NominalConstellation(SignalErrors, NamedCard):
-    """Circular orbits from published slots, propagated from their epoch with secular rates."""
+    """Orbits from published slots, circular unless stated, propagated from their epoch with secular rates."""
 
     kind: Literal["nominal"] = "nominal"
     system: System = "GPS"  # of all its satellites
     epoch: Epoch  # ISO 8601, UTC
     greenwich: Angle = Field(description="Greenwich hour angle of the direction that nodes are counted from, at epoch")
-    semi_major_axis: Annotated[Length, Field(gt=0.0)]  # of all orbits, which are circular
+    semi_major_axis: Annotated[Length, Field(gt=0.0)]  # of all orbits
     inclination: Angle  # of all orbits
     node_rate: AngularRate | None = Field(
         default=None, description="published rate of the nodes; that of J2 on a circular orbit if absent"
@@ -77,7 +85,14 @@ class NominalConstellation(SignalErrors, NamedCard):
     latitude_rate: AngularRate | None = Field(
         default=None, description="published rate of the argument of latitude; two bodies and J2 if absent"
     )
+    eccentricity: Eccentricity = Field(default=0.0, description="of all orbits; GPS keeps it below 0.02")
+    perigee: Angle = Field(default=0.0, description="argument of perigee of all orbits, where they are eccentric")
     slots: tuple[Slot, ...] = Field(min_length=1)  # one satellite each
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if self.relativity and not any(_shape_of(self, slot)[0] for slot in self.slots):
+            yield "relativity: clocks of circular orbits have no periodic term; state an eccentricity"
 
     @field_validator("slots")
     @classmethod
@@ -257,20 +272,31 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
     axis, inclination, node_rate, latitude_rate = np.array([_orbit_of(card, slot) for slot in card.slots]).T
     node = np.array([slot.node for slot in card.slots]) - card.greenwich + (node_rate - EARTH_RATE_GPS) * elapsed
     latitude = np.array([slot.latitude_argument for slot in card.slots]) + latitude_rate * elapsed
+    eccentricity, perigee = np.array([_shape_of(card, slot) for slot in card.slots]).T
     none = np.zeros(len(card.slots))
     return Orbits(
         names=tuple(slot.name for slot in card.slots),
         semi_major_axis=axis,
-        eccentricity=none,
+        eccentricity=eccentricity,
         inclination=inclination,
         node=np.mod(node, 2.0 * math.pi),
         node_rate=node_rate,
-        perigee=none,
-        mean_anomaly=np.mod(latitude, 2.0 * math.pi),
+        perigee=perigee,
+        mean_anomaly=np.mod(latitude - perigee, 2.0 * math.pi),
         mean_motion=latitude_rate,
         clock_bias=none,
         clock_drift=none,
         systems=(LETTERS[card.system],) * len(card.slots),
+    )
+
+
+def _shape_of(card: NominalConstellation, slot: Slot) -> tuple[float, float]:
+    """Return eccentricity and argument of perigee (rad) of a slot. The perigee stays where it is: it turns by less than
+    a degree in a month, and the argument of latitude is that of the card.
+    """
+    return (
+        card.eccentricity if slot.eccentricity is None else slot.eccentricity,
+        card.perigee if slot.perigee is None else slot.perigee,
     )
 
 

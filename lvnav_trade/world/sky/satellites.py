@@ -254,3 +254,17 @@ def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: 
             found[:, of_letter, 0] = -SPEED_OF_LIGHT * (offset.bias + offset.drift * age)[:, None]
             found[:, of_letter, 1] = -SPEED_OF_LIGHT * offset.drift
     return found
+
+
+def clock_relativity(constellation: Constellation, epoch: str, sent: Floats) -> Floats:
+    """Return what relativity adds to the satellites' clocks with the orbit, (..., n_sat) s, zero for constellations
+    that are without; sent (..., n_sat) s since the lift-off at `epoch`, times of transmission. Errors as `satellites`.
+    """
+    found, first = np.zeros(sent.shape), 0
+    for card in parts_of(constellation):
+        part = _part(card, epoch)
+        after = first + len(part.names)
+        if card.relativity:
+            found[..., first:after] = part.relativity(sent[..., first:after])
+        first = after
+    return found

@@ -1,0 +1,52 @@
+"""Periodic relativistic term of the satellites' clocks: true in the ranges, and as the receiver corrects it."""
+
+import numpy as np
+
+from lvnav_trade.engines.setup.flight import Flight
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.kernels.earth import GM
+from lvnav_trade.line_of_sight import falling
+from lvnav_trade.records import Floats
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.sky.constellation import parts_of
+from lvnav_trade.world.sky.satellites import clock_relativity
+
+HALF_STEP = 0.5  # s to either side of a transmission for the rate of the true term
+_CORRECTED_BY_THEIR_SYSTEM = "R"  # GLONASS broadcasts clocks with the term (ICD 5.1, section 3.3.3)
+
+
+def relativity_left(scenario: Scenario, flight: Flight) -> Floats | float:
+    """Return what the correction leaves of the satellites' relativistic clock term, (n_epoch, n_sat, 2) m, m/s.
+
+    A clock that is ahead marks its signals as sent later, so that they seem to have come less far. The true term is
+    that of the orbital elements; the correction is of position and velocity (`clock_term`).
+    """
+    seen = flight.sky
+    if not seen.tracked.any():
+        return 0.0
+    left: Floats | float = 0.0
+    if any(card.relativity for card in parts_of(scenario.constellation)):
+        sent = seen.t[:, None] - flight.lines.sight.distance / SPEED_OF_LIGHT
+        steps = (-HALF_STEP, 0.0, HALF_STEP)
+        epoch = flight.trajectory.epoch
+        before, now, after = (clock_relativity(scenario.constellation, epoch, sent + step) for step in steps)
+        left = -SPEED_OF_LIGHT * np.stack([now, (after - before) / (2.0 * HALF_STEP)], axis=2)
+    if scenario.filter.corrections.relativity:
+        # satellite velocities of the sky are by reception time
+        passing = 1.0 - flight.lines.sight.rate / SPEED_OF_LIGHT
+        term = clock_term(seen.r_i, seen.v_i / passing[..., None])
+        of_system = np.array([letter != _CORRECTED_BY_THEIR_SYSTEM for letter in seen.systems])
+        left = left - np.where(of_system[:, None], term, 0.0)
+    return left
+
+
+def clock_term(r_i: Floats, v_i: Floats) -> Floats:
+    """Return what the periodic relativistic term of a clock adds to range and range rate, (..., 2) m, m/s.
+
+    Canepa and Servidia, eq. 3.16: 2 r . v / c as a range. Printed is the lead of the clock, -2 r . v / c^2, in seconds.
+
+    r_i, v_i : (..., 3) m, m/s, position and velocity at transmission, frame i
+    """
+    size = 2.0 / SPEED_OF_LIGHT * np.sum(r_i * v_i, axis=-1)
+    rate = 2.0 / SPEED_OF_LIGHT * np.sum(v_i**2 + r_i * falling(r_i, GM), axis=-1)
+    return np.stack([size, rate], axis=-1)
