@@ -16,6 +16,7 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parent.parent
 _LEAVES = re.compile(r"\[([^\]]+)\]\((?:\.\./)+([^)#]+)(?:#[^)]*)?\)")
+_NUMBER = re.compile(r"\\tag\{(\d+)\}")
 _MATH = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -48,7 +49,12 @@ def on_page_content(content: str, **_: Any) -> str:
 
 def _formula(found: re.Match[str]) -> str:
     display = "block" if found[1] == "div" else "inline"
-    return convert(html.unescape(found[2]).strip(), display=display)
+    text = html.unescape(found[2]).strip()
+    number = _NUMBER.search(text)
+    if number is None:
+        return convert(text, display=display)
+    formula = convert(_NUMBER.sub("", text).strip(), display=display)
+    return f'<div class="equation" id="eq-{number[1]}">{formula}<span>({number[1]})</span></div>'
 
 
 def overview() -> str:

@@ -235,6 +235,9 @@ def test_the_manual_builds_with_every_formula_and_asks_for_nothing_from_a_networ
     assert "<mi>&amp;" not in theory  # MathML has no alignment of LaTeX's environments
     assert "&amp;P" not in theory
     assert not any("\\begin{align" in page.read_text() for page in (root / "docs").glob("*.md"))
+    pages = {page.name: page.read_text() for page in (tmp_path / "site").glob("*.html")}
+    raw = {name: re.findall(r"<m(?:i|o|n|text)>[^<]*(?:\\|&amp;)|\$\$", text) for name, text in pages.items()}
+    assert {name: found for name, found in raw.items() if found} == {}  # no markup of LaTeX that MathML has not
     for page in (tmp_path / "site").rglob("*.html"):
         asked = re.findall(r'(?:src|<link[^>]*href)="(https?://[^"]+)"', page.read_text())
         assert asked == [], page.name
