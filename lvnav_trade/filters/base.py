@@ -23,7 +23,7 @@ from lvnav_trade.observables.sensors import (
     Measurement,
     SensorModels,
 )
-from lvnav_trade.observables.tuning import RegionNoiseCard, UnderweightingCard
+from lvnav_trade.observables.tuning import ProcessNoiseTable, RegionNoiseCard, UnderweightingCard
 
 Matched = Literal["matched"]
 # Standard states; what else is a state of the filter is named in its card.
@@ -251,6 +251,9 @@ class FilterCard(units.NamedCard):
         None, description="the covariance of what is estimated grows by exp(2 t / this); none: nothing is forgotten"
     )
     region_noise: tuple[RegionNoiseCard, ...] = Field((), description="variance added at a change of operating region")
+    process_noise_by: tuple[ProcessNoiseTable, ...] = Field(
+        (), description="noise of attitude, velocity and position over altitude, specific force or jerk"
+    )
     report_imu_samples: bool = Field(
         False, description="errors of the IMU's samples, raw and corrected, are reported beside the states"
     )

@@ -35,7 +35,15 @@ PHASE = {
     "carrier_phase_sigma", "carrier_ambiguity", "cycle_slips", "ambiguity", "delayed_state", "previous_noise",
 }  # fmt: skip
 # What tunes and reports a filter: tests/filters/test_tuning, test_residuals, test_backup.
-TUNING = {"as_noise", "transition_rate", "underweighting", "fading_memory", "region_noise", "backup"}
+TUNING = {
+    "as_noise",
+    "transition_rate",
+    "underweighting",
+    "fading_memory",
+    "region_noise",
+    "process_noise_by",
+    "backup",
+}
 # Flicker noise by fitted processes: tests/world/sensors/test_imu.py walks its fields.
 FITTED = {"instability_fit"}
 # A recording in a file: tests/world/user_file/test_error_table.py walks its fields.

@@ -121,6 +121,49 @@ def test_a_change_of_region_adds_its_variance_then_and_velocity_carries_it_on():
     np.testing.assert_array_equal(more.true_sigma, plain.true_sigma)
 
 
+# ------------------------------------------------------------------------------------- process noise over the dynamics
+
+FORCE = 30.0 * np.array([0.6, 0.64, 0.48])
+
+
+def test_noise_in_proportion_to_the_force_is_that_of_its_square_over_the_burn():
+    """Density k f: k^2 f^2 t of velocity while 30 m/s^2 push, its double integral of position, nothing in free fall."""
+    burn = flight([(10.0, lambda t: FORCE), (15.0, lambda t: 0.0 * FORCE)], turning)
+    table = {"specific_force": ["0 m/s^2", "60 m/s^2"], "velocity": ["0 m/s/sqrt(s)", "0.2 m/s/sqrt(s)"]}
+    plain, more = (
+        covariance(flown(INERTIAL, flight=burn, imu=NOISELESS, **f)) for f in ({}, {"process_noise_by": [table]})
+    )
+    added, t = more.formal**2 - plain.formal**2, plain.t
+    density = 0.1**2
+    burning = np.minimum(t, 10.0)[:, None]
+    np.testing.assert_allclose(added[t > 1.0, 3:6], np.tile(density * burning, 3)[t > 1.0], rtol=2e-2)
+    moved = density * (burning**3 / 3.0 + burning * (t[:, None] - burning) * t[:, None])
+    np.testing.assert_allclose(added[-1, 6:9], np.tile(moved, 3)[-1], rtol=2e-2)
+    np.testing.assert_array_equal(more.true_sigma, plain.true_sigma)
+
+
+def test_a_table_with_one_value_is_the_noise_of_the_card():
+    """Over altitude, attitude, velocity and position: what enters at the end of a window enters within it otherwise."""
+    noise = {"attitude": "1 deg/sqrt(h)", "velocity": "0.1 m/s/sqrt(s)", "position": "0.3 m/sqrt(s)"}
+    table = {"altitude": ["0 km", "900 km"], **{name: [value, value] for name, value in noise.items()}}
+    one = formal(flown(process_noise_by=[table]))
+    other = formal(flown(**{f"{name}_noise": value for name, value in noise.items()}))
+    np.testing.assert_allclose(one, other, rtol=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"velocity": ["1 m/s/sqrt(s)"]}, "one of altitude, specific_force, jerk is stated"),
+        ({"jerk": ["0 m/s^3", "1 m/s^3"]}, "no noise"),
+        ({"jerk": ["0 m/s^3", "1 m/s^3"], "velocity": ["1 m/s/sqrt(s)"]}, "2 values of jerk but 1 of velocity"),
+    ],
+)
+def test_a_table_without_meaning_is_refused(table, message):
+    with pytest.raises(ValueError, match=message):
+        flown(process_noise_by=[table])
+
+
 # ------------------------------------------------------------------------------------------------------ transition held
 
 
@@ -170,6 +213,9 @@ ALL = {
     "underweighting": [{"beta": 0.4, "until": "15 s"}, {"noise_factor": 2.0, "from": "10 s"}],
     "fading_memory": "30 s",
     "region_noise": [{"force_change": "10 m/s^2", "velocity": "0.1 m/s", "accel_bias": "1 mg"}],
+    "process_noise_by": [
+        {"specific_force": ["0 m/s^2", "30 m/s^2"], "velocity": ["0 m/s/sqrt(s)", "0.05 m/s/sqrt(s)"]}
+    ],
     "transition_rate": "0.5 Hz",
 }
 

@@ -117,8 +117,8 @@ def times_of(
     cut = _cut(n_imu, per_window, hist_tick, tick, looked, group)
     windows = Windows(cut.first_tick, cut.n_tick)
     lengths, length = np.unique(cut.n_tick, return_inverse=True)
-    course, (imu, *_) = flight.trajectory.course, filter_models(scenario)
-    injection, injected = injections(card.region_noise, course, ref, windows, layout, imu)
+    imu, *_ = filter_models(scenario)
+    injection, injected = injections(card, flight.trajectory, ref, windows, layout, imu)
     schedule = Schedule(
         first_tick=cut.first_tick,
         n_tick=cut.n_tick,

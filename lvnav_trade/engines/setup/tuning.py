@@ -9,9 +9,11 @@ from lvnav_trade.filters.base import FilterCard, ImuModel
 from lvnav_trade.filters.rows import TYPES
 from lvnav_trade.kernels.transition import ATT, EVERY_WINDOW, FIRST, KEPT, POS, RENEWED, VEL
 from lvnav_trade.layout import StateLayout
-from lvnav_trade.observables.tuning import RegionNoiseCard, UnderweightingCard
+from lvnav_trade.observables.tuning import ProcessNoiseTable, RegionNoiseCard, UnderweightingCard
 from lvnav_trade.records import Bools, Floats, Ints, Reference
 from lvnav_trade.world.conditions import ROUNDING, Course, inside
+from lvnav_trade.world.flight.trajectory import Trajectory
+from lvnav_trade.world.receiver.dynamics import dynamics_at
 
 
 def weights(
@@ -40,25 +42,27 @@ class Windows(NamedTuple):
 
 
 def injections(
-    cards: Sequence[RegionNoiseCard],
-    course: Course,
+    card: FilterCard,
+    trajectory: Trajectory,
     ref: Reference,
     windows: Windows,
     layout: StateLayout,
     imu: ImuModel,
 ) -> tuple[Ints, Floats]:
-    """Return the variances that changes of region add to states: by window the number (n_window,) of what is added at
-    its end, -1 none, and the variances (n_injection, n_state), at least one row.
+    """Return the variances that changes of region and tables of process noise add to states: by window the number
+    (n_window,) of what is added at its end, -1 none, and the variances (n_injection, n_state), at least one row.
 
     ref: the true motion, tick by tick; imu: what the filter assumes of its IMU.
     """
     number, moved = np.full(windows.n_tick.size, -1, dtype=np.int64), windows.n_tick > 0
     first, end = windows.first_tick[moved], (windows.first_tick + windows.n_tick)[moved]
     added = np.zeros((windows.n_tick.size, layout.n_state))
-    for card in cards:
+    for region in card.region_noise:
         changed = np.zeros(windows.n_tick.size, dtype=bool)
-        changed[moved] = _changes(card, course, ref, first, end)
-        added[changed] += _variance(card, layout, imu)
+        changed[moved] = _changes(region, trajectory.course, ref, first, end)
+        added[changed] += _variance(region, layout, imu)
+    if card.process_noise_by:
+        added[moved, :9] += _tabled(card.process_noise_by, trajectory, ref.t[first], ref.t[end])
     at = np.flatnonzero(np.any(added > 0.0, axis=1))
     number[at] = np.arange(at.size)
     return number, added[at] if at.size else np.zeros((1, layout.n_state))
@@ -77,6 +81,20 @@ def _changes(card: RegionNoiseCard, course: Course, ref: Reference, first: Ints,
             summed = np.concatenate([np.zeros((1, 3)), np.cumsum(increments, axis=0)])
             found |= _jumps((summed[end] - summed[first]) / (ref.t[end] - ref.t[first])[:, None], limit)
     return found & inside(held, ref.t[end])
+
+
+def _tabled(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory, start: Floats, end: Floats) -> Floats:
+    """Return the variance (n, 9) of attitude, velocity and position that tables of process noise give windows from
+    `start` to `end` (n,) s: that of the flight in their middle.
+    """
+    at = dynamics_at(trajectory, 0.5 * (start + end))
+    found = np.zeros((start.size, 9))
+    for table in tables:
+        for name, states in (("attitude", ATT), ("velocity", VEL), ("position", POS)):
+            if getattr(table, name):
+                density = np.interp(getattr(at, table.over), getattr(table, table.over), getattr(table, name)) ** 2
+                found[:, states : states + 3] += (density * (end - start))[:, None]
+    return found
 
 
 def _jumps(values: Floats, limit: float) -> Bools:
