@@ -29,7 +29,7 @@ class MonteCarlo(units.Card):
     )
     cases: Literal["undecided", "front"] | None = Field(
         None,
-        description="where metrics are stored: cases that have runs; undecided: those nearest to a limit; "
+        description="where a row is stored for each design: those that have runs; undecided: those nearest to a limit; "
         "front: those on the Pareto front of error and cost; undecided if absent",
     )
     most_cases: int | None = Field(None, ge=1, le=limits.CASES, description="most of these cases; 10 if absent")

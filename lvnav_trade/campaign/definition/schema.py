@@ -282,10 +282,10 @@ class Campaign(units.Card):
     # choice of the cases among all combinations of levels
     design: Literal["grid", "zip", "one_at_a_time", "latin_hypercube", "sobol", "box_behnken"] = "grid"
     samples: int | None = Field(None, description="points of a Latin hypercube, or of Sobol's sequence (a power of 2)")
-    store: Literal["metrics", "history"] | None = Field(
+    store: Literal["metrics", "events", "history"] | None = Field(
         None,
-        description="history: everything of each case; metrics: a row for each and a few whole; if absent metrics of "
-        f"more than {limits.CASES} cases",
+        description="history: everything of each case; metrics: a row for each and a few whole; events: that row with "
+        f"the errors at every event; if absent metrics of more than {limits.CASES} cases",
     )
     exclude: tuple[dict[str, str | tuple[str, ...]], ...] = Field(
         (), description="combinations that are left out: level of some axes, or lists of levels"
@@ -319,7 +319,7 @@ class Campaign(units.Card):
     @property
     def is_space(self) -> bool:
         """Whether the campaign stores one row for each of many designs."""
-        return self.store == "metrics"
+        return self.store in ("metrics", "events")
 
     @property
     def rule(self) -> tuple[Axis, ...]:

@@ -17,7 +17,7 @@ from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
 from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.layout import AXES as FRAME_AXES
-from lvnav_trade.limits import AXES, CASES
+from lvnav_trade.limits import AXES, CASES, DESIGNS
 from lvnav_trade.metrics.families.errors import NORM, StateError
 from lvnav_trade.rules import breaches_of_case
 from lvnav_trade.scenario import Scenario
@@ -238,7 +238,8 @@ def too_many(kind: str, sizes: Sequence[int], root: Node, crossed: Sequence[int]
     if len(sizes) > AXES:
         yield mistake_at(root, "axes", f"{len(sizes)} axes; at most {AXES} are varied")
     elif count > CASES:
-        yield mistake_at(root, "axes", f"{count} cases; at most {CASES} are computed")
+        rest = "are stored whole: give `store: metrics`" if kind == "grid" and count <= DESIGNS else "are computed"
+        yield mistake_at(root, "axes", f"{count} cases; at most {CASES} {rest}")
 
 
 def bad_levels(

@@ -13,7 +13,7 @@ from lvnav_trade.campaign.reading.checks import Varied
 from lvnav_trade.campaign.reading.combining import narrowing, selection
 from lvnav_trade.campaign.reading.expand import expand, expanded, splice
 from lvnav_trade.campaign.reading.explain import explain
-from lvnav_trade.campaign.reading.sampled import Rule, refuse_selection, ruled, with_designs
+from lvnav_trade.campaign.reading.sampled import Rule, choice_of_runs, ruled, with_designs
 from lvnav_trade.campaign.reading.spaced import spaced
 from lvnav_trade.campaign.reading.written_cases import WrittenCases, first_cases
 from lvnav_trade.campaign.syntax import fields, marked, tree
@@ -103,7 +103,7 @@ class _Loader:
         self._raise()
         if self.rule is not None:
             whole = self._with_designs(cases, whole)
-        self.mistakes += narrowing(whole, root)
+        self.mistakes += [*choice_of_runs(whole, self.root), *narrowing(whole, root)]
         self._raise()
         if self.rule is None:
             self._check_cases(cases, whole)
@@ -122,7 +122,6 @@ class _Loader:
         """Return the campaign of many designs from that of the ends of its axes, whose cases are checked."""
         assert self.rule is not None
         whole = with_designs(ends, self.rule)
-        refuse_selection(whole, self.root)
         base = (None,) * len(ends.axes)  # an end that is impossible alone may not be so beside others
         scenario = self._case(cases, base)
         if scenario is not None:

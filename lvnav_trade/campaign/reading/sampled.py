@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,58 +12,65 @@ from lvnav_trade.campaign.definition.schema import Axis, ByRule, Campaign
 from lvnav_trade.campaign.reading.spaced import SAMPLED, Ends, between, ends_of, points, with_values, written
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
-from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
+from lvnav_trade.errors import InputError, Mistake, quoted
 from lvnav_trade.limits import CASES, DESIGNS
 from lvnav_trade.metrics.basics.people import split
 from lvnav_trade.records import Floats
 
-METRICS = "metrics"
+ROWS = ("metrics", "events")
+"""Values of `store` that keep one row for each design."""
 _RULES = ("grid", *SAMPLED[:2])
 
 
 class Rule(NamedTuple):
     """How the designs of a campaign follow from its axes.
 
+    store : What is stored of each design, of `ROWS`.
     design : Design as the campaign states it.
     samples : Number of points; None for a grid.
     ends : For each axis the limits between which it is sampled, and whether evenly in the logarithm; None for an axis
         of levels.
     """
 
+    store: str
     design: str
     samples: int | None
     ends: tuple[tuple[Ends, bool] | None, ...]
 
 
 def ruled(root: Node) -> tuple[Rule | None, Node]:
-    """Return the rule of a campaign that stores metrics alone, and its tree with the ends of every axis as levels, one
-    varied at a time; no rule and the tree as it is for every other campaign. InputError where the rule has mistakes.
+    """Return the rule of a campaign that stores a row for each design, and its tree with the ends of every axis as
+    levels, one varied at a time; no rule and the tree as it is for every other campaign. InputError where the rule has
+    mistakes.
 
-    A campaign stores metrics alone where it says so, or where it has more cases than are stored whole.
+    A campaign stores rows where it says so, or where it has more cases than are stored whole.
     """
     axes, stated = find(root, ["axes"]), _text(root, "store")
     design = _text(root, "design") or "grid"
-    if axes is None or not axes.is_list or stated not in ("", METRICS):
+    if stated in ROWS and (axes is None or not axes.value):
+        message = f"{stated}: no effect: the campaign has no axes, so that its one case is stored whole"
+        raise InputError(records=[mistake_at(root, "store", message)])
+    if axes is None or not axes.is_list or stated not in ("", *ROWS):
         return None, root
     if design not in _RULES:
-        if stated == METRICS:
-            raise InputError(records=[mistake_at(root, "store", f"metrics: of the designs {', '.join(_RULES)}")])
+        if stated in ROWS:
+            raise InputError(records=[mistake_at(root, "store", f"{stated}: of the designs {', '.join(_RULES)}")])
         return None, root
     node = find(root, ["samples"])
     samples = node.value if node is not None else None
     many = isinstance(samples, int) and not isinstance(samples, bool) and samples > CASES
-    if stated != METRICS and design != "grid" and not many:
+    if not stated and design != "grid" and not many:
         return None, root
     made = [_ends(axis, index, design) for index, axis in enumerate(axes.value)]
     whole = [axis for axis, _ in made]
-    if stated != METRICS and design == "grid" and math.prod(map(_levels, whole)) <= CASES:
+    if not stated and design == "grid" and math.prod(map(_levels, whole)) <= CASES:
         return None, root
     _check_count(root, design, samples, math.prod(map(_levels, whole)))
     place = axes.place
     root = tree.with_child(root, "axes", Node(whole, place), root.keys["axes"])
     root = tree.put(root, ["design"], Node("one_at_a_time", place))
     root = tree.put(root, ["samples"], Node(None, place)) if node is not None else root
-    return Rule(design, samples if design != "grid" else None, tuple(ends for _, ends in made)), root
+    return Rule(stated or ROWS[0], design, samples if design != "grid" else None, tuple(ends for _, ends in made)), root
 
 
 def _text(root: Node, key: str) -> str:
@@ -122,7 +129,7 @@ def with_designs(found: Campaign, rule: Rule) -> Campaign:
     Every axis has one value for each sample in SI, and a label in the unit that the campaign states it in. A grid has
     its levels.
     """
-    update: dict[str, Any] = {"design": rule.design, "samples": rule.samples, "store": METRICS}
+    update: dict[str, Any] = {"design": rule.design, "samples": rule.samples, "store": rule.store}
     axes = tuple(found.axes)
     if rule.samples is not None:
         part = points(rule.design, len(axes), rule.samples, found.seed)
@@ -168,9 +175,18 @@ def _sampled(axis: Axis, ends: tuple[Ends, bool] | None, part: Floats) -> Axis:
     return axis.model_copy(update={"values": tuple(f"{value!r} {low[1]}" for value in si), "labels": labels})
 
 
-def refuse_selection(campaign: Campaign, root: Node) -> None:
-    """Refuse what says which cases of a campaign have runs where the designs decide that."""
-    mistakes: Sequence[Mistake] = ()
-    if campaign.monte_carlo is not None and campaign.monte_carlo.selected:
-        mistakes = [mistake_at(root, "monte_carlo.selected", "of many designs `cases` says which have runs")]
-    refuse_all(list(mistakes))
+def choice_of_runs(campaign: Campaign, root: Node) -> Iterator[Mistake]:
+    """Yield what of `monte_carlo` says which cases have runs and is not read: levels of axes where each design has a
+    row, and what chooses among designs where each case is stored whole.
+    """
+    card = campaign.monte_carlo
+    if card is None:
+        return
+    if campaign.is_space:
+        if card.selected:
+            yield mistake_at(root, "monte_carlo.selected", "of many designs `cases` says which have runs")
+        return
+    for name in ("cases", "most_cases"):
+        if getattr(card, name) is not None:
+            message = f"no effect: each case is stored whole and has runs; give `store: {ROWS[0]}` or `selected`"
+            yield mistake_at(root, f"monte_carlo.{name}", message)

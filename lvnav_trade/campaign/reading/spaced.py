@@ -11,7 +11,7 @@ from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
 from lvnav_trade.decimals import DECIMAL
 from lvnav_trade.errors import InputError, Mistake, quoted
-from lvnav_trade.limits import CASES
+from lvnav_trade.limits import CASES, DESIGNS
 from lvnav_trade.records import Floats
 from lvnav_trade.units import with_ascii_minus
 
@@ -186,7 +186,10 @@ def _sampled(root: Node, kind: str, axes: Sequence[Node]) -> list[Node]:
     try:
         if kind == "box_behnken" and stated is not None:
             raise ValueError("no effect: the number of axes decides how many points a Box-Behnken design has")
-        count = 2 if kind == "box_behnken" else _count(stated.value if stated is not None else None)
+        wanted = stated.value if stated is not None else None
+        if isinstance(wanted, int) and CASES < wanted <= DESIGNS:
+            raise ValueError(f"{wanted} cases; at most {CASES} are stored whole: give `store: metrics`")
+        count = 2 if kind == "box_behnken" else _count(wanted)
         number = seed.value if seed is not None and isinstance(seed.value, int) else 0
         found = points(kind, len(axes), count, number)
     except ValueError as error:

@@ -24,8 +24,10 @@ def test_many_samples_store_metrics_unless_the_campaign_says_otherwise(study) ->
     few = load(study.path, ["samples=500"])
     assert (few.store, few.is_space, len(cases(few))) == (None, False, 500)
     assert load(study.path, ["samples=16", "store=metrics"]).is_space
-    with pytest.raises(InputError, match="600 is no count; a whole number from 2 to 500"):
+    with pytest.raises(InputError, match="samples: 600 cases; at most 500 are stored whole: give `store: metrics`"):
         load(study.path, ["store=history"])
+    with pytest.raises(InputError, match="1000000 is no count; a whole number from 2 to 500"):
+        load(study.path, ["store=history", "samples=1000000"])
 
 
 def test_the_resolved_campaign_has_the_rule_and_the_same_designs(study, tmp_path) -> None:
@@ -87,7 +89,44 @@ def test_mistakes_in_a_rule_are_one_line_at_their_place(study, change, message) 
     assert message in str(raised.value)
 
 
+def test_a_large_grid_that_is_to_be_stored_whole_is_told_what_stores_rows(study) -> None:
+    study.append(
+        "axes:\n  - {path: initial.heading, linspace: [0.01 deg, 1 deg, 30]}\n"
+        "  - {path: filter.gate, linspace: [3, 9, 20]}\nstore: history\n"
+    )
+    with pytest.raises(InputError, match="axes: 600 cases; at most 500 are stored whole: give `store: metrics`"):
+        load(study.path)
+
+
+@pytest.mark.parametrize("store", ["metrics", "events"])
+def test_rows_are_stored_with_few_samples_too_where_the_campaign_says_so(study, store) -> None:
+    study.append(SAMPLED)
+    found = load(study.path, ["samples=16", f"store={store}"])
+    assert (found.store, found.is_space, len(Designs(found))) == (store, True, 16)
+    assert f"store: {store}" in resolved(found)
+
+
+@pytest.mark.parametrize("axes", ["", "axes: []\n"])
+@pytest.mark.parametrize("store", ["metrics", "events"])
+def test_a_campaign_without_axes_has_no_designs_to_store(study, store, axes) -> None:
+    line = len(study.path.read_text().splitlines()) + 1
+    study.append(f"store: {store}\n{axes}")
+    with pytest.raises(InputError, match=f":{line}:.* store: {store}: no effect: the campaign has no axes"):
+        load(study.path)
+
+
 def test_which_cases_have_runs_is_not_said_by_levels(study) -> None:
     study.append(SAMPLED + 'monte_carlo: {runs: 40, selected: {gate: "3"}}\n')
     with pytest.raises(InputError, match="of many designs `cases` says which have runs"):
         load(study.path)
+
+
+@pytest.mark.parametrize("choice", ["cases: front", "most_cases: 3"])
+def test_what_chooses_among_designs_is_refused_where_each_case_is_stored_whole(study, choice) -> None:
+    text = SAMPLED.replace("600", "16") + f"monte_carlo: {{runs: 40, {choice}}}\n"
+    study.append(text)
+    line = len(study.path.read_text().splitlines())
+    name = choice.partition(":")[0]
+    with pytest.raises(InputError, match=f":{line}:.* monte_carlo.{name}: no effect: each case is stored whole"):
+        load(study.path)
+    assert load(study.path, ["store=metrics"]).monte_carlo is not None
