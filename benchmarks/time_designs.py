@@ -33,7 +33,7 @@ def measure() -> dict[str, float]:
     flight = trajectory_of(campaign.base)
     with tempfile.TemporaryDirectory() as folder:
         single = campaign.model_copy(update={"monte_carlo": None})
-        whole = planned(single, Path(folder), flight.end - flight.start)
+        whole = planned(single, Path(folder), {"": {"start": flight.start, "end": flight.end}})
     designs = whole.seconds_of_designs / len(Designs(campaign))
     return {
         "design_beside_covariance_cpu_ms": 1e3 * (alone.seconds - alone.covariance_s) / COUNT,

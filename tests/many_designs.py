@@ -79,3 +79,42 @@ def tables(folder: Path, count: int = COUNT) -> Tables:
     space = {"designs": count, "impossible": {"filter: the update rate is above … Hz": 2}, "whole": {"best": 1}}
     found.__dict__["manifest"] = {**found.manifest, "space": space, "command": ["run", "mine.yaml"]}
     return found
+
+
+def grid(folder: Path) -> Tables:
+    """Return results of a full grid of seven biases, three headings and two filters: the velocity grows with the square
+    root of the bias and the tenth root of the heading, and is twice as large for a loose filter.
+    """
+    sampled = tables(folder, 42)
+    found = frame(42)
+    bias, heading, loose = (
+        values.ravel()
+        for values in np.meshgrid(np.geomspace(0.01, 10.0, 7), np.geomspace(0.01, 1.0, 3), [True, False], indexing="ij")
+    )
+    velocity = 0.2 * bias**0.5 * heading**0.1 * np.where(loose, 2.0, 1.0)
+    verdict = np.where(velocity <= LIMIT, "met", "violated")
+    found = found.assign(
+        case=[f"{number:012x}" for number in range(42)],
+        axes=[
+            json.dumps(
+                {
+                    "bias_repeatability": f"{b:.6g} deg/h",
+                    "heading": f"{h:.6g} deg",
+                    "filter": "loose" if one else "tight",
+                }
+            )
+            for b, h, one in zip(bias, heading, loose, strict=True)
+        ],
+        reason="",
+        binding="fast",
+        verdict=verdict,
+        verdicts=[json.dumps({"fast": str(word)}) for word in verdict],
+        axis_bias_repeatability_rad_per_s=np.radians(bias) / 3600.0,
+        axis_heading_rad=np.radians(heading),
+        fast_quantile_m_per_s=velocity,
+        error_ratio=velocity / LIMIT,
+    )
+    whole = sampled.with_frames(designs=found)
+    whole.__dict__["campaign"] = {**sampled.campaign, "design": "grid", "samples": None}
+    whole.__dict__["manifest"] = {**sampled.manifest, "space": {"designs": 42, "impossible": {}, "whole": {"best": 1}}}
+    return whole

@@ -90,7 +90,8 @@ def plan(
         A mistake in the campaign.
     """
     found = load_campaign(campaign, sets)
-    duration = {case: max(times.values()) - min(times.values()) for case, times in _checked(found).events.items()}
+    flights = _checked(found).events
+    duration = {case: max(times.values()) - min(times.values()) for case, times in flights.items()}
     open_ones, place = undemonstrable(found), place_of(found, folder)
     if strict:
         refuse_all(list(open_ones))
@@ -98,7 +99,7 @@ def plan(
 
     warnings = tuple(map(str, open_ones))
     if found.is_space:
-        many = planned(found, place, max(duration.values()))
+        many = planned(found, place, flights)
         empty = pd.DataFrame(columns=["id", "label", "runs", "done"])
         return Plan(empty, 0, many.seconds, many.disk_mb, many.memory_mb, warnings, many)
     made = estimate(found, place, duration)
@@ -222,8 +223,7 @@ def carry_out(campaign: Campaign, folder: str | Path | None, task: Task) -> Resu
     if task.copy_to:
         remote.refuse_foreign_place(task.copy_to)
     if campaign.is_space:
-        duration = max(max(times.values()) - min(times.values()) for times in _checked(campaign).events.values())
-        refuse_too_large(planned(campaign, place, duration), place)
+        refuse_too_large(planned(campaign, place, _checked(campaign).events), place)
     mode: execute.Mode = "fresh" if task.fresh else "resume"
     execute.run(
         campaign,

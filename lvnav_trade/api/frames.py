@@ -59,6 +59,7 @@ class Frames:
     observed: pd.DataFrame  # rank of the observability matrix
     filter_verdicts: pd.DataFrame  # whether the filter's covariance matches its errors
     effects: pd.DataFrame  # of many designs: how the error of each requirement follows each axis
+    swings: pd.DataFrame  # of many designs: the error of each requirement at both ends of each axis
     regions: pd.DataFrame  # of many designs: share that meets each requirement, by part of each axis
     nees: pd.DataFrame  # normalised estimation error squared with its bounds
     nis: pd.DataFrame  # normalised innovation squared with its bounds

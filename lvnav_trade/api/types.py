@@ -70,7 +70,8 @@ class Plan(Displayed):
     seconds : float
         Time of one core (s), without compilation.
     disk_mb, memory_mb : float
-        Size of the results, and memory of a worker process (MB).
+        Size of the results, and memory of a worker process (MB). Of many designs the disk that is taken at most, before
+        blocks of runs are removed, is in `designs`.
     warnings : tuple of str
         Requirements that the runs cannot show.
     designs : DesignsPlan or None
@@ -88,7 +89,9 @@ class Plan(Displayed):
     @property
     def cost(self) -> str:
         """Time, disk and memory in one line."""
-        cost = f"{self.disk_mb:.0f} MB of disk, {self.memory_mb:.0f} MB a job"
+        most = self.disk_mb if self.designs is None else self.designs.most_mb
+        meanwhile = f" ({most:.0f} MB meanwhile)" if most > 1.1 * self.disk_mb else ""
+        cost = f"{self.disk_mb:.0f} MB of disk{meanwhile}, {self.memory_mb:.0f} MB a job"
         return f"about {self.seconds:.0f} s of one core once compiled, {cost}"
 
     def _shown(self) -> Shown:

@@ -97,15 +97,24 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
 
 
 def _designs(results: Any, many: Mapping[str, Any]) -> str:
-    """Say how many of many designs meet all requirements, and how to look at them."""
-    frame = results.cases
-    met, impossible = int((frame.verdict == "met").sum()), sum((many.get("impossible") or {}).values())
-    of_them = f", {impossible} of them impossible" if impossible else ""
-    return (
-        f"{many['designs']} designs{of_them}: {met} meet all requirements by linear covariance\n"
-        f'list them: lvnav-trade cases {results.folder} --where "verdict == met" --sort error\n'
-        f"verdicts of the {len(results.tables.labels)} that are analysed whole:"
-    )
+    """Say how many of many designs meet all requirements, of how many of these the filter cannot be trusted, and how to
+    look at them.
+    """
+    from lvnav_trade.metrics.space import overconfident
+
+    frame, asked = results.cases, bool(results.tables.campaign.get("requirements"))
+    good = frame[frame.verdict == "met"]
+    impossible = sum((many.get("impossible") or {}).values())
+    doubtful = overconfident(good)
+    said = f"{many['designs']} designs" + (f", {impossible} of them impossible" if impossible else "")
+    if asked:
+        said += f": {len(good)} meet all requirements by linear covariance"
+        said += f", {doubtful} of these with an overconfident filter" if doubtful else ""
+    order = '--where "verdict == met" --sort error' if asked else "--sort velocity"
+    lines = [said, f"list them: lvnav-trade cases {results.folder} {order}"]
+    if asked:
+        lines.append(f"verdicts of the {len(results.tables.labels)} that are analysed whole:")
+    return "\n".join(lines)
 
 
 def _named_basis(shown: Any) -> Any:

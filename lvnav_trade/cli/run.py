@@ -110,6 +110,7 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Str
     lines = [_planned(found), *remark_lines({"warnings": found.warnings}), found.cost]
     content = {"cases": found.cases.to_dict("records"), "blocks": found.blocks, "seconds": found.seconds}
     content |= {"disk_mb": found.disk_mb, "memory_mb": found.memory_mb, "warnings": list(found.warnings)}
+    content["designs"] = None if found.designs is None else found.designs._asdict()
     return Answer("\n".join(lines), content)
 
 
@@ -118,7 +119,7 @@ def _planned(found: Plan) -> str:
     cases, many = found.cases, found.designs
     if many is not None:
         runs = f", {many.runs} runs of these at most" if many.runs else ""
-        return f"{many.designs} designs: a row for each (store: metrics), {many.whole} whole at most{runs}"
+        return f"{many.designs} designs: a row for each (store: {many.store}), {many.whole} whole at most{runs}"
     if len(cases) <= _LISTED:
         return table(["case", "label", "runs", "done"], [list(row) for row in cases.itertuples(index=False)])
     total, done = int(cases["runs"].sum()), int(cases["done"].sum())

@@ -67,7 +67,8 @@ def designs(tables: Tables) -> pd.DataFrame:
 def _of_many(tables: Tables) -> pd.DataFrame:
     """Return the designs of results that hold one row for each, with texts of JSON objects as columns.
 
-    Of the cases that are analysed whole, runs and their verdicts take the place of those of linear covariance.
+    All numbers and verdicts are those of linear covariance, of the designs that are analysed whole too: what runs say
+    of these is in the other tables.
     """
     stored = tables.designs
     numbers = [str(name) for name in stored.select_dtypes("number") if name != "design_number"]
@@ -104,6 +105,21 @@ def requirement_columns(requirement: Mapping[str, Any]) -> tuple[str, str, str]:
     return f"{name}_quantile_{end}", f"{name}_probability_ratio", f"{name}_verdict"
 
 
+def at_event(column: str, event: str) -> str:
+    """Return the column that holds at an event what another holds at injection, or where its requirement asks for it:
+    ``velocity_at_staging_m_per_s`` of ``velocity_m_per_s``.
+    """
+    name, end = name_and_end(column)
+    return f"{name}_at_{slug(event)}{end}"
+
+
+def name_and_end(column: str) -> tuple[str, str]:
+    """Return a column's name without the end that states its unit, and this end, with its underscore."""
+    ends = [f"_{end}" for end in SUFFIXES if column.endswith(f"_{end}")]
+    name = min(column.removesuffix(max(ends, key=len, default="")), unit_at_end(column)[0], key=len)
+    return name, column[len(name) :]
+
+
 def meanings(frame: pd.DataFrame, requirements: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Return column, unit and meaning of every column of `designs`."""
     known = dict(MEANINGS)
@@ -112,8 +128,16 @@ def meanings(frame: pd.DataFrame, requirements: Sequence[Mapping[str, Any]]) -> 
         known[error] = f"{one['name']}: error that the fraction of flights asked for stays below"
         known[probability] = f"{one['name']}: probability by linear covariance that the limit is kept"
         known[verdict] = f"{one['name']}: verdict"
-    rows = [(name, unit_of(name), known.get(name, "level of the axis")) for name in map(str, frame.columns)]
+    rows = [(name, unit_of(name), known.get(name) or _meaning(name, known)) for name in map(str, frame.columns)]
     return pd.DataFrame(rows, columns=["column", "unit", "meaning"])
+
+
+def _meaning(column: str, known: Mapping[str, str]) -> str:
+    """Return the meaning of a column of an axis, or of one that holds at an event what a known one holds elsewhere."""
+    name, end = name_and_end(column)
+    of, _, event = name.partition("_at_")
+    is_elsewhere = bool(event) and not column.startswith(AXIS) and f"{of}{end}" in known
+    return f"the same as {of}{end}, at the event {event}" if is_elsewhere else "level of the axis"
 
 
 def unit_of(column: str) -> str:

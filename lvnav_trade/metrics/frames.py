@@ -60,7 +60,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
     resources: ("totals", "pareto"),
     designs: ("designs",),
-    space: ("effects", "regions"),
+    space: ("effects", "swings", "regions"),
     assumptions: ("assumptions",),
     configuration: ("configuration",),
     along: ("curves", "crossings", "tornado"),
@@ -86,7 +86,7 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "windows", "filter_verdicts", "budget", "expected",
     "spot_check", "sensitivity", "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity",
-    "tested_errors", "curves", "crossings", "tornado", "designs", "effects", "regions", "totals", "pareto",
+    "tested_errors", "curves", "crossings", "tornado", "designs", "effects", "swings", "regions", "totals", "pareto",
     "motion", "nozzle", "turning", "allan",
     "protection", "exclusions", "assumptions", "configuration", "injection",
     "injection_sources", "cutoff",

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.polynomial import legendre
 from scipy import stats
 
+from lvnav_trade.metrics.basics.case import number_in
 from lvnav_trade.metrics.basics.chaos import basis, fitted, fitted_indices, predicted
 from lvnav_trade.metrics.basics.probability import success_bounds
 from lvnav_trade.metrics.basics.select import once
-from lvnav_trade.metrics.designs import AXIS, designs, requirement_columns, slug, unit_of
+from lvnav_trade.metrics.designs import AXIS, designs, name_and_end, requirement_columns, slug, unit_of
+from lvnav_trade.metrics.metric import NAVIGATION_UNITS
+from lvnav_trade.metrics.registry import metric_of
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
-from lvnav_trade.store.schema import unit_at_end
+from lvnav_trade.store.schema import unit_at_end, unit_suffix
 from lvnav_trade.units import parse
 
 EFFECTS = [
@@ -31,6 +35,20 @@ EFFECTS = [
     "sobol_first",
     "sobol_total",
     "predicted",
+]
+SWINGS = [
+    "requirement",
+    "axis",
+    "end",
+    "level",
+    "value",
+    "unit",
+    "error_si",
+    "low_si",
+    "high_si",
+    "mean_si",
+    "error_unit",
+    "designs",
 ]
 REGIONS = ["requirement", "axis", "level", "low", "high", "unit", "designs", "met", "share", "share_low", "share_high"]
 ALL = "all requirements"
@@ -53,11 +71,21 @@ def possible(tables: Tables) -> pd.DataFrame:
     return frame[frame.case != ""].reset_index(drop=True)
 
 
+def errors_of(tables: Tables, frame: pd.DataFrame) -> dict[str, str]:
+    """Return the column of the error of each requirement by its name; without requirements those of navigation."""
+    stated = tables.campaign.get("requirements") or ()
+    named = {str(one["name"]): requirement_columns(one)[0] for one in stated}
+    named = named or {f"{name} error": f"{name}_{unit_suffix(unit)}" for name, unit in NAVIGATION_UNITS.items()}
+    return {name: column for name, column in named.items() if column in frame}
+
+
 @once
 def effects(tables: Tables) -> pd.DataFrame:
     """Return how the error of each requirement follows each axis over all designs; no rows of results without many.
+    Without requirements: how attitude, velocity and position at injection do.
 
-    rank_correlation: Spearman's, of numeric axes, with its 95 % interval (Bonett and Wright 2000): low, high.
+    rank_correlation: Spearman's, of numeric axes. low, high: its 95 % interval (Bonett and Wright 2000), of designs
+    that are drawn at random; a grid is no sample.
     first_order: part of the variance of the error's logarithm that the axis explains alone, from means over parts of
     the axis with as many designs each, what chance explains taken off.
     sobol_first, sobol_total: Sobol's indices of the squared error by a fit of polynomials to its logarithm (`chaos`),
@@ -66,11 +94,8 @@ def effects(tables: Tables) -> pd.DataFrame:
     rows: list[tuple[Any, ...]] = []
     if tables.has_designs:
         frame = possible(tables)
-        for one in tables.campaign.get("requirements") or ():
-            column = requirement_columns(one)[0]
-            if column in frame:
-                is_sampled = tables.campaign.get("design") in ("latin_hypercube", "sobol")
-                rows += _effects(frame, str(one["name"]), column, is_sampled)
+        for name, column in errors_of(tables, frame).items():
+            rows += _effects(frame, name, column, tables.is_sampled)
     return pd.DataFrame(rows, columns=EFFECTS)
 
 
@@ -85,12 +110,12 @@ def _effects(frame: pd.DataFrame, requirement: str, column: str, is_sampled: boo
         low = high = correlation = np.nan
         if is_numeric(frame, axis):
             correlation = float(stats.spearmanr(level, log).statistic)
-            low, high = _interval(correlation, len(log))
+            low, high = _interval(correlation, len(log)) if is_sampled else (np.nan, np.nan)
             parts = _parts(level.to_numpy(dtype=float), _FINE)
         else:
             parts = level.map({name: k for k, name in enumerate(dict.fromkeys(level))}).to_numpy()
         shares = sobol.get(axis, (np.nan,) * 3)
-        yield requirement, axis, correlation, low, high, _first_order(parts, log), int(known.sum()), *shares
+        yield requirement, axis, correlation, low, high, _first_order(parts, log, is_sampled), int(known.sum()), *shares
 
 
 def _sobol(frame: pd.DataFrame, error: Floats) -> dict[str, tuple[float, float, float]]:
@@ -125,13 +150,21 @@ def _interval(correlation: float, n: int) -> tuple[float, float]:
 
 
 def _parts(values: Floats, count: int) -> Any:
-    """Return in which of so many parts with as many values each a value (n,) lies."""
-    order = np.argsort(np.argsort(values, kind="stable"), kind="stable")
-    return order * min(count, max(1, len(values) // _FEWEST)) // len(values)
+    """Return in which of some parts a value (n,) lies: in one for each level where there are few, else in one of
+    `count` with as many values each. Equal values lie in one part.
+    """
+    levels, part = np.unique(values, return_inverse=True)
+    if len(levels) <= count and 2 * len(levels) <= len(values):  # a level is of several designs, not of one by chance
+        return part
+    rank = stats.rankdata(values) - 0.5
+    parts = (rank * min(count, max(1, len(values) // _FEWEST)) / len(values)).astype(int)
+    return np.unique(parts, return_inverse=True)[1]  # none is empty
 
 
-def _first_order(parts: Any, value: Floats) -> float:
-    """Return the part of the variance between parts, what parts by chance would have taken off (omega squared)."""
+def _first_order(parts: Any, value: Floats, is_sampled: bool) -> float:
+    """Return the part of the variance between parts; of a sample what parts by chance would have taken off (omega
+    squared).
+    """
     n, k = len(value), int(parts.max()) + 1
     total = float(np.sum((value - value.mean()) ** 2))
     if k < 2 or n <= k or total == 0.0:
@@ -139,8 +172,119 @@ def _first_order(parts: Any, value: Floats) -> float:
     count = np.bincount(parts, minlength=k)
     mean = np.bincount(parts, weights=value, minlength=k) / np.maximum(count, 1)
     between = float(np.sum(count * (mean - value.mean()) ** 2))
-    within = (total - between) / (n - k)
+    within = (total - between) / (n - k) if is_sampled else 0.0
     return float(np.clip((between - (k - 1) * within) / (total + within), 0.0, 1.0))
+
+
+# --- from one end of an axis to the other -----------------------------------------------------------------------------
+
+
+@once
+def swings(tables: Tables) -> pd.DataFrame:
+    """Return the error of each requirement at both ends of each axis, or at each of its levels, all other axes over
+    their whole ranges: what the bars of a tornado show, without designs flown for it.
+
+    error_si: the error, a geometric mean over the designs, by a regression of its logarithm on all axes at once
+    (polynomials of third degree or less along numeric axes). low_si, high_si: its 95 % interval over `mean_si`, the
+    geometric mean of all designs, by the regression's robust covariance (HC3), of designs that are drawn at random. No
+    rows of results without many designs, or with too few for the regression.
+    """
+    rows: list[tuple[Any, ...]] = []
+    if tables.has_designs:
+        frame = possible(tables)
+        for name, column in errors_of(tables, frame).items():
+            rows += [(name, *row[:-1], unit_at_end(column)[1], row[-1]) for row in _swings(frame, column)]
+    found = pd.DataFrame(rows, columns=SWINGS)
+    return found if tables.is_sampled else found.assign(low_si=np.nan, high_si=np.nan)
+
+
+def _swings(frame: pd.DataFrame, column: str) -> Iterator[tuple[Any, ...]]:
+    """Yield axis, end, level, value and its unit, error and interval, geometric mean, designs of both ends of each
+    axis, or of each of its levels.
+    """
+    error = frame[column].to_numpy(dtype=float)
+    known = np.isfinite(error) & (error > 0.0) & frame[axes_of(frame)].notna().all(axis=1).to_numpy()
+    designs, log = frame[known], np.log(error[known])
+    axes = [axis for axis in axes_of(frame) if designs[axis].nunique() > 1]
+    terms = _terms_of({axis: designs[axis] for axis in axes}, len(log))
+    if not terms:
+        return
+    fit = _Regression(np.hstack([term.columns for term in terms.values()]), log)
+    first, mean = 0, log.mean()
+    for axis, term in terms.items():
+        for end in term.ends:
+            contrast = np.zeros(fit.size)
+            contrast[first : first + term.columns.shape[1]] = term.columns[end.row]
+            away, half = fit.at(contrast)
+            size, low, high, middle = np.exp([mean + away, mean + away - half, mean + away + half, mean]).tolist()
+            yield axis, end.name, end.level, end.value, unit_of(axis), size, low, high, middle, len(log)
+        first += term.columns.shape[1]
+
+
+class _End(NamedTuple):
+    """An end of an axis, or a level: its name, the level or the value, and the row of a design that has it."""
+
+    name: str
+    level: str
+    value: float
+    row: int
+
+
+class _Term(NamedTuple):
+    """What stands for an axis in a regression: columns (n, k) with mean zero, and the ends that it is read at."""
+
+    columns: Floats
+    ends: Sequence[_End]
+
+
+def _terms_of(axes: Mapping[str, pd.Series], count: int) -> dict[str, _Term]:
+    """Return the terms of axes with polynomials of the largest degree that leaves four designs or more to a term; none
+    where there is no such degree.
+    """
+    for degree in (3, 2, 1):
+        terms = {axis: _term(levels, degree) for axis, levels in axes.items()}
+        if terms and 4 * (1 + sum(term.columns.shape[1] for term in terms.values())) <= count:
+            return terms
+    return {}
+
+
+def _term(levels: pd.Series, degree: int) -> _Term:
+    if pd.api.types.is_numeric_dtype(levels):
+        values = levels.to_numpy(dtype=float)
+        u = 2.0 * (stats.rankdata(values) - 0.5) / len(values) - 1.0  # even along an axis whatever its scale
+        columns = legendre.legvander(u, min(degree, len(np.unique(values)) - 1))[:, 1:]
+        rows = {"low": int(np.argmin(values)), "high": int(np.argmax(values))}
+        ends = [_End(name, "", float(values[row]), row) for name, row in rows.items()]
+    else:
+        names = list(dict.fromkeys(levels))
+        columns = np.array([(levels == name).to_numpy(dtype=float) for name in names[1:]]).T
+        places = list(levels)
+        ends = [_End(str(name), str(name), np.nan, places.index(name)) for name in names]
+    return _Term(columns - columns.mean(axis=0), ends)
+
+
+class _Regression:
+    """Least squares with columns (n, k) of mean zero; intervals by the covariance that holds for unequal spreads too
+    (HC3).
+    """
+
+    def __init__(self, columns: Floats, value: Floats) -> None:
+        design = np.column_stack([np.ones(len(value)), columns])
+        self.size, self._freedom = columns.shape[1], len(value) - design.shape[1]
+        self._inverse = np.linalg.pinv(design)
+        rest = value - design @ (self._inverse @ value)
+        leverage = np.sum(design * self._inverse.T, axis=1)
+        self._found = (self._inverse @ value)[1:]
+        self._spread = rest / np.maximum(1.0 - leverage, 1e-9)
+
+    def at(self, contrast: Floats) -> tuple[float, float]:
+        """Return a sum (k,) of coefficients, and half its 95 % interval."""
+        half = stats.t.isf(0.5 * (1.0 - _CONFIDENCE), self._freedom)
+        weights = contrast @ self._inverse[1:]
+        return float(contrast @ self._found), float(half * np.linalg.norm(weights * self._spread))
+
+
+# --- shares of the designs --------------------------------------------------------------------------------------------
 
 
 @once
@@ -148,7 +292,8 @@ def regions(tables: Tables) -> pd.DataFrame:
     """Return which share of the designs meets each requirement, and all of them, in each part of each axis.
 
     A part is a level, or a fifth of the designs by a numeric axis, from `low` to `high` in `unit`. share_low,
-    share_high: exact binomial 95 % interval. No rows of results without many designs.
+    share_high: exact binomial 95 % interval, of designs that are drawn at random. No rows of results without many
+    designs.
     """
     rows: list[tuple[Any, ...]] = []
     stated = tables.campaign.get("requirements") or ()
@@ -158,7 +303,8 @@ def regions(tables: Tables) -> pd.DataFrame:
         for name, column in {**columns, ALL: "verdict"}.items():
             for axis in axes_of(frame) if len(frame) else ():
                 rows += _regions(frame, name, column, axis)
-    return pd.DataFrame(rows, columns=REGIONS)
+    found = pd.DataFrame(rows, columns=REGIONS)
+    return found if tables.is_sampled else found.assign(share_low=np.nan, share_high=np.nan)
 
 
 def _regions(frame: pd.DataFrame, name: str, column: str, axis: str) -> Iterator[tuple[Any, ...]]:
@@ -183,12 +329,40 @@ def interval(good: int, count: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def overconfident(frame: pd.DataFrame) -> int:
+    """Return how many of some designs have an overconfident filter."""
+    return int((frame.nees_per_state_ratio > OVERCONFIDENT).sum()) if "nees_per_state_ratio" in frame else 0
+
+
 _PEOPLE = {"rad": ("mrad", 1e3)}
+_OTHERS = {"_sigma": "sigma", "_percent": "%"}  # units by the ends of columns that are in no SI unit
 
 
 def axis_label(column: str) -> str:
     """Return the name of an axis for people: without ``axis_`` and its unit, in words."""
-    return unit_at_end(column.removeprefix(AXIS))[0].replace("_", " ")
+    return name_and_end(column.removeprefix(AXIS))[0].replace("_", " ")
+
+
+def limit_of(tables: Tables, requirement: str) -> float:
+    """Return the limit of a requirement in the SI unit of its metric; NaN where none has that name."""
+    for one in tables.campaign.get("requirements") or ():
+        if one["name"] == requirement:
+            return number_in(one["below"], metric_of(str(one["metric"])).unit)
+    return float("nan")
+
+
+def value_of(tables: Tables, end: Any) -> str:
+    """Return the level, or the value in the unit that the campaign states, of a row of `swings`."""
+    return str(end.level) or range_text(tables, str(end.axis), end.value, end.value)
+
+
+def range_text(tables: Tables, column: str, low: float, high: float) -> str:
+    """Write the ends of a range of a column in its unit for people, three digits each; one number where they are equal
+    then.
+    """
+    unit, factor = people_of(tables, column)
+    first, last = (f"{float(f'{end * factor:.2e}'):g}" for end in (low, high))
+    return f"{first if first == last else f'{first} to {last}'} {unit}".rstrip()
 
 
 def people_of(tables: Tables, column: str) -> tuple[str, float]:
@@ -200,18 +374,24 @@ def people_of(tables: Tables, column: str) -> tuple[str, float]:
         stated = _stated_units(tables).get(column, "")
         shown = re.sub(r"sqrt\((\w+)\)", r"√\1", stated)
         return (shown, 1.0 / parse(f"1 {stated}", si)) if stated and si else (shown or si, 1.0)
-    return _PEOPLE.get(si, (si, 1.0))
+    return _PEOPLE.get(si, (si or _OTHERS.get(name_and_end(column)[1], ""), 1.0))
 
 
 @once
 def _stated_units(tables: Tables) -> dict[str, str]:
     """Return the unit in which the campaign states each axis of numbers, by column."""
     names = list(json.loads(tables.designs["axes"].iloc[0])) if tables.has_designs else []
-    found = {}
+    frame, found = designs(tables), {}
+    columns = {_name_in(frame, column): column for column in axes_of(frame)}
     for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):
         stated = (axis.get("between") or axis.get("labels") or [""])[0]
         unit = str(stated).partition(" ")[2]
-        for column in axes_of(designs(tables)):
-            if column == f"{AXIS}{slug(name)}" or column.startswith(f"{AXIS}{slug(name)}_"):
-                found[column] = unit
+        if slug(name) in columns:
+            found[columns[slug(name)]] = unit
     return found
+
+
+def _name_in(frame: pd.DataFrame, column: str) -> str:
+    """Return the name of an axis in its column, which ends with a unit where it has numbers."""
+    name = column.removeprefix(AXIS)
+    return unit_at_end(name)[0] if is_numeric(frame, column) else name

@@ -175,7 +175,8 @@ def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
 
     columns : entries ``HEADING = COLUMN: FORM`` between bars. FORM is a format of Python (a number that is missing is
         a dash), ``words``, ``number``, ``percent``, ``element`` (seven digits; a zero has its bound) or ``time`` (s;
-        "never" where it is missing); without it the column stays what it is. ``COLUMN to OTHER: FORM`` are bounds.
+        "never" where it is missing); without it the column stays what it is. ``COLUMN to OTHER: FORM`` are bounds,
+        one number where both are the same.
         Without a heading the column's own name is it, in words. Columns that the frame lacks are left out.
     """
     found = {}
@@ -184,8 +185,13 @@ def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
         name, _, form = source.partition(": ")
         bounds = [_written(frame[bound], form) for bound in name.split(" to ") if bound in frame]
         if bounds:
-            found[heading or words(name)] = bounds[0] if len(bounds) == 1 else bounds[0] + " to " + bounds[1]
+            found[heading or words(name)] = bounds[0] if len(bounds) == 1 else _interval_text(*bounds)
     return pd.DataFrame(found)
+
+
+def _interval_text(low: pd.Series, high: pd.Series) -> pd.Series:
+    """Write bounds as an interval; those that are the same as one number."""
+    return low.where(low == high, low + " to " + high)
 
 
 def _written(values: pd.Series, form: str) -> pd.Series:

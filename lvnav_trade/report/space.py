@@ -16,10 +16,15 @@ from lvnav_trade.metrics.space import (
     OVERCONFIDENT,
     axes_of,
     axis_label,
+    errors_of,
     interval,
     is_numeric,
+    limit_of,
+    overconfident,
     people_of,
     possible,
+    range_text,
+    value_of,
 )
 from lvnav_trade.records import Floats
 from lvnav_trade.report.blocks import Block, Designs, More, Text, figure, stated
@@ -28,6 +33,7 @@ from lvnav_trade.report.sentences import say
 from lvnav_trade.store.read import Tables
 
 _ROWS = 20
+_EXACT = ", with its exact 95 % interval"
 _SUMMED = ("error_ratio", "velocity_m_per_s", "position_m", "attitude_rad", "nees_per_state_ratio", "cost")
 _WORDS = ("met", "violated", "other")
 _NAMES = {"error_ratio": "error over limit", "nees_per_state_ratio": "NEES per state"}
@@ -39,21 +45,53 @@ def space(tables: Tables) -> list[Block]:
         return []
     frame = possible(tables)
     found: list[Block] = [Text(line) for line in _lead(tables, frame) if line]
-    effects = METRICS["effects"](tables)
+    effects, swings = METRICS["effects"](tables), METRICS["swings"](tables)
+    within = ", with its 95 % interval" if tables.is_sampled else ""
     for number, name in enumerate(dict.fromkeys(effects.requirement), 1):
-        drawn = figure(tables, "effects", name, requirement=name)
+        drawn = figure(tables, "effects", name, requirement=name, interval=within)
         found.append(drawn._replace(name=f"effects-{number}"))
+        if name in set(swings.requirement):
+            limit = "; dashed: the limit" if np.isfinite(limit_of(tables, name)) else ""
+            drawn = figure(tables, "swings", name, requirement=name, interval=within, limit=limit)
+            found.append(drawn._replace(name=f"swings-{number}"))
     if len(METRICS["regions"](tables)):
-        found.append(figure(tables, "regions"))
+        found.append(figure(tables, "regions", interval=within))
     found.append(Designs(data_json(_explorer(tables, frame))))
     found += _rows(tables, frame)
     if len(effects):
         shown = effects.assign(axis=effects.axis.map(axis_label))
-        found.append(More(note("effects_title"), [Text(note("effects")), stated("effects", shown)]))
+        tables_of_axes = [stated("effects", _without_intervals(tables, shown, "low"))]
+        if len(swings):
+            tables_of_axes.append(stated("swings", _without_intervals(tables, _ends(tables, swings), "low")))
+        found.append(More(note("effects_title"), [Text(note("effects")), *tables_of_axes]))
     regions = METRICS["regions"](tables)
     if len(regions):
-        found.append(More(note("regions_title"), [stated("regions", _for_people(tables, regions))]))
-    return [*found, Text(_whole(tables), "Below:"), *_analysed_whole(tables, frame)]
+        shown = _without_intervals(tables, _for_people(tables, regions), "share_low")
+        found.append(More(note("regions_title"), [stated("regions", shown, interval=_EXACT * tables.is_sampled)]))
+    return [*found, Text(_whole(tables)), *_analysed_whole(tables, frame)]
+
+
+def _without_intervals(tables: Tables, frame: pd.DataFrame, low: str) -> pd.DataFrame:
+    """Return a table with intervals where the designs are drawn at random; without these columns of a grid."""
+    return frame if tables.is_sampled else frame.drop(columns=[low, low.replace("low", "high")])
+
+
+def _ends(tables: Tables, swings: pd.DataFrame) -> pd.DataFrame:
+    """Return the errors at the ends of the axes in units for people."""
+    columns = errors_of(tables, possible(tables))
+    units = [people_of(tables, columns[name]) for name in swings.requirement]
+    factor = np.array([factor for _, factor in units])
+    return pd.DataFrame(
+        {
+            "requirement": swings.requirement,
+            "axis": swings.axis.map(axis_label),
+            "end": [value_of(tables, row) for row in swings.itertuples()],
+            "error": swings.error_si * factor,
+            "low": swings.low_si * factor,
+            "high": swings.high_si * factor,
+            "unit": [unit for unit, _ in units],
+        }
+    )
 
 
 def _analysed_whole(tables: Tables, frame: pd.DataFrame) -> list[Block]:
@@ -70,23 +108,23 @@ def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:
     are impossible.
     """
     about = tables.manifest.get("space") or {}
+    met = int((frame.verdict == "met").sum()) if "verdict" in frame else 0
     impossible = {str(reason): int(count) for reason, count in (about.get("impossible") or {}).items()}
     lines = [
         say(
             "space",
             designs=int(about.get("designs", len(tables.designs))),
             possible=len(frame),
-            met=int((frame.verdict == "met").sum()) if "verdict" in frame else 0,
+            met=met,
             undescribed=int((frame.verdict == "not applicable").sum()) if "verdict" in frame else 0,
-            share=interval(int((frame.verdict == "met").sum()), len(frame)) if len(frame) else (0.0, 1.0),
+            share=interval(met, len(frame)) if tables.is_sampled and len(frame) else None,
             requirements=len(tables.campaign.get("requirements") or ()),
         )
     ]
     if "nees_per_state_ratio" in frame:
-        good = frame[frame.verdict == "met"] if (frame.verdict == "met").any() else frame
-        doubtful = int((good.nees_per_state_ratio > OVERCONFIDENT).sum())
-        is_met = bool((frame.verdict == "met").any())
-        lines.append(say("space_filters", doubtful=doubtful, whole=len(good), is_met=is_met, limit=OVERCONFIDENT))
+        good = frame[frame.verdict == "met"] if met else frame
+        doubtful = overconfident(good)
+        lines.append(say("space_filters", doubtful=doubtful, whole=len(good), is_met=met > 0, limit=OVERCONFIDENT))
     lines.append(say("impossible", reasons=impossible) if impossible else "")
     return lines
 
@@ -94,7 +132,16 @@ def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:
 def _whole(tables: Tables) -> str:
     """Say which designs the other sections are about."""
     about = (tables.manifest.get("space") or {}).get("whole") or {}
-    return say("space_whole", cases=len(tables.cases), why={str(name): int(count) for name, count in about.items()})
+    card = tables.campaign.get("monte_carlo") or {}
+    sections = (tables.campaign.get("report") or {}).get("sections") or ["space"]
+    return say(
+        "space_whole",
+        where="below" if sections[0] == "space" else "",
+        cases=len(tables.cases),
+        why={str(name): int(count) for name, count in about.items()},
+        runs=int(card.get("runs", 0)),
+        is_most=bool(card.get("stop")),
+    )
 
 
 def _rows(tables: Tables, frame: pd.DataFrame) -> list[Block]:
@@ -133,9 +180,7 @@ def _shown(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
 def _levels(tables: Tables, row: pd.Series) -> str:
     parts = []
     for column, value in row.items():
-        unit, factor = people_of(tables, str(column))
-        number = isinstance(value, float)
-        text = f"{value * factor:.3g} {unit}".rstrip() if number else str(value)
+        text = range_text(tables, str(column), value, value) if isinstance(value, float) else str(value)
         parts.append(f"{axis_label(str(column))} {text}")
     return ", ".join(parts)
 
@@ -150,11 +195,7 @@ def _command(tables: Tables) -> str:
 def _for_people(tables: Tables, regions: pd.DataFrame) -> pd.DataFrame:
     """Return shares with the ends of each part in the units of the campaign."""
     rows = regions[regions.requirement == ALL]
-    parts = []
-    for row in rows.itertuples():
-        unit, factor = people_of(tables, str(row.axis))
-        span = f"{row.low * factor:.3g} to {row.high * factor:.3g} {unit}".rstrip()
-        parts.append(str(row.level) or span)
+    parts = [str(row.level) or range_text(tables, str(row.axis), row.low, row.high) for row in rows.itertuples()]
     return rows.assign(axis=rows.axis.map(axis_label), part=parts)
 
 

@@ -119,9 +119,7 @@ class OwnedFolder:
         for name in sorted(self.names):
             self._remove(self.place(name))
         self.remove_case_tables()
-        for case in self.cases:
-            for path in part_files.paths(self._place_case(case)):
-                self._remove(path)
+        self.remove_blocks()
         scratch.remove(self.folder / scratch.FOLDER, self.cases)
         self._files, self.cases = {}, []
 
@@ -130,6 +128,12 @@ class OwnedFolder:
         for case in self.cases:
             folder = self._place_case(case) / "tables"
             for path in [folder / f"{table}{end}" for table in TABLES for end in _CASE_TABLES]:
+                self._remove(path)
+
+    def remove_blocks(self) -> None:
+        """Remove the blocks of runs of all cases."""
+        for case in self.cases:
+            for path in part_files.paths(self._place_case(case)):
                 self._remove(path)
 
     def sweep(self) -> None:

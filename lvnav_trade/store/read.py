@@ -73,6 +73,11 @@ class Tables:
         """Whether the results hold one row for each of many designs."""
         return "designs" in self._read or (self.folder / "designs.parquet").is_file()
 
+    @property
+    def is_sampled(self) -> bool:
+        """Whether the designs were drawn at random, so that they stand for all others between the same limits."""
+        return self.campaign.get("design") in ("latin_hypercube", "sobol")
+
     @cached_property
     def manifest(self) -> dict[str, Any]:
         """What computed the results."""

@@ -38,7 +38,8 @@ _COMPUTES_TOO = (
     "noise.py",
     "envelope.py",
 )
-_OF_RUNS = ("runs", "stop", "selected", "other_runs")  # of monte_carlo: how many runs there are
+# Of monte_carlo: how many runs there are, and of which cases
+_OF_RUNS = ("runs", "stop", "selected", "other_runs", "cases", "most_cases")
 _NOT_THE_RUNS = (
     "description",
     "covariance",

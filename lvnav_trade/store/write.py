@@ -18,8 +18,8 @@ from lvnav_trade.errors import InputError, writing
 from lvnav_trade.input_files import read_bytes
 from lvnav_trade.records import CovHistory, RunBlock
 from lvnav_trade.steering.nozzle import Controlled
+from lvnav_trade.store import designs, scratch
 from lvnav_trade.store import parts as part_files
-from lvnav_trade.store import scratch
 from lvnav_trade.store.contents import MANIFEST, RESOLVED, RUN_FILES, OwnedFolder, owned
 from lvnav_trade.store.files import (
     CASE_TABLE,
@@ -148,8 +148,8 @@ class Results:
         """
         found = [case for case in extra_manifest["cases"] if (self.case_folder(case) / "tables").is_dir()]
         self._merge_tables([name for name in TABLES if name not in ("traces", "designs")], found, each)
-        if not (self.folder / "designs.parquet").exists():
-            self.owned.remove("run", ["designs.parquet"])
+        if not (self.folder / designs.FILE).exists():
+            self.owned.remove("run", [designs.FILE])
         if trace is not None:
             trace(self.folder)
         self._merge_tables(["traces"], found, one_by_one)
@@ -171,8 +171,9 @@ class Results:
         _write_json(self.folder / MANIFEST, self.manifest)
 
     def write_designs(self, table: pa.Table) -> None:
-        """Write the table of all designs of a campaign that stores metrics."""
-        replace_table(table.replace_schema_metadata(self._about("designs")), self.folder / "designs.parquet")
+        """Write the table of all designs of a campaign that stores a row for each."""
+        about = {**(table.schema.metadata or {}), **self._about("designs")}
+        replace_table(table.replace_schema_metadata(about), self.folder / designs.FILE)
 
     def _about(self, name: str) -> dict[str, str]:
         """Return what a table says of itself."""
@@ -185,6 +186,10 @@ class Results:
     def remove_case_tables(self) -> None:
         """Remove the tables of single cases: those of all cases hold their rows, in less space."""
         self.owned.remove_case_tables()
+
+    def remove_blocks(self) -> None:
+        """Remove the blocks of runs: the tables hold every run, but more runs then begin again with the first."""
+        self.owned.remove_blocks()
 
     def _merge_tables(self, names: Sequence[str], cases: Sequence[str], each: Each) -> None:
         """Write tables of all cases; of those without rows nothing is left."""

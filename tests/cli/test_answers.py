@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pandas as pd
 import pytest
 
-from lvnav_trade.cli.answers import _verdicts, check_preferred, shown
+from lvnav_trade.cli.answers import _designs, _verdicts, check_preferred, shown
 from lvnav_trade.errors import InputError
+from lvnav_trade.metrics.designs import designs
+from tests import many_designs
 
 
 def test_only_what_cards_state_can_be_preferred() -> None:
@@ -38,8 +42,6 @@ def test_of_many_rows_the_worst_are_printed(count: int, lines: int) -> None:
 def test_of_many_cases_those_with_the_smallest_and_the_largest_errors_are_printed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from types import SimpleNamespace
-
     def answer(k: int) -> SimpleNamespace:
         sizes = (("position", 100.0 - k, 1.0, "m"), ("velocity", float(k), 1.0, "m/s"))
         return SimpleNamespace(event="injection", rows=sizes, error="")
@@ -55,3 +57,28 @@ def test_of_many_cases_those_with_the_smallest_and_the_largest_errors_are_printe
         ["velocity", "largest", "case", "50"],
     ]
     assert lines[-1].startswith("50 cases")
+
+
+def test_the_summary_of_many_designs_counts_the_filters_that_cannot_be_trusted(tmp_path) -> None:
+    tables = many_designs.tables(tmp_path, 60)
+    frame = designs(tables)
+    met = frame[frame.verdict == "met"]
+    doubtful = (met.nees_per_state_ratio > 2.0).sum()
+    assert 0 < doubtful < len(met)
+    results = SimpleNamespace(cases=frame, tables=tables, folder="results/mine")
+    first, second, third = _designs(results, tables.manifest["space"]).splitlines()
+    assert first == (
+        f"60 designs, 2 of them impossible: {len(met)} meet all requirements by linear covariance, "
+        f"{doubtful} of these with an overconfident filter"
+    )
+    assert second.endswith('results/mine --where "verdict == met" --sort error')
+    assert third == "verdicts of the 2 that are analysed whole:"
+
+
+def test_designs_without_requirements_are_not_said_to_meet_none(tmp_path) -> None:
+    tables = many_designs.tables(tmp_path, 60)
+    tables.__dict__["campaign"] = {**tables.campaign, "requirements": []}
+    results = SimpleNamespace(cases=designs(tables), tables=tables, folder="results/mine")
+    first, second = _designs(results, tables.manifest["space"]).splitlines()
+    assert first == "60 designs, 2 of them impossible"
+    assert second == "list them: lvnav-trade cases results/mine --sort velocity"

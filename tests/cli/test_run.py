@@ -108,6 +108,19 @@ def test_the_plan_of_many_cases_is_a_summary(count: int, sets: tuple[str, ...], 
     assert line is None or line in lines
 
 
+def test_the_plan_of_many_designs_is_a_line_and_a_record(events: dict[str, float]) -> None:
+    sets = ("--set", "samples=600", "--set", "store=events")
+    lines = call("plan", "campaigns/trade/space.yaml", *sets).stdout.splitlines()
+    assert lines[0] == "600 designs: a row for each (store: events), 14 whole at most, 11928 runs of these at most"
+    assert " MB of disk (" in lines[-1]
+    found = json.loads(call("plan", "campaigns/trade/space.yaml", *sets, "--json").stdout)
+    assert found["cases"] == []
+    many = found["designs"]
+    assert (many["store"], many["designs"], many["whole"], many["runs"]) == ("events", 600, 14, 11928)
+    assert many["most_mb"] > many["disk_mb"] == found["disk_mb"] > 0.0
+    assert json.loads(call("plan", "campaigns/demo.yaml", "--json").stdout)["designs"] is None
+
+
 def test_a_replay_of_an_unknown_case_is_refused(events: dict[str, float]) -> None:
     result = call("replay", "campaigns/demo.yaml", "imu=tactical_fog, filter=tigth", "0")
     assert result.exit_code == 2

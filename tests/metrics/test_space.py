@@ -11,7 +11,7 @@ from scipy import stats
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.designs import designs
-from lvnav_trade.metrics.space import ALL, axis_label, interval, people_of, possible
+from lvnav_trade.metrics.space import ALL, axis_label, interval, limit_of, overconfident, people_of, possible
 from tests import many_designs
 
 BIAS, HEADING, FILTER = "axis_bias_repeatability_rad_per_s", "axis_heading_rad", "axis_filter"
@@ -111,7 +111,134 @@ def test_axes_are_shown_in_the_unit_that_the_campaign_states(tables) -> None:
     assert (unit, factor) == ("deg/h", pytest.approx(3600.0 * 180.0 / math.pi))
     assert people_of(tables, FILTER) == ("", 1.0)
     assert people_of(tables, "attitude_rad") == ("mrad", 1e3)
+    assert people_of(tables, "realism_quantile_sigma") == ("sigma", 1.0)
+    assert axis_label("realism_quantile_sigma") == "realism quantile"
     assert axis_label(BIAS) == "bias repeatability"
+
+
+def test_a_unit_is_that_of_the_axis_of_this_name_and_of_no_other_that_begins_with_it(tmp_path) -> None:
+    """The campaign states `heading` in deg and `heading_rate` in deg/h: one name is the beginning of the other."""
+    found = many_designs.tables(tmp_path, 40)
+    frame = found.designs.rename(columns={BIAS: "axis_heading_rate_rad_per_s"})
+    levels = [json.loads(text) for text in frame["axes"]]
+    order = ("heading", "heading_rate", "filter")
+    named = [{"heading_rate": of["bias_repeatability"], **of} for of in levels]
+    frame["axes"] = [json.dumps({name: of[name] for name in order}) for of in named]
+    axes = [many_designs.AXES[1], many_designs.AXES[0], many_designs.AXES[2]]
+    changed = found.with_frames(designs=frame)
+    changed.__dict__["campaign"] = {**found.campaign, "axes": axes}
+    assert people_of(changed, "axis_heading_rate_rad_per_s")[0] == "deg/h"
+    assert people_of(changed, HEADING)[0] == "deg"
+    swapped = found.with_frames(
+        designs=frame.assign(axes=[json.dumps(dict(reversed(json.loads(text).items()))) for text in frame["axes"]])
+    )
+    swapped.__dict__["campaign"] = {**found.campaign, "axes": axes[::-1]}
+    assert people_of(swapped, "axis_heading_rate_rad_per_s")[0] == "deg/h"
+    assert people_of(swapped, HEADING)[0] == "deg"
+
+
+# --- grids ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory):
+    """Return a full grid of seven biases, three headings, two filters: error 0.2 b^0.5 h^0.1, twice that if loose."""
+    return many_designs.grid(tmp_path_factory.mktemp("grid"))
+
+
+def test_a_grid_is_no_sample_and_has_no_intervals(grid) -> None:
+    effects, regions, swings = (METRICS[name](grid) for name in ("effects", "regions", "swings"))
+    assert effects[["low", "high"]].isna().all(axis=None)
+    assert effects.rank_correlation.notna().sum() == 2
+    assert regions[["share_low", "share_high"]].isna().all(axis=None)
+    assert swings[["low_si", "high_si"]].isna().all(axis=None)
+
+
+def test_the_levels_of_a_grid_are_its_parts(grid) -> None:
+    regions = METRICS["regions"](grid)
+    rows = regions[(regions.requirement == ALL) & (regions.axis == HEADING)]
+    assert list(rows.low) == list(rows.high) == sorted(set(grid.designs.axis_heading_rad))
+    assert list(rows.designs) == [14, 14, 14]
+    of_bias = regions[(regions.requirement == ALL) & (regions.axis == BIAS)]
+    assert of_bias.designs.sum() == 42  # seven levels in fewer parts: none is in two of them
+    assert (of_bias.low.to_numpy()[1:] > of_bias.high.to_numpy()[:-1]).all()
+
+
+def test_the_parts_of_the_variance_of_a_grid_are_exact(grid) -> None:
+    """A sum of one term for each axis, on all combinations: the parts are the variances of the terms."""
+    found = METRICS["effects"](grid).set_index("axis").first_order
+    frame = grid.designs
+    terms = {BIAS: 0.5 * np.log(frame[BIAS]), HEADING: 0.1 * np.log(frame[HEADING])}
+    by = {name: np.var(term) for name, term in terms.items()} | {FILTER: math.log(2.0) ** 2 / 4.0}
+    for axis, variance in by.items():
+        assert found[axis] == pytest.approx(variance / sum(by.values()), rel=1e-12)
+
+
+# --- from one end of an axis to the other -----------------------------------------------------------------------------
+
+
+def ratio_of(swings, axis: str) -> tuple[float, float, float]:
+    """Return error at the last end over that at the first, and the bounds of the last one over its error."""
+    rows = swings[swings.axis == axis]
+    first, last = rows.iloc[0], rows.iloc[-1]
+    return last.error_si / first.error_si, last.low_si / last.error_si, last.high_si / last.error_si
+
+
+def test_the_error_grows_between_the_ends_of_an_axis_as_the_designs_were_made(tables) -> None:
+    """Error 0.2 b^0.5, b over three decades, twice that if loose: factors 1000^0.5, 2, and 1 of the heading."""
+    swings = METRICS["swings"](tables)
+    assert ratio_of(swings, BIAS)[0] == pytest.approx(math.sqrt(1000.0), rel=0.02)
+    rows = swings[swings.axis == FILTER].set_index("level")
+    assert rows.error_si["loose"] / rows.error_si["tight"] == pytest.approx(2.0, rel=1e-3)
+    heading = swings[swings.axis == HEADING]
+    assert (heading.error_si / heading.mean_si).to_numpy() == pytest.approx(1.0, abs=3e-3)
+    assert (heading.low_si <= heading.error_si).all()
+    assert set(swings.error_unit) == {"m/s"}
+    log = np.log(possible(tables).fast_quantile_m_per_s)
+    assert swings.mean_si.to_numpy() == pytest.approx(math.exp(log.mean()))
+
+
+def test_ends_of_a_grid_are_those_of_the_additive_model(grid) -> None:
+    swings = METRICS["swings"](grid)
+    frame = grid.designs
+    for axis, power in ((BIAS, 0.5), (HEADING, 0.1)):
+        expected = (frame[axis].max() / frame[axis].min()) ** power
+        assert ratio_of(swings, axis)[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_intervals_of_the_ends_hold_the_truth_in_95_of_100_samples(tmp_path) -> None:
+    """The spread grows along the axis, so that an interval for equal spreads would be wrong."""
+    from lvnav_trade.metrics.space import _Regression
+
+    rng, inside = np.random.default_rng(5), 0
+    for _ in range(600):
+        x = rng.uniform(-1.0, 1.0, 150)
+        y = 0.7 * x + rng.standard_normal(150) * (0.1 + 0.5 * (x + 1.0) ** 2)
+        away, half = _Regression((x - x.mean())[:, None], y).at(np.array([1.0]))
+        inside += abs(away - 0.7) <= half
+    assert 550 <= inside <= 588
+
+
+def test_too_few_designs_for_a_regression_have_no_ends(tmp_path) -> None:
+    assert METRICS["swings"](many_designs.tables(tmp_path, 14)).empty
+
+
+def test_without_requirements_the_errors_of_navigation_are_shown(tmp_path) -> None:
+    found = many_designs.tables(tmp_path, 200)
+    found.__dict__["campaign"] = {**found.campaign, "requirements": []}
+    for name in ("effects", "swings"):
+        assert set(METRICS[name](found).requirement) == {"attitude error", "velocity error", "position error"}
+    assert math.isnan(limit_of(found, "velocity error"))
+
+
+def test_limits_are_in_si(tables) -> None:
+    assert limit_of(tables, "fast") == many_designs.LIMIT
+
+
+def test_overconfident_filters_are_counted(tables) -> None:
+    frame = possible(tables)
+    assert overconfident(frame) == (frame[FILTER] == "loose").sum()
+    assert overconfident(frame[["case"]]) == 0
 
 
 def test_results_without_many_designs_have_neither(tmp_path) -> None:
@@ -119,8 +246,8 @@ def test_results_without_many_designs_have_neither(tmp_path) -> None:
     from tests import synthetic
 
     found = load(synthetic.results(tmp_path, n_run=8))
-    assert METRICS["effects"](found).empty
-    assert METRICS["regions"](found).empty
+    for name in ("effects", "swings", "regions"):
+        assert METRICS[name](found).empty
 
 
 def test_many_designs_keep_their_short_names(tables) -> None:

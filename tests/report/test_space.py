@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics.designs import designs
-from lvnav_trade.report.blocks import Designs, More, Table, Text
+from lvnav_trade.report.blocks import Designs, More, Picture, Table, Text
+from lvnav_trade.report.sentences import say
 from lvnav_trade.report.space import space
 from lvnav_trade.store.read import load
 from tests import many_designs, synthetic
@@ -71,6 +72,50 @@ def test_the_page_has_the_numbers_of_every_possible_design(tables) -> None:
     assert columns["bias repeatability"]["unit"] == "deg/h"
     assert [data["words"][k] for k in data["verdicts"]] == list(frame.verdict)
     assert data["cases"] == list(frame.case)
+
+
+def test_a_sample_has_intervals_and_a_grid_has_none(tables, tmp_path) -> None:
+    grid = many_designs.grid(tmp_path)
+    assert "95 % interval" in texts(tables)[0]
+    met = (grid.designs.verdict == "met").sum()
+    assert texts(grid)[0].startswith(f"{met} of 42 designs meet the requirement by linear covariance")
+    assert "interval" not in texts(grid)[0]
+    for found, count in ((tables, 3), (grid, 0)):
+        captions = [block.caption for block in space(found) if isinstance(block, Picture)]
+        assert len(captions) == 3
+        assert sum("95 % interval" in caption for caption in captions) == count
+        shown = [block for more in space(found) if isinstance(more, More) for block in more.blocks]
+        headings = [heading for one in shown if isinstance(one, Table) for heading in one.head]
+        assert headings.count("95 % interval") == count
+
+
+def test_a_level_and_an_interval_without_length_are_one_number(tmp_path) -> None:
+    grid = many_designs.grid(tmp_path)
+    shown = [block for more in space(grid) if isinstance(more, More) for block in more.blocks]
+    (regions,) = [one for one in shown if isinstance(one, Table) and "part" in one.head]
+    parts = [row[1] for row in regions.rows if row[0] == "heading"]
+    assert parts == ["0.01 deg", "0.1 deg", "1 deg"]
+    whole = many_designs.tables(tmp_path / "met", 60)
+    frame = whole.designs.assign(verdict="met")
+    first = texts(whole.with_frames(designs=frame))[0]
+    assert "58 of 58" in first
+    assert " 95 % interval 93.8 to 100.0 %" in first
+    facts = {"designs": 9, "possible": 9, "met": 9, "undescribed": 0, "requirements": 1}
+    assert "(100 %, 95 % interval 100.0 % of such designs)" in say("space", share=(0.9999, 1.0), **facts)
+
+
+def test_it_says_that_designs_drawn_at_random_have_runs(tables) -> None:
+    about = {**tables.manifest["space"], "whole": {"best": 1, "at random": 8, "undecided": 5}}
+    found = tables.with_frames()
+    found.__dict__["manifest"] = {**tables.manifest, "space": about}
+    found.__dict__["campaign"] = {**tables.campaign, "monte_carlo": {"runs": 852, "stop": None}}
+    last = texts(found)[-1]
+    assert last.startswith("The sections below are about the 2 designs analysed whole")
+    assert "Each has 852 runs, the 8 drawn at random too." in last
+    found.__dict__["campaign"] |= {"monte_carlo": None, "report": {"sections": ["summary", "space"]}}
+    again = texts(found)[-1]
+    assert again.startswith("The other sections are about")
+    assert "runs" not in again
 
 
 def test_results_that_hold_each_case_whole_have_no_such_section(tmp_path) -> None:

@@ -162,12 +162,12 @@ class _Run:
         self.job = work.job_of(campaign, engine, folder)
         self.stopping = Stopping(campaign)
         self.remarks = check_flight(campaign.probe, stand_ins, engine, jobs).remarks
-        if space is not None:  # the few cases that are computed whole need not read all that is stated
-            check_effect(campaign.probe, stand_ins, engine)
         self.shard, self.units = shard, blocks(campaign, self.cases, {})
-        if (
-            shard is not None and space is None
-        ):  # whether statements have an effect, and when enough was flown, needs all cases and runs
+        if space is not None:
+            # The few designs that are computed whole need not read all that is stated.
+            check_effect(campaign.probe, stand_ins, engine)
+        elif shard is not None:
+            # Whether statements have an effect, and when enough was flown, needs all cases and runs.
             check_effect(campaign, self.cases, engine)
             self.stopping.is_early, self.job = False, self.job._replace(requirements=())
             self.units = list(shard.of(self.units))
@@ -226,12 +226,15 @@ class _Run:
             "workers_died": self.deaths,
             # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
             "cases": [case.id for case in able if case.id not in lost],
+            "blocks_removed": self.space is not None and not self.lost,
         }
         is_tested = self.campaign.monte_carlo is not None and bool(self.campaign.requirements)
         self.job.results.finish(reported, self._trace if is_tested else None, partial(each, self.jobs))
         end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         if not self.lost:  # otherwise the same command repeats what was lost, and merges it with these tables
             self.job.results.remove_case_tables()
+            if self.space is not None:  # they are most of what it would leave, and the tables hold every run
+                self.job.results.remove_blocks()
             self._remove_scratch()
         return Outcome(tuple(answers), tuple(self.failures))
 

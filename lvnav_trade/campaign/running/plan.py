@@ -55,7 +55,7 @@ def blocks(campaign: Campaign, cases: Sequence[Case], done: Mapping[str, Sequenc
 
 class Estimate(NamedTuple):
     """What a campaign will take: one mapping per case (id, label, runs, done), seconds of one core, megabytes;
-    warnings: what its runs cannot show.
+    blocks_mb: of the disk what new blocks of runs take; warnings: what its runs cannot show.
     """
 
     cases: list[dict[str, Any]]
@@ -64,6 +64,7 @@ class Estimate(NamedTuple):
     disk_mb: float
     memory_mb: float
     warnings: Sequence[str] = ()
+    blocks_mb: float = 0.0
 
 
 def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) -> Estimate:
@@ -83,14 +84,14 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
     seconds = linear * (1 + _RETUNED * campaign.covariance.sensitivity)
     seconds += sum(unit.n_run * _run_seconds(unit.case, duration[unit.case.id]) for unit in left)
     times = {case.id: duration[case.id] / campaign.keep.history for case in found}
-    disk = sum(_block_bytes(unit, times[unit.case.id]) for unit in left)
-    disk += sum(_table_bytes(case, times[case.id], runs[case.id]) for case in found)
+    new = sum(_block_bytes(unit, times[unit.case.id]) for unit in left)
+    disk = new + sum(_table_bytes(case, times[case.id], runs[case.id]) for case in found)
     size = min(card.runs, card.block) if card else 0
     memory = _BASE_BYTES + max(
         (duration[c.id] * c.scenario.imu.rate * _TICK_BYTES + size * times[c.id] * _HISTORY_BYTES for c in found),
         default=0.0,
     )
-    return Estimate(rows, len(left), seconds, disk / 1e6, memory / 1e6)
+    return Estimate(rows, len(left), seconds, disk / 1e6, memory / 1e6, blocks_mb=new / 1e6)
 
 
 def _states(case: Case) -> int:

@@ -86,9 +86,13 @@ def status(folder: Path) -> Status:
         raise InputError(f"{folder}: is a kept base, which has no blocks; give a folder of results")
     who, damaged = holder(folder), list[str]()
     is_finished = "finished" in manifest and not who
-    flown = manifest.get("asked_runs_of", {}) | (_flown(folder) if is_finished else {})
+    flown = _flown(folder) if is_finished else {}
+    asked = manifest.get("asked_runs_of", {}) | {case: count for case, (count, _) in flown.items()}
+    is_merged = is_finished and bool(manifest.get("blocks_removed"))
     cases = tuple(
-        _case(folder, manifest, case, label, flown.get(case, manifest.get("asked_runs", 0)), damaged)
+        CaseStatus(case, label, flown[case][0], *flown[case])
+        if is_merged and case in flown
+        else _case(folder, manifest, case, label, asked.get(case, manifest.get("asked_runs", 0)), damaged)
         for case, label in manifest.get("asked_cases", {}).items()
     )
     for name in TABLES if is_finished else ():
@@ -128,10 +132,13 @@ def _case(
     return CaseStatus(case, label, asked, stored, failed)
 
 
-def _flown(folder: Path) -> Mapping[str, int]:
-    """Return the runs of each case of a finished campaign: fewer than asked for where its verdict came earlier."""
+def _flown(folder: Path) -> Mapping[str, tuple[int, int]]:
+    """Return the runs of each case of a finished campaign, and how many of them failed: fewer than asked for where its
+    verdict came earlier.
+    """
     try:
         cases = read_table(folder / "cases.parquet")
     except InputError:
         return {}
-    return dict(zip(cases["case"].to_pylist(), cases["run_count"].to_pylist(), strict=True))
+    counts = zip(cases["run_count"].to_pylist(), cases["failed_count"].to_pylist(), strict=True)
+    return dict(zip(cases["case"].to_pylist(), counts, strict=True))

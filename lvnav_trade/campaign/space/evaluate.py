@@ -18,8 +18,9 @@ from lvnav_trade.campaign.space.passes import Passes, together_of
 from lvnav_trade.engines.lincov.shared_pass import covariance_of
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.interrupts import raise_if_interrupted
-from lvnav_trade.metrics.designs import AXIS, requirement_columns, slug
-from lvnav_trade.metrics.errors.covariances import why_outside
+from lvnav_trade.metrics.basics.case import Gaussian
+from lvnav_trade.metrics.designs import AXIS, at_event, requirement_columns, slug
+from lvnav_trade.metrics.errors.covariances import NOT_APPLICABLE, why_outside
 from lvnav_trade.metrics.metric import NAVIGATION_UNITS
 from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY, asked_of
 from lvnav_trade.metrics.requirements.margins import ORDER
@@ -37,11 +38,13 @@ class Question(NamedTuple):
     requirements : The requirements, as a campaign states them.
     history : Step (s) of the history; coarse where only events count.
     shared : Axes (their places) that change true sigmas alone, so that designs which differ in them share passes.
+    every_event : Whether a row has the errors at every event of the flight.
     """
 
     requirements: tuple[dict[str, Any], ...]
     history: float
     shared: tuple[int, ...] = ()
+    every_event: bool = False
 
 
 class Rows(NamedTuple):
@@ -144,7 +147,7 @@ def _totals(case: Case) -> dict[str, float]:
     return _known_totals[key][1]
 
 
-def metrics_of(prepared: Prepared, history: CovHistory, requirements: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def metrics_of(question: Question, prepared: Prepared, history: CovHistory) -> dict[str, Any]:
     """Return the numbers and words of a row from the linear covariance of a case."""
     results = CaseArrays(prepared, history)
     row = _navigation(prepared, results)
@@ -153,20 +156,47 @@ def metrics_of(prepared: Prepared, history: CovHistory, requirements: Sequence[M
     )
     ratios: dict[str, float] = {}
     words: dict[str, str] = {}
-    for one in requirements:
+    reasons = [outside]
+    for one in question.requirements:
         error, probability, _ = requirement_columns(one)
         law = asked_of(results, one)
         if isinstance(law, str):
-            words[one["name"]], ratios[one["name"]] = "not applicable", np.nan
+            words[one["name"]], ratios[one["name"]] = NOT_APPLICABLE, np.nan
+            reasons.append(f"{one['name']}: {law}")
             continue
         size, kept = law.quantile(law.probability), law.kept()
         row |= {error: size, probability: kept}
         ratios[one["name"]] = size / law.bound
         verdict = "met" if kept >= law.probability else "violated"
-        known = not outside and (verdict == "violated" or not law.distribution.above_only)
-        words[one["name"]] = verdict if known else "not applicable"
-        row["reason"] = outside or (ABOVE_ONLY if not known else row.get("reason", ""))
-    return row | _together(ratios, words)
+        is_bound = verdict == "met" and law.distribution.above_only
+        words[one["name"]] = NOT_APPLICABLE if outside or is_bound else verdict
+        if is_bound and not outside:
+            reasons.append(f"{one['name']}: {ABOVE_ONLY}")
+    if question.every_event:
+        row |= _at_events(results, question.requirements)
+    return row | _together(ratios, words) | {"reason": "; ".join(filter(None, reasons))}
+
+
+def _at_events(results: CaseArrays, requirements: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Return the errors at every event: those of navigation, and what each requirement that is asked at an event would
+    compare with its limit there.
+    """
+    row: dict[str, float] = {}
+    for event in results.events():
+        for quantity, unit in NAVIGATION_UNITS.items():
+            law = results.gaussian(event, quantity, "3d")
+            if law is not None:
+                row[at_event(f"{quantity}_{unit_suffix(unit)}", event)] = _size(law)
+        for one in requirements:
+            there = asked_of(results, {**one, "at": event}) if one.get("at") else ""
+            if not isinstance(there, str):
+                row[at_event(requirement_columns(one)[0], event)] = there.quantile(there.probability)
+    return row
+
+
+def _size(law: Gaussian) -> float:
+    """Return the root mean square of an error, mean and covariance together."""
+    return float(np.sqrt(np.trace(law.covariance) + law.mean @ law.mean))
 
 
 def _together(ratios: Mapping[str, float], words: Mapping[str, str]) -> dict[str, Any]:
@@ -192,7 +222,7 @@ def _navigation(prepared: Prepared, results: CaseArrays) -> dict[str, Any]:
         if law is None or formal is None:
             continue
         end = unit_suffix(unit)
-        row[f"{quantity}_{end}"] = float(np.sqrt(np.trace(law.covariance) + law.mean @ law.mean))
+        row[f"{quantity}_{end}"] = _size(law)
         row[f"{quantity}_formal_{end}"] = float(np.sqrt(np.trace(formal)))
     if event:
         at = int(np.argmin(np.abs(history.t - events[event])))
@@ -213,7 +243,7 @@ def _evaluated(
             yield design, _alone(question, design, passes)
         else:
             history = covariance_of(together.passes, together.sigmas(design))
-            yield design, metrics_of(together.prepared, history, question.requirements)
+            yield design, metrics_of(question, together.prepared, history)
 
 
 def _alone(question: Question, design: Design, passes: Passes) -> dict[str, Any]:
@@ -221,7 +251,7 @@ def _alone(question: Question, design: Design, passes: Passes) -> dict[str, Any]
     assert design.case is not None
     try:
         prepared = prepare(design.case.scenario, question.history)
-        return metrics_of(prepared, passes(prepared), question.requirements)
+        return metrics_of(question, prepared, passes(prepared))
     except Exception as error:
         raise_if_interrupted(error)
         if isinstance(error, OSError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,39 +14,48 @@ from lvnav_trade.campaign.running.plan import covariance_seconds, estimate
 from lvnav_trade.campaign.space.choose import AT_RANDOM
 from lvnav_trade.campaign.space.designs import Designs
 from lvnav_trade.errors import InputError
+from lvnav_trade.metrics.metric import NAVIGATION_UNITS
 
-# Measured on one core of a small virtual machine: preparation, metrics and row of a design beside its covariance; bytes
-# of a row on disk (beside it the part, until the end), and of a design in memory of the process that deals them out.
-_DESIGN_S, _ROW_BYTES, _DESIGN_BYTES = 0.035, 700.0, 6e3
-_REPORT_BYTES = 150.0  # of a design in the page
+# Measured on one core of a small virtual machine: preparation, metrics and row of a design beside its covariance, and
+# bytes of a design in memory of the process that deals them out
+_DESIGN_S, _DESIGN_BYTES = 0.035, 6e3
+# Bytes of a design on disk: table and CSV table, the page, and until the end the part that it was evaluated in
+_ROW_BYTES, _PAGE_BYTES, _PART_BYTES = 1020.0, 150.0, 1160.0
+_EVENT_BYTES, _EVENT_PART_BYTES = 27.0, 8.0  # the same of one more number
 
 
 class DesignsPlan(NamedTuple):
     """What the designs of a campaign take.
 
+    store : What is stored of each: metrics, or events.
     designs : How many there are.
     whole : How many of them are analysed whole at most.
     runs : How many runs these have together at most.
     seconds : Time (s) of one core, without compilation.
     disk_mb : Size (MB) of the results.
+    most_mb : Disk (MB) that is taken at most, before parts and blocks of runs are removed.
     memory_mb : Memory (MB) of the process that deals the designs out.
     seconds_of_designs : Part of `seconds` for the rows.
     """
 
+    store: str
     designs: int
     whole: int
     runs: int
     seconds: float
     disk_mb: float
+    most_mb: float
     memory_mb: float
     seconds_of_designs: float
 
 
-def planned(campaign: Campaign, folder: Path, duration: float) -> DesignsPlan:
-    """Return what the designs of a campaign take on a flight of a duration (s), each with a pass of its own: those that
-    share passes take less.
+def planned(campaign: Campaign, folder: Path, flights: Mapping[str, Mapping[str, float]]) -> DesignsPlan:
+    """Return what the designs of a campaign take, each with a pass of its own: those that share passes take less.
+
+    flights : Times (s) of the events of each flight, by name of the event, the first and the last of them included.
     """
     designs = Designs(campaign)
+    duration = max(max(times.values()) - min(times.values()) for times in flights.values())
     some = probes(campaign)
     each = sum(covariance_seconds(case, duration) for case in some) / len(some) + _DESIGN_S
     card = campaign.monte_carlo
@@ -53,24 +63,37 @@ def planned(campaign: Campaign, folder: Path, duration: float) -> DesignsPlan:
     whole = min(whole, len(designs))
     single = campaign.probe.model_copy(update={"axes": (), "design": "grid", "references": ()})
     alone = estimate(single, folder, {case.id: duration for case in cases(single)})
-    bytes_of_rows = len(designs) * (2 * _ROW_BYTES + _REPORT_BYTES)
+    further = _further_numbers(campaign, flights)
+    disk = len(designs) * (_ROW_BYTES + _PAGE_BYTES + further * _EVENT_BYTES)
+    disk += whole * 1e6 * (alone.disk_mb - alone.blocks_mb)
+    beside = len(designs) * (_PART_BYTES + further * _EVENT_PART_BYTES) + whole * 1e6 * alone.blocks_mb
     return DesignsPlan(
+        str(campaign.store),
         len(designs),
         whole,
         whole * card.runs if card is not None else 0,
         len(designs) * each + whole * alone.seconds,
-        (bytes_of_rows + whole * 1e6 * alone.disk_mb) / 1e6,
+        disk / 1e6,
+        (disk + beside) / 1e6,
         alone.memory_mb + len(designs) * _DESIGN_BYTES / 1e6,
         len(designs) * each,
     )
+
+
+def _further_numbers(campaign: Campaign, flights: Mapping[str, Mapping[str, float]]) -> int:
+    """Return how many numbers a row has of all events together."""
+    if campaign.store != "events":
+        return 0
+    of_requirements = sum(one.at is not None for one in campaign.requirements)
+    return max(map(len, flights.values())) * (len(NAVIGATION_UNITS) + of_requirements)
 
 
 def refuse_too_large(plan: DesignsPlan, folder: Path) -> None:
     """InputError where the disk of a folder, or the memory, has no room for what is planned."""
     place = next(one for one in (folder, *folder.absolute().parents) if one.exists())
     free = shutil.disk_usage(place).free / 1e6
-    if plan.disk_mb > free:
-        raise InputError(f"{plan.designs} designs take about {plan.disk_mb:.0f} MB of disk; {free:.0f} MB are free")
+    if plan.most_mb > free:
+        raise InputError(f"{plan.designs} designs take about {plan.most_mb:.0f} MB of disk; {free:.0f} MB are free")
     memory = _memory_mb()
     if plan.memory_mb > memory:
         raise InputError(

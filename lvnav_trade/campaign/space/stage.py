@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import pyarrow as pa
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
@@ -47,7 +50,9 @@ class Space:
 
     def evaluate(self, job: work.Job, stage: Stage, parts: Sequence[int] | None = None) -> None:
         """Evaluate the designs that are not stored yet, or those of some parts; each part is stored when it is done."""
-        question = self._question()
+        if parts is None and self._stored(job) is not None:
+            return
+        question = self._question
         order = self._order(question)
         wanted = range(self.parts) if parts is None else parts
         units = [
@@ -58,19 +63,25 @@ class Space:
 
     def finish(self, job: work.Job) -> Evaluated:
         """Store the table of all designs and return which are analysed whole; InputError where all are impossible."""
-        places = [_place(job, number) for number in range(self.parts)]
-        rows = [scratch.read(file, Rows, identity) for file, identity in places]
-        table = stored.table_of(rows)
+        earlier = self._stored(job)
+        if earlier is None:
+            places = [_place(job, self._question, number) for number in range(self.parts)]
+            rows = [scratch.read(file, Rows, identity) for file, identity in places]
+            identity = _identity(job, self._question, "designs")
+            table = stored.table_of(rows, identity, sum(one.passes for one in rows))
+        else:
+            table = earlier
         impossible = stored.impossible(table)
         if len(impossible) and sum(impossible.values()) == len(self.designs):
             first = "; ".join(f"{reason} ({n})" for reason, n in list(impossible.items())[:_SHOWN])
             raise InputError(f"all {len(self.designs)} designs are impossible: {first}")
         found = chosen(table, self.campaign)
-        job.results.write_designs(table)
+        if earlier is None:
+            job.results.write_designs(table)
         remark = {
             "designs": len(self.designs),
             "impossible": impossible,
-            "passes": sum(one.passes for one in rows),
+            "passes": stored.passes(table),
             "whole": {name: len(numbers) for name, numbers in found.items()},
         }
         return Evaluated(self._whole(found), remark)
@@ -92,12 +103,18 @@ class Space:
         numbers = dict.fromkeys(number for group in found.values() for number in group)
         return tuple(self.designs.case(number) for number in numbers)
 
+    def _stored(self, job: work.Job) -> pa.Table | None:
+        """Return the table of all designs that an earlier run has left, where it answers the same question."""
+        return stored.earlier_table(job.results.folder / stored.FILE, _identity(job, self._question, "designs"))
+
+    @cached_property
     def _question(self) -> Question:
-        """Return what is evaluated of every design."""
+        """What is evaluated of every design."""
         requirements = self.campaign.requirements
         history = self.campaign.keep.history if any(one.during for one in requirements) else HISTORY
         shared = shared_axes(self.designs, history)
-        return Question(tuple(one.model_dump(mode="json") for one in requirements), history, shared)
+        asked = tuple(one.model_dump(mode="json") for one in requirements)
+        return Question(asked, history, shared, self.campaign.store == "events")
 
     def _order(self, question: Question) -> list[int]:
         """Return the designs in an order in which those that share passes are neighbours."""
@@ -111,16 +128,21 @@ class Space:
         return sorted(range(len(self.designs)), key=others)
 
 
-def _place(job: work.Job, number: int) -> tuple[Any, str]:
+def _identity(job: work.Job, question: Question, name: str) -> str:
+    """Return what something of the designs is computed from, as one text."""
+    asked = hashlib.sha256(f"{job.asked!r} {question!r}".encode()).hexdigest()[:16]
+    return f"{job.results.identity_of_case(name)} {job.history!r} {asked}"
+
+
+def _place(job: work.Job, question: Question, number: int) -> tuple[Path, str]:
     """Return where a part is left, and what it is computed from."""
-    identity = f"{job.results.identity_of_case(f'part {number}')} {job.history!r}"
-    digest = hashlib.sha256(repr(job.asked).encode()).hexdigest()[:8]
-    return job.scratch / f"part-{number:05d}.{digest}.designs", identity
+    identity = _identity(job, question, f"part {number}")
+    return job.scratch / f"part-{number:05d}.{identity.rpartition(' ')[2]}.designs", identity
 
 
 def evaluate_part(job: work.Job, question: Question, number: int, part: Part) -> work.Done:
     """Evaluate a part and leave it on disk; one that is there is not evaluated again."""
-    file, identity = _place(job, number)
+    file, identity = _place(job, question, number)
     try:
         if not scratch.is_sound(file, Rows, identity):
             scratch.write(file, evaluate(question, part), identity)

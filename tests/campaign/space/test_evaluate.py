@@ -9,8 +9,10 @@ import pytest
 
 from lvnav_trade.campaign.search.point import frozen, look
 from lvnav_trade.campaign.space.designs import Designs
-from lvnav_trade.campaign.space.evaluate import Question, evaluate
+from lvnav_trade.campaign.space.evaluate import Question, evaluate, metrics_of
 from lvnav_trade.campaign.space.passes import HISTORY, shared_axes
+from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.setup.prepare import prepare
 
 
 def question(campaign, shared=()) -> Question:
@@ -66,3 +68,41 @@ def test_what_cannot_be_prepared_has_a_reason_and_no_digest(campaign, monkeypatc
     assert set(rows.texts["case"]) == {""}
     assert set(rows.texts["reason"]) == {"ValueError: matrix … is not positive"}
     assert set(rows.texts["verdict"]) == {""}
+
+
+def asked(**fields: object) -> dict[str, object]:
+    return {"metric": "velocity_error_3d", "probability": 0.9973, "below": "0.6 m/s"} | fields
+
+
+def row_of(campaign, requirements, every_event=False):
+    prepared = prepare(campaign.base, HISTORY)
+    return metrics_of(Question(tuple(requirements), HISTORY, (), every_event), prepared, covariance(prepared))
+
+
+def test_the_reasons_of_all_requirements_are_kept(campaign) -> None:
+    worst = asked(name="worst", during="liftoff to injection", at=None, below="100 m/s")
+    lost = asked(name="lost", at="arrival")
+    row = row_of(campaign, [worst, lost, asked(name="fast", at="injection")])
+    assert json.loads(row["verdicts"])["worst"] == json.loads(row["verdicts"])["lost"] == "not applicable"
+    assert row["reason"] == (
+        "worst: the worst of a phase: linear covariance bounds its probability from above only; "
+        "lost: linear covariance does not hold this error there"
+    )
+    assert row_of(campaign, [asked(name="fast", at="injection")])["reason"] == ""
+
+
+def test_rows_of_events_have_the_errors_of_the_whole_analysis_at_each(campaign) -> None:
+    requirement = campaign.requirements[0].model_dump(mode="json")
+    row, alone = (row_of(campaign, [requirement], every) for every in (True, False))
+    assert alone == {name: row[name] for name in alone}
+    prepared = prepare(campaign.base, HISTORY)
+    history, events = covariance(prepared), prepared.trajectory.events
+    assert len(events) > 4
+    velocity = [k for k, one in enumerate(prepared.outputs) if one.quantity == "velocity"]
+    for name, t in events.items():
+        at = int(np.argmin(np.abs(history.t - t)))
+        true = np.trace(history.true_cov[at][np.ix_(velocity, velocity)]) + np.sum(history.mean[at, velocity] ** 2)
+        assert row[f"velocity_at_{name}_m_per_s"] == pytest.approx(np.sqrt(true), rel=1e-12)
+    assert row["velocity_at_injection_m_per_s"] == row["velocity_m_per_s"]
+    assert row["fast_quantile_at_injection_m_per_s"] == row["fast_quantile_m_per_s"]
+    assert row["fast_quantile_at_liftoff_m_per_s"] < row["fast_quantile_m_per_s"]

@@ -7,6 +7,7 @@ import pytest
 import lvnav_trade
 from lvnav_trade import api
 from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.running.status import status
 from lvnav_trade.campaign.space import evaluate as evaluated
 from lvnav_trade.campaign.space import stage
 from lvnav_trade.errors import InputError
@@ -58,6 +59,71 @@ def test_parts_that_are_stored_are_not_evaluated_again(written, tmp_path, monkey
         lvnav_trade.run(written, SETS, tmp_path / "out", jobs=1, report=False)
     lvnav_trade.run(written, SETS, tmp_path / "out", jobs=1, report=False)
     assert [len(numbers) for numbers in calls] == [5, 5, 2, 2]
+
+
+def test_parts_of_other_requirements_are_evaluated_again(written, tmp_path, monkeypatch, parts_of_five) -> None:
+    real, calls = evaluated.evaluate, []
+
+    def failing(question, part):
+        calls.append(part.numbers)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return real(question, part)
+
+    monkeypatch.setattr(stage, "evaluate", failing)
+    with pytest.raises(KeyboardInterrupt):
+        lvnav_trade.run(written, SETS, tmp_path / "out", jobs=1, report=False)
+    changed = [*SETS, "requirements.0.below=1 mm/s"]
+    found = lvnav_trade.run(written, changed, tmp_path / "out", jobs=1, report=False)
+    assert len(calls) == 5
+    assert set(found.cases.verdict) == {"violated"}
+    assert (found.cases.error_ratio > 1.0).all()
+    assert not (tmp_path / "out/.scratch").exists()
+
+
+def test_more_runs_do_not_evaluate_the_designs_again(written, tmp_path, monkeypatch, parts_of_five) -> None:
+    few, more = ([*SETS, f"monte_carlo={{runs: {n}, most_cases: 1, block: 8}}"] for n in (8, 16))
+    first = lvnav_trade.run(written, few, tmp_path / "out", jobs=1, report=False)
+    rows = (tmp_path / "out/designs.parquet").read_bytes()
+    assert set(first.tables.cases.run_count) == {8}
+
+    def never(*_: object) -> None:
+        raise AssertionError("evaluated again")
+
+    monkeypatch.setattr(stage, "evaluate", never)
+    again = lvnav_trade.run(written, more, tmp_path / "out", jobs=1, report=False)
+    assert set(again.tables.cases.run_count) == {16}
+    assert (tmp_path / "out/designs.parquet").read_bytes() == rows
+    assert again.tables.manifest["space"] == first.tables.manifest["space"]
+
+
+def test_a_finished_space_keeps_no_blocks_and_its_status_counts_the_runs_of_its_tables(written, tmp_path) -> None:
+    sets = [*SETS, "monte_carlo={runs: 16, most_cases: 1, block: 8}"]
+    found = lvnav_trade.run(written, sets, tmp_path / "out", jobs=1, report=False)
+    assert not list((tmp_path / "out").rglob("parts/*"))
+    assert len(found.tables.runs.run_number.unique()) == 16
+    about = status(tmp_path / "out")
+    whole = len(found.tables.labels)
+    assert (about.state, about.asked, about.stored, about.failed) == ("finished", 16 * whole, 16 * whole, 0)
+
+
+def test_events_store_the_errors_at_each_event(written, tmp_path) -> None:
+    found = lvnav_trade.run(written, [*SETS, "store=events"], tmp_path / "out", jobs=1, report=False)
+    rows = found.cases
+    (case,) = found.tables.labels
+    row = rows.set_index("case").loc[case]
+    events = found.tables.events
+    names = set(events[(events.case == case) & (events.kind == "event")].event)
+    for name in ("liftoff", "injection"):
+        assert name in names
+        assert row[f"velocity_at_{name}_m_per_s"] > 0.0
+    assert row.velocity_at_injection_m_per_s == row.velocity_m_per_s
+    known = api.cases(tmp_path / "out", ["velocity_at_injection < 1 m/s"], ["velocity_at_liftoff"])
+    assert len(known.rows) == (rows.velocity_m_per_s < 1.0).sum()
+    assert list(known.rows.velocity_at_liftoff_m_per_s) == sorted(known.rows.velocity_at_liftoff_m_per_s)
+    meaning = known.columns.set_index("column")
+    assert meaning.meaning["velocity_at_liftoff_m_per_s"] == "the same as velocity_m_per_s, at the event liftoff"
+    assert meaning.unit["fast_quantile_at_liftoff_m_per_s"] == "metre per second"
 
 
 def test_designs_that_are_all_impossible_are_one_line(written, tmp_path) -> None:
