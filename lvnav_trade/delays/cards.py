@@ -90,6 +90,14 @@ class SpilkerTroposphere(Card):
     lowest: Angle = Field(0.08726646259971647, ge=0.0, description="below it the value at this elevation holds; 5 deg")
 
 
+class StanagTroposphere(Card):
+    """NATO STANAG 4294, as simulators of signals have it: zenith delay of its refractivity, with its mapping function."""
+
+    kind: Literal["stanag"] = "stanag"
+    surface: float = Field(324.8, ge=200.0, le=450.0, description="refractivity at sea level, (n - 1) x 1e6")
+    lowest: Angle = Field(0.0, ge=0.0, description="below it the value at this elevation holds")
+
+
 class _Weather(Card):
     """Weather at sea level, standard lapse above."""
 
@@ -116,6 +124,7 @@ _Troposphere = (
     | RayTracedTroposphere
     | AnyElevationTroposphere
     | SpilkerTroposphere
+    | StanagTroposphere
     | SaastamoinenTroposphere
     | NiellTroposphere
 )
@@ -138,16 +147,31 @@ class KlobucharIonosphere(Card):
     beta: tuple[float, float, float, float] = Field(description="s, s per semicircle, and so on, as broadcast")
 
 
-class ContentIonosphere(Card):
+class _Chapman(Card):
     """Chapman layer, with the content above the receiver: Trigo and Theil, eq. 19 to 22."""
 
-    kind: Literal["content"] = "content"
-    vertical: ElectronContent = Field(20e16, description="at the ground; 20 TECU in section 5.2.3")
     peak: ScaleHeight = Field(420e3, description="h0 of eq. 21")
     scale_height: ScaleHeight = Field(100e3, description="H of eq. 21")
     slant: Literal["lear", "integrated"] = Field(
         "lear", description="mapping of eq. 22 at the median of the content above, or integral along the ray"
     )
+
+
+class ContentIonosphere(_Chapman):
+    """Chapman layer of a constant content at the ground: Trigo and Theil, eq. 19 to 22."""
+
+    kind: Literal["content"] = "content"
+    vertical: ElectronContent = Field(20e16, description="at the ground; 20 TECU in section 5.2.3")
+
+
+class KlobucharContentIonosphere(_Chapman):
+    """Chapman layer whose content at the ground is that of the broadcast model below the ionospheric point: Trigo and
+    Theil, section 5.2.3.
+    """
+
+    kind: Literal["klobuchar_content"] = "klobuchar_content"
+    alpha: tuple[float, float, float, float] = Field(description="s, s per semicircle, and so on, as broadcast")
+    beta: tuple[float, float, float, float] = Field(description="s, s per semicircle, and so on, as broadcast")
 
 
 class EpsteinIonosphere(Card):
@@ -164,7 +188,7 @@ class EpsteinIonosphere(Card):
             yield "peak should be at least four times the thickness below it: the layer ends above the ground"
 
 
-_Ionosphere = NoIonosphere | KlobucharIonosphere | ContentIonosphere | EpsteinIonosphere
+_Ionosphere = NoIonosphere | KlobucharIonosphere | ContentIonosphere | KlobucharContentIonosphere | EpsteinIonosphere
 IonosphereModel = Annotated[_Ionosphere, Field(discriminator="kind")]
 
 # --- truth and corrections --------------------------------------------------------------------------------------------

@@ -52,6 +52,8 @@ def troposphere_delay(model: cards.TroposphereModel, geometry: Geometry) -> Floa
     if isinstance(model, cards.SpilkerTroposphere):
         held = np.maximum(elevation, model.lowest)
         return troposphere.spilker(held, height, model.zenith, model.scale_height, model.offset)
+    if isinstance(model, cards.StanagTroposphere):
+        return troposphere.stanag(np.maximum(elevation, model.lowest), height, model.surface)
     if isinstance(model, cards.SaastamoinenTroposphere | cards.NiellTroposphere):
         held = np.maximum(elevation, model.lowest)
         air = troposphere.weather(height, model.pressure, model.temperature, model.humidity)
@@ -73,15 +75,31 @@ def ionosphere_delay(model: cards.IonosphereModel, geometry: Geometry, frequency
         place = (_column(geometry.latitude), _column(geometry.longitude), geometry.azimuth, elevation)
         delay = ionosphere.klobuchar(model.alpha, model.beta, _column(geometry.seconds_of_day), *place)
         return np.asarray(delay * (ionosphere.L1 / frequency) ** 2)
-    if isinstance(model, cards.ContentIonosphere):
+    if isinstance(model, cards.ContentIonosphere | cards.KlobucharContentIonosphere):
         slant = ionosphere.lear_slant if model.slant == "lear" else ionosphere.chapman_slant
         share = slant(elevation, _column(geometry.height), model.peak, model.scale_height)
-        return np.asarray(ionosphere.DISPERSION / frequency**2 * model.vertical * share)
+        return np.asarray(ionosphere.DISPERSION / frequency**2 * _surface_content(model, geometry) * share)
     if isinstance(model, cards.EpsteinIonosphere):
         layer = (model.peak, model.bottom, model.top)
         share = ionosphere.epstein_slant(elevation, _column(geometry.height), *layer)
         return np.asarray(ionosphere.DISPERSION / frequency**2 * model.vertical * share)
     return np.zeros(elevation.shape)
+
+
+def _surface_content(
+    model: cards.ContentIonosphere | cards.KlobucharContentIonosphere, geometry: Geometry
+) -> float | Floats:
+    """Return the vertical electron content at the ground (1/m^2): one number, or one of each ray (n_epoch, n_sat) at
+    the ground below its ionospheric point.
+    """
+    if isinstance(model, cards.ContentIonosphere):
+        return model.vertical
+    height = _column(geometry.height)
+    median = ionosphere.median_height(height, model.peak, model.scale_height)
+    place = (_column(geometry.latitude), _column(geometry.longitude), height)
+    latitude, longitude = ionosphere.pierced(*place, geometry.azimuth, geometry.elevation, median)
+    seconds = _column(geometry.seconds_of_day)
+    return ionosphere.klobuchar_content(model.alpha, model.beta, seconds, latitude, longitude)
 
 
 def _column(value: float | Floats) -> Floats:

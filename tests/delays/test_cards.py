@@ -41,7 +41,7 @@ def test_a_card_is_read_with_its_units():
     assert (card.troposphere_scale, card.troposphere_scale_time) == (0.05, 600.0)
 
 
-@pytest.mark.parametrize("kind", ["none", "ray_traced", "any_elevation", "spilker", "saastamoinen", "niell"])
+@pytest.mark.parametrize("kind", ["none", "ray_traced", "any_elevation", "spilker", "stanag", "saastamoinen", "niell"])
 def test_every_model_reads_back_from_its_own_text(kind):
     card = AtmosphereCard.model_validate({"troposphere": {"kind": kind}})
     assert AtmosphereCard.model_validate(card.model_dump(mode="json")) == card

@@ -12,6 +12,7 @@ from lvnav_trade.delays.cards import (
     BeanThayerProfile,
     ContentIonosphere,
     ExponentialProfile,
+    KlobucharContentIonosphere,
     KlobucharIonosphere,
     NiellTroposphere,
     NoIonosphere,
@@ -20,6 +21,7 @@ from lvnav_trade.delays.cards import (
     SaastamoinenTroposphere,
     SpilkerTroposphere,
     StandardProfile,
+    StanagTroposphere,
 )
 from lvnav_trade.delays.models import TOP, Geometry, interpolated, ionosphere_delay, profile, table, troposphere_delay
 from lvnav_trade.kernels.media.ionosphere import L1
@@ -29,11 +31,13 @@ TROPOSPHERES = [
     RayTracedTroposphere(),
     AnyElevationTroposphere(),
     SpilkerTroposphere(),
+    StanagTroposphere(),
     SaastamoinenTroposphere(),
     NiellTroposphere(),
 ]
 KLOBUCHAR = KlobucharIonosphere(alpha=(2e-8, -8e-9, -5e-8, 1e-7), beta=(2e5, 2e5, -1e5, -1e6))
-IONOSPHERES = [KLOBUCHAR, ContentIonosphere(), ContentIonosphere(slant="integrated")]
+BY_KLOBUCHAR = KlobucharContentIonosphere(alpha=KLOBUCHAR.alpha, beta=KLOBUCHAR.beta)
+IONOSPHERES = [KLOBUCHAR, BY_KLOBUCHAR, ContentIonosphere(), ContentIonosphere(slant="integrated")]
 
 
 def seen(height, degrees, azimuth=0.5, latitude=-0.674):
@@ -218,3 +222,22 @@ def test_six_thousand_rays_make_it_and_none_are_traced_to_read_it(monkeypatch):
     read = interpolated(model, height, elevation, np.where(elevation < 0.0, 40e3, height))
     assert read.max() > 50.0
     assert traced == []
+
+
+def test_content_of_the_broadcast_model_is_its_delay_overhead_and_thins_with_height():
+    """At the zenith of the ground its own delay, by the mapping of 90 deg; on the way up that of the layer's share."""
+    ground, above = seen(0.0, [90.0]), seen([0.0, 300e3, 500e3], [90.0])
+    factor = 2.037 / (1.0 + np.sqrt(1.076))  # of eq. 22 at the zenith
+    vertical = ionosphere_delay(KLOBUCHAR, ground) / (1.0 + 16.0 * 0.03**3)
+    # the broadcast model's pierce point of a ray straight up is a quarter of a degree away
+    np.testing.assert_allclose(ionosphere_delay(BY_KLOBUCHAR, ground), factor * vertical, rtol=2e-3)
+    share = ionosphere_delay(ContentIonosphere(), above) / ionosphere_delay(ContentIonosphere(), ground)
+    np.testing.assert_allclose(
+        ionosphere_delay(BY_KLOBUCHAR, above), share * ionosphere_delay(BY_KLOBUCHAR, ground), rtol=1e-12
+    )
+
+
+def test_content_of_the_broadcast_model_differs_from_east_to_west_by_the_time_of_day():
+    """At 15 h GPS time and 62 W it is 11 h: more is there towards the east, where it is later."""
+    east, west = (ionosphere_delay(BY_KLOBUCHAR, seen(0.0, [15.0], azimuth=a)) for a in (0.5 * np.pi, 1.5 * np.pi))
+    assert east > 1.05 * west

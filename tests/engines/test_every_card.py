@@ -81,6 +81,11 @@ MODELS: dict[str, dict[str, Any]] = {  # of the troposphere and of the ionospher
     "spilker": {"kind": "content"},
     "saastamoinen": {"kind": "content", "slant": "integrated"},
     "niell": {"kind": "epstein"},
+    "stanag": {
+        "kind": "klobuchar_content",
+        "alpha": [1e-8, 2e-8, -6e-8, -6e-8],
+        "beta": [9e4, 1e5, -1e5, -4e5],
+    },
 }
 SCALES = {f"{what}_scale{end}": value for what in ("troposphere", "ionosphere")
           for end, value in (("", "10 percent"), ("_time", "100 s"))}  # fmt: skip

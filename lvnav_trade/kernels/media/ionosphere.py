@@ -59,13 +59,57 @@ def klobuchar(
     central = 0.0137 / (el + 0.11) - 0.022
     lat_pierce = np.clip(lat / np.pi + central * np.cos(az), -0.416, 0.416)
     lon_pierce = lon / np.pi + central * np.sin(az) / np.cos(lat_pierce * np.pi)
-    magnetic = lat_pierce + 0.064 * np.cos((lon_pierce - 1.617) * np.pi)
-    local = np.mod(43200.0 * lon_pierce + np.asarray(seconds, dtype=float), 86400.0)
+    vertical = _klobuchar_vertical(alpha, beta, seconds, lat_pierce, lon_pierce)
+    return np.asarray(SPEED_OF_LIGHT * (1.0 + 16.0 * (0.53 - el) ** 3) * vertical)
+
+
+def _klobuchar_vertical(
+    alpha: ArrayLike, beta: ArrayLike, seconds: ArrayLike, latitude: ArrayLike, longitude: ArrayLike
+) -> Floats:
+    """Return the vertical delay (...,) s of the broadcast model above a place, latitude and longitude in semicircles."""
+    magnetic = np.asarray(latitude + 0.064 * np.cos((np.asarray(longitude) - 1.617) * np.pi))
+    local = np.mod(43200.0 * np.asarray(longitude) + np.asarray(seconds, dtype=float), 86400.0)
     amplitude = np.maximum(np.polynomial.polynomial.polyval(magnetic, np.asarray(alpha, dtype=float)), 0.0)
     period = np.maximum(np.polynomial.polynomial.polyval(magnetic, np.asarray(beta, dtype=float)), 72000.0)
     phase = 2.0 * np.pi * (local - 50400.0) / period
     day = np.where(np.abs(phase) < 1.57, amplitude * (1.0 - phase**2 / 2.0 + phase**4 / 24.0), 0.0)
-    return np.asarray(SPEED_OF_LIGHT * (1.0 + 16.0 * (0.53 - el) ** 3) * (5e-9 + day))
+    return np.asarray(5e-9 + day)
+
+
+def klobuchar_content(
+    alpha: ArrayLike, beta: ArrayLike, seconds: ArrayLike, latitude: ArrayLike, longitude: ArrayLike
+) -> Floats:
+    """Return the vertical electron content (...,) 1/m^2 whose delay at L1 is that of the broadcast model overhead.
+
+    seconds, latitude, longitude (...,) s of the GPS day and rad; alpha, beta (4,) as of `klobuchar`.
+    """
+    latitude, longitude = (np.asarray(value, dtype=float) / np.pi for value in (latitude, longitude))
+    vertical = _klobuchar_vertical(alpha, beta, seconds, np.clip(latitude, -0.416, 0.416), longitude)
+    return np.asarray(SPEED_OF_LIGHT * vertical * L1**2 / DISPERSION)
+
+
+def pierced(
+    latitude: ArrayLike,
+    longitude: ArrayLike,
+    height: ArrayLike,
+    azimuth: ArrayLike,
+    elevation: ArrayLike,
+    shell: ArrayLike,
+) -> tuple[Floats, Floats]:
+    """Return latitude and longitude (...,) rad where rays that rise from a receiver reach a height, on a sphere.
+
+    latitude, longitude, azimuth, elevation (...,) rad; height of the receiver, shell (...,) m. A ray that dips is taken
+    for horizontal.
+    """
+    lat, az, el = (np.asarray(value, dtype=float) for value in (latitude, azimuth, elevation))
+    up = np.maximum(el, 0.0)
+    ratio = (EARTH_RADIUS + np.asarray(height, dtype=float)) / (EARTH_RADIUS + np.asarray(shell, dtype=float))
+    central = 0.5 * np.pi - up - np.arcsin(np.minimum(ratio * np.cos(up), 1.0))
+    there = np.arcsin(np.sin(lat) * np.cos(central) + np.cos(lat) * np.sin(central) * np.cos(az))
+    east = np.arctan2(
+        np.sin(central) * np.sin(az), np.cos(lat) * np.cos(central) - np.sin(lat) * np.sin(central) * np.cos(az)
+    )
+    return np.asarray(there), np.asarray(np.asarray(longitude, dtype=float) + east)
 
 
 # --- Chapman layer ----------------------------------------------------------------------------------------------------

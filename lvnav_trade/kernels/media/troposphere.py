@@ -1,4 +1,4 @@
-"""Tropospheric delay as published formulas: Canepa and Servidia, Spilker, Saastamoinen, Niell."""
+"""Tropospheric delay as published formulas: Canepa and Servidia, Spilker, STANAG 4294, Saastamoinen, Niell."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,6 +65,30 @@ def spilker(
     """
     mapping = (1.0 + offset) / (np.sin(elevation) + offset)
     return np.asarray(zenith * np.exp(-np.asarray(height, dtype=float) / scale_height) * mapping)
+
+
+_LINEAR, _MIDDLE = 1e3, 9e3  # m: ends of the two lower layers of STANAG 4294
+_AT_MIDDLE, _UPPER = 105.0, 0.1424e-3  # refractivity at the upper one, and its fall above, 1/m
+
+
+def stanag(elevation: ArrayLike, height: ArrayLike, surface: float = 324.8) -> Floats:
+    """Return the delay (...,) m of NATO STANAG 4294: integral of its refractivity upwards, times its mapping function.
+
+    elevation (...,) rad, zero or above; height (...,) m; surface: refractivity at sea level, (n - 1) x 1e6. The mapping
+    function is 1 / (sin E + 0.00143 / (tan E + 0.0455)).
+    """
+    el, h = (np.asarray(value, dtype=float) for value in (elevation, height))
+    slope = -7.32e-3 * np.exp(0.005577 * surface)
+    first = surface + _LINEAR * slope
+    rate = np.log(first / _AT_MIDDLE) / (_MIDDLE - _LINEAR)
+
+    def linear(above: Floats) -> Floats:  # from a height up to the end of the layer
+        return np.asarray((surface + 0.5 * slope * (_LINEAR + above)) * (_LINEAR - above))
+
+    middle = first / rate * (np.exp(-rate * (np.clip(h, _LINEAR, _MIDDLE) - _LINEAR)) - _AT_MIDDLE / first)
+    upper = _AT_MIDDLE / _UPPER * np.exp(-_UPPER * (np.maximum(h, _MIDDLE) - _MIDDLE))
+    zenith = 1e-6 * (linear(np.minimum(h, _LINEAR)) + middle + upper)
+    return np.asarray(zenith / (np.sin(el) + 0.00143 / (np.tan(el) + 0.0455)))
 
 
 # --- zenith delay from weather ----------------------------------------------------------------------------------------
