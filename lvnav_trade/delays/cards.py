@@ -91,7 +91,7 @@ class SpilkerTroposphere(Card):
 
 
 class StanagTroposphere(Card):
-    """NATO STANAG 4294, as simulators of signals have it: zenith delay of its refractivity, with its mapping function."""
+    """NATO STANAG 4294, as signal simulators have it: zenith delay of its refractivity, with its mapping function."""
 
     kind: Literal["stanag"] = "stanag"
     surface: float = Field(324.8, ge=200.0, le=450.0, description="refractivity at sea level, (n - 1) x 1e6")

@@ -20,8 +20,8 @@ from lvnav_trade.delays.cards import (
     RayTracedTroposphere,
     SaastamoinenTroposphere,
     SpilkerTroposphere,
-    StandardProfile,
     StanagTroposphere,
+    StandardProfile,
 )
 from lvnav_trade.delays.models import TOP, Geometry, interpolated, ionosphere_delay, profile, table, troposphere_delay
 from lvnav_trade.kernels.media.ionosphere import L1

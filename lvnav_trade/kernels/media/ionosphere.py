@@ -64,11 +64,11 @@ def klobuchar(
 
 
 def _klobuchar_vertical(
-    alpha: ArrayLike, beta: ArrayLike, seconds: ArrayLike, latitude: ArrayLike, longitude: ArrayLike
+    alpha: ArrayLike, beta: ArrayLike, seconds: ArrayLike, latitude: Floats, longitude: Floats
 ) -> Floats:
-    """Return the vertical delay (...,) s of the broadcast model above a place, latitude and longitude in semicircles."""
-    magnetic = np.asarray(latitude + 0.064 * np.cos((np.asarray(longitude) - 1.617) * np.pi))
-    local = np.mod(43200.0 * np.asarray(longitude) + np.asarray(seconds, dtype=float), 86400.0)
+    """Return the vertical delay (...,) s of the broadcast model above a place; latitude, longitude in semicircles."""
+    magnetic = latitude + 0.064 * np.cos((longitude - 1.617) * np.pi)
+    local = np.mod(43200.0 * longitude + np.asarray(seconds, dtype=float), 86400.0)
     amplitude = np.maximum(np.polynomial.polynomial.polyval(magnetic, np.asarray(alpha, dtype=float)), 0.0)
     period = np.maximum(np.polynomial.polynomial.polyval(magnetic, np.asarray(beta, dtype=float)), 72000.0)
     phase = 2.0 * np.pi * (local - 50400.0) / period
@@ -83,8 +83,8 @@ def klobuchar_content(
 
     seconds, latitude, longitude (...,) s of the GPS day and rad; alpha, beta (4,) as of `klobuchar`.
     """
-    latitude, longitude = (np.asarray(value, dtype=float) / np.pi for value in (latitude, longitude))
-    vertical = _klobuchar_vertical(alpha, beta, seconds, np.clip(latitude, -0.416, 0.416), longitude)
+    lat, lon = (np.asarray(value, dtype=float) / np.pi for value in (latitude, longitude))
+    vertical = _klobuchar_vertical(alpha, beta, seconds, np.clip(lat, -0.416, 0.416), lon)
     return np.asarray(SPEED_OF_LIGHT * vertical * L1**2 / DISPERSION)
 
 
