@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -12,6 +13,8 @@ from lvnav_trade.cli.console import FAILED, Answer
 from lvnav_trade.errors import InputError
 
 _MOST = 10  # failed runs that are listed one by one
+_COMPONENTS = {"3d", "north", "east", "down", "x", "y", "z", "radial", "along", "cross", "roll", "pitch", "yaw"}
+_COMPONENT_OF = re.compile(r"^\w+ component of the |^length of the three-axis ")
 _ROWS = 20  # rows of a table; of more cases there is a summary
 
 
@@ -94,6 +97,25 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
         "requirements": json.loads(verdicts.to_json(orient="records")),  # what is not a number is null
     }
     return Answer("\n".join(lines), content, results.exit_code)
+
+
+def components_together(metrics: Sequence[Sequence[str]]) -> list[tuple[str, str, str]]:
+    """Return metrics (name, unit, meaning) with the components of one quantity as one: `position_error_*`.
+
+    Components have one unit, and meanings that differ in the component's name alone; the line lists them.
+    """
+    groups: dict[tuple[str, ...], list[Sequence[str]]] = {}
+    for name, unit, meaning in metrics:
+        stem, _, last = name.rpartition("_")
+        key = (f"{stem}_*", unit, _COMPONENT_OF.sub("", meaning)) if last in _COMPONENTS else (name, unit, meaning)
+        groups.setdefault(key, []).append((name, unit, meaning))
+    found = []
+    for (name, unit, meaning), members in groups.items():
+        if len(members) == 1:
+            found.append((members[0][0], unit, members[0][2]))
+        else:
+            found.append((name, unit, f"{meaning}; *: {', '.join(one[0].rpartition('_')[2] for one in members)}"))
+    return found
 
 
 def _designs(results: Any, many: Mapping[str, Any]) -> str:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from lvnav_trade.cli.answers import answer_of, shown
-from lvnav_trade.cli.console import Answer, Jobs, Json, verb
+from lvnav_trade.cli.console import Answer, Jobs, Json, Quiet, folder_option, verb
 from lvnav_trade.errors import InputError
 
 
@@ -44,10 +44,10 @@ def workers(backend: Backend, scheduler: str | None, folder: Path, jobs: int) ->
 @verb("results/demo")
 def merge(
     place: Annotated[Path, typer.Argument(metavar="DIR", help="the folder with the folders of all shards")],
-    out: Annotated[Path | None, typer.Option("--out", help="folder of the results [default: DIR/merged]")] = None,
+    out: Annotated[Path | None, folder_option("the results", "DIR/merged")] = None,
     jobs: Jobs = -1,
     report: Annotated[bool, typer.Option("--report/--no-report", help="build the report at the end")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> Answer:
     """Put the shards of a campaign together.

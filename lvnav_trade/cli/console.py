@@ -4,6 +4,7 @@ import inspect
 import json
 import os
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple, NoReturn
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from lvnav_trade.cli.streams import complaint, guard
 from lvnav_trade.errors import InputError, Mistake, is_full_disk, system_message, visible, without_credentials
@@ -20,23 +22,79 @@ from lvnav_trade.interrupts import raise_if_interrupted, remembering_interrupts
 
 JSON_VERSION = 1
 FAILED, INTERNAL = 4, 5
+_READ = ("campaign", "base", "file", "folder", "source", "place", "log")
+"""Arguments that name what a verb reads, the first that it has."""
 _answered = False
 
+RUN, EXPLORE, SEARCH, DATA, EXPORT = "Run and report", "Explore", "Search", "Data", "Export"
+GROUPS = {
+    RUN: ("check", "plan", "selfcheck", "run", "status", "merge", "report", "cases", "keep-base", "compare", "study"),
+    EXPLORE: ("fields", "metrics", "cards", "schema", "replay"),
+    SEARCH: ("solve", "indices", "tune", "estimate-q"),
+    DATA: ("init", "fit-unit", "process-log"),
+    EXPORT: ("export-trajectory", "export-vectors", "export-filter", "schedule-gains", "kml"),
+}
+"""Verbs by what they are for, in the order of the help."""
+
+
+class Groups(TyperGroup):
+    """The verbs, listed in groups."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of the verbs, group by group."""
+        return [name for names in GROUPS.values() for name in names]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the list of verbs."""
+        longest = max(map(len, self.commands))
+        for group, names in GROUPS.items():
+            with formatter.section(group):
+                limit = formatter.width - 6 - longest
+                helps = [(name, self.commands[name].get_short_help_str(limit)) for name in names]
+                formatter.write_dl([(name.ljust(longest), text) for name, text in helps])
+
+
+class Verb(TyperCommand):
+    """A verb, whose usage names required arguments without brackets."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Return the pieces of the usage line."""
+        return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+
+
 app = typer.Typer(
-    add_completion=False,
+    cls=Groups,
     no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    help="Which inertial unit, receiver and filter bring a launch vehicle to injection? Exit codes: 0 all requirements "
-    "met, 1 one violated, 2 bad usage or campaign file, 3 undecided, 4 some runs failed, 5 internal error, "
-    "130 interrupted (resumable).",
+    help="Which IMU, receiver and filter meet a launch vehicle's injection-accuracy requirement?",
+    epilog="Exit codes: 0 all requirements met, 1 one violated, 2 input error, 3 undecided, 4 some runs failed, "
+    "5 internal error, 130 interrupted (resumable).",
 )
+
+
+def folder_option(content: str, default: str = "") -> Any:
+    """Return the option ``--out`` of a verb that writes a folder."""
+    return _out("DIR", f"folder of {content}", default)
+
+
+def file_option(content: str, default: str = "") -> Any:
+    """Return the option ``--out`` of a verb that writes a file."""
+    return _out("FILE", content, default)
+
+
+def _out(metavar: str, content: str, default: str) -> Any:
+    known = f"{content} [default: {default}]" if default else content
+    return typer.Option("--out", "-o", metavar=metavar, help=known, show_default=False)
+
 
 CampaignFile = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="campaign file, or one that comes with the tool")]
 Sets = Annotated[list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change one field; repeatable")]
 Json = Annotated[bool, typer.Option("--json", help="one JSON object on standard output")]
 Debug = Annotated[bool, typer.Option("--debug", help="show the traceback of an internal error")]
-Out = Annotated[Path | None, typer.Option("--out", help="folder of the results [default: results/NAME]")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="no progress")]
+Out = Annotated[Path | None, folder_option("the results", "results/NAME")]
 Jobs = Annotated[int, typer.Option("--jobs", "-j", help="worker processes; -1: all cores")]
 
 
@@ -81,17 +139,22 @@ def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., Answer
                 option, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind
             )
 
-        @app.command(name, epilog=f"Example: lvnav-trade {name} {example}")
+        @app.command(name, cls=Verb, epilog=f"Example: lvnav-trade {name} {example}")
         @wraps(function)
         def command(*, debug: bool, as_json: bool = False, **given: Any) -> None:
             with errors(as_json, debug):
                 if (jobs := given.get("jobs", -1)) == 0 or jobs < -1:
                     raise InputError(f"--jobs {jobs}: give a number of worker processes, or -1 for all cores")
+                begun, says = time.monotonic(), not as_json and not given.get("quiet", False)
+                if says and sys.stderr.isatty():  # a log has the lines of the progress, and one line where it fails
+                    _begin(name, given)
                 answer = function(**given, as_json=as_json) if prints else function(**given)
                 if as_json:
                     _print_json(name, answer.code, **answer.content)
                 else:
                     print(answer.text)
+                if says and "quiet" in given:
+                    _say(f"{name}: {_duration(time.monotonic() - begun)} in total")
                 _leave_with_answer(answer.code)
 
         command.__signature__ = inspect.Signature(list(parameters.values()))  # type: ignore[attr-defined]
@@ -99,6 +162,29 @@ def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., Answer
         return command
 
     return add
+
+
+def _begin(name: str, given: Mapping[str, Any]) -> None:
+    """Say what a verb reads, before the packages are imported that it needs."""
+    read = next((given[one] for one in _READ if given.get(one) is not None), None)
+    if read is not None:
+        _say(f"{name}: reading {read}")
+
+
+def _say(line: str) -> None:
+    from lvnav_trade.campaign.running.clock import stamped
+
+    print(stamped(visible(line)), file=sys.stderr, flush=True)
+
+
+def _duration(seconds: float) -> str:
+    """Return a duration in words: 12 s, 3 min 5 s, 2 h 10 min."""
+    minutes, hours = seconds / 60.0, seconds / 3600.0
+    if seconds < 59.5:
+        return f"{seconds:.1f} s" if seconds < 9.95 else f"{seconds:.0f} s"
+    if minutes < 59.5:
+        return f"{int(seconds + 0.5) // 60} min {int(seconds + 0.5) % 60} s"
+    return f"{int(minutes + 0.5) // 60} h {int(minutes + 0.5) % 60} min" if hours < 1000 else f"{hours:.0f} h"
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Answer, verb
+from lvnav_trade.cli.console import Answer, file_option, verb
 from lvnav_trade.errors import InputError
 
 _ROWS = 20
@@ -29,9 +29,7 @@ def cases(
         str | None, typer.Option("--columns", metavar="A,B,...", help="columns that are shown and written")
     ] = None,
     limit: Annotated[int, typer.Option("--limit", metavar="N", help="rows that are shown")] = _ROWS,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE", help="write all of them as .csv or .parquet")
-    ] = None,
+    out: Annotated[Path | None, file_option("write all cases to this .csv or .parquet")] = None,
     units: Annotated[bool, typer.Option("--units", help="list the columns with unit and meaning instead")] = False,
 ) -> Answer:
     """List cases: errors, verdicts, cost.

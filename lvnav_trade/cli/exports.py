@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Answer, CampaignFile, Sets, verb
+from lvnav_trade.cli.console import Answer, CampaignFile, Quiet, Sets, folder_option, verb
 from lvnav_trade.cli.results import CaseOf
 
 
@@ -22,7 +22,7 @@ class TableFormat(StrEnum):
 @verb("demo --case 'imu=tactical_mems, filter=tight' -o my_vectors")
 def export_vectors(
     campaign: CampaignFile,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="folder of the tables")],
+    out: Annotated[Path, folder_option("the tables")],
     sets: Sets = None,
     case: CaseOf = None,
     run: Annotated[int, typer.Option("--run", metavar="RUN", help="number of the run, from 0")] = 0,
@@ -44,11 +44,11 @@ def export_vectors(
 @verb("demo --case 'imu=tactical_mems, filter=tight' -o my_filter --runs 10")
 def export_filter(
     campaign: CampaignFile,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="folder of the C files and the runs")],
+    out: Annotated[Path, folder_option("the C files and the runs")],
     sets: Sets = None,
     case: CaseOf = None,
     runs: Annotated[int, typer.Option("--runs", help="runs that are recorded and replayed; 0: the C alone")] = 10,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+    quiet: Quiet = False,
 ) -> Answer:
     """Write the filter of a case as C99, without allocation.
 

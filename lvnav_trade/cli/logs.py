@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Answer, verb
+from lvnav_trade.cli.console import Answer, file_option, folder_option, verb
 from lvnav_trade.errors import InputError
 
 LogFile = Annotated[str, typer.Argument(metavar="LOG", help="CSV or Parquet, units in the names of its columns")]
@@ -17,13 +17,23 @@ LogFile = Annotated[str, typer.Argument(metavar="LOG", help="CSV or Parquet, uni
 @verb("unit_at_rest.csv -o configs/imu/my_unit.yaml --plot allan.png")
 def fit_unit(
     log: LogFile,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="card to write")],
+    out: Annotated[Path, file_option("card to write")],
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE", help="write the figure as PNG")] = None,
-    start: Annotated[float | None, typer.Option("--start", metavar="SECONDS", help="from there on in the log")] = None,
-    end: Annotated[float | None, typer.Option("--end", metavar="SECONDS", help="up to there in the log")] = None,
-    shortest: Annotated[float, typer.Option("--shortest", metavar="SECONDS", help="averaging time to fit from")] = 0.0,
+    start: Annotated[
+        float | None, typer.Option("--start", metavar="SECONDS", help="use the log from this time")
+    ] = None,
+    end: Annotated[float | None, typer.Option("--end", metavar="SECONDS", help="use the log up to this time")] = None,
+    shortest: Annotated[
+        float, typer.Option("--shortest", metavar="SECONDS", help="smallest averaging time of the fit")
+    ] = 0.0,
     longest: Annotated[
-        float, typer.Option("--longest", metavar="SECONDS", help="and to", show_default="a ninth of the log")
+        float,
+        typer.Option(
+            "--longest",
+            metavar="SECONDS",
+            help="largest averaging time of the fit [default: a ninth of the log]",
+            show_default=False,
+        ),
     ] = math.inf,
     counted: Annotated[
         bool, typer.Option("--count-rows", help="time stamps of a host scatter: take the rows as evenly spaced")
@@ -60,9 +70,10 @@ def fit_unit(
 def process_log(
     campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="its filters; each case is processed")],
     log: Annotated[Path, typer.Argument(metavar="LOG", help="card of the log: files, axes, rest")],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="folder of page and tables")],
+    out: Annotated[Path, folder_option("report and tables")],
     outage: Annotated[
-        list[str] | None, typer.Option("--outage", metavar="SECONDS", help="length to withhold [15 s and 60 s]")
+        list[str] | None,
+        typer.Option("--outage", metavar="SECONDS", help="length to withhold [default: 15 s and 60 s]"),
     ] = None,
     first: Annotated[float, typer.Option("--first", metavar="SECONDS", help="first outage, after the rest")] = 20.0,
     every: Annotated[float, typer.Option("--every", metavar="SECONDS", help="from one outage to the next")] = 5.0,

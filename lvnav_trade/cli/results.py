@@ -7,13 +7,14 @@ from typing import Annotated, Literal
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Sets, verb
+from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Sets, file_option, verb
 from lvnav_trade.errors import InputError
 
 CaseOf = Annotated[
-    str | None, typer.Option("--case", metavar="CASE", help="digest of a case, its beginning, or its label [the first]")
+    str | None,
+    typer.Option("--case", metavar="CASE", help="digest of a case, its beginning, or its label [default: the first]"),
 ]
-Card = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="card to write")]
+Card = Annotated[Path, file_option("card to write")]
 
 
 @verb("gains/process_noise -o my_filter.yaml")
@@ -24,7 +25,7 @@ def estimate_q(
     case: CaseOf = None,
     runs: Annotated[int, typer.Option("--runs", help="perturbed runs of the ensemble")] = 100,
     step: Annotated[
-        float | None, typer.Option("--step", metavar="SECONDS", help="length of a step [time between updates]")
+        float | None, typer.Option("--step", metavar="SECONDS", help="length of a step [default: time between updates]")
     ] = None,
 ) -> Answer:
     """Estimate process noise from runs; write a filter card.
@@ -80,7 +81,7 @@ def report(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
     keep: Annotated[
         Path | None,
-        typer.Option("--keep", metavar="FOLDER", help="write the Markdown report, PNG figures and CSV tables here"),
+        typer.Option("--keep", metavar="DIR", help="write the Markdown report, PNG figures and CSV tables here"),
     ] = None,
     no_tables: Annotated[bool, typer.Option("--no-tables", help="--keep leaves out the CSV tables")] = False,
     figures: Annotated[bool, typer.Option("--figures", help="write PNG and SVG figures beside the report too")] = False,
@@ -104,7 +105,9 @@ def compare(
         list[str] | None,
         typer.Option("--effect", metavar="METRIC=AMOUNT", help="smallest change of interest: velocity_error_3d=5%"),
     ] = None,
-    confidence: Annotated[float | None, typer.Option("--confidence", help="of the verdicts [default: 0.95]")] = None,
+    confidence: Annotated[
+        float | None, typer.Option("--confidence", help="confidence of the verdicts [default: 0.95]")
+    ] = None,
     maps: Annotated[
         list[str] | None, typer.Option("--map", metavar="BASE:CANDIDATE", help="cases or levels of other names")
     ] = None,
@@ -128,7 +131,7 @@ def compare(
 @verb("results/ascent my_vehicle/base", with_json=False)
 def keep_base(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
-    target: Annotated[Path, typer.Argument(metavar="FOLDER", help="where, such as a folder of the repository")],
+    target: Annotated[Path, typer.Argument(metavar="DIR", help="where, such as a folder of the repository")],
 ) -> Answer:
     """Copy what `compare` needs from results.
 
@@ -142,7 +145,7 @@ def keep_base(
 @verb("results/demo -o demo.kml --ellipses")
 def kml(
     source: Annotated[str, typer.Argument(metavar="CARD|RESULTS", help="trajectory card, or folder of results")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="file to write")],
+    out: Annotated[Path, file_option("file to write")],
     ellipses: Annotated[bool, typer.Option("--ellipses", help="draw 3-sigma position errors, of results")] = False,
     every: Annotated[float, typer.Option("--every", help="seconds between ellipses")] = 60.0,
     magnify: Annotated[float, typer.Option("--magnify", help="draw ellipses so many times as large")] = 1.0,
@@ -150,14 +153,14 @@ def kml(
     """Write trajectories as KML, for viewers of the Earth."""
     from lvnav_trade import api
 
-    written = str(api.kml(source, output, ellipses, every, magnify))
+    written = str(api.kml(source, out, ellipses, every, magnify))
     return Answer(f"kml: {written}", {"kml": written})
 
 
 @verb("trajectories/two_stage_leo -o my_flight.csv")
 def export_trajectory(
     source: Annotated[str, typer.Argument(metavar="CARD|CAMPAIGN", help="trajectory card, or campaign")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="CSV file; its card is beside it")],
+    out: Annotated[Path, file_option("CSV file to write, with its card next to it")],
     sets: Sets = None,
     case: CaseOf = None,
     rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="rows per second")] = 10.0,
@@ -169,7 +172,7 @@ def export_trajectory(
     """
     from lvnav_trade import api
 
-    found = api.export_trajectory(source, output, sets or (), case, rate)
+    found = api.export_trajectory(source, out, sets or (), case, rate)
     apart = table(["largest difference when flown", "SI"], [[k, f"{v:.1e}"] for k, v in found.difference.items()])
     text = f"{apart}\nevents: {', '.join(found.events)}\nrows: {found.file}\ncard: {found.card}"
     content = {"file": str(found.file), "card": str(found.card), "events": found.events}

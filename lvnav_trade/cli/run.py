@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.answers import answer_of, check_preferred, shared, shown, with_ranking
+from lvnav_trade.cli.answers import answer_of, check_preferred, components_together, shared, shown, with_ranking
 from lvnav_trade.cli.clusters import Backend, workers
-from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Json, Out, Sets, verb
+from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Json, Out, Quiet, Sets, folder_option, verb
 from lvnav_trade.errors import InputError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def run(
     copy_to: Annotated[
         str, typer.Option("--copy-to", metavar="URL", help="copy results to such as s3://bucket/demo (fsspec)")
     ] = "",
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> Answer:
     """Run a campaign and build its report.
@@ -132,7 +132,7 @@ def selfcheck(
     campaign: CampaignFile,
     sets: Sets = None,
     jobs: Jobs = -1,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+    quiet: Quiet = False,
 ) -> Answer:
     """Check the configuration of every case by itself.
 
@@ -203,7 +203,7 @@ def fields(
     for part in found:
         title = f"kind: {part.kind} - {part.title}" if part.kind else part.title
         rows = [[row.field, row.default, "; ".join(filter(None, (row.type, row.meaning)))] for row in part.rows]
-        blocks.append(f"{title}\n{table(['field', 'default', 'takes'], rows)}")
+        blocks.append(f"{title}\n{table(['field', 'default', 'takes'], rows, _width())}")
     parts = [part._asdict() | {"rows": [row._asdict() for row in part.rows]} for part in found]
     return Answer("\n\n".join(blocks), {"path": path or "", "parts": parts})
 
@@ -217,7 +217,14 @@ def schema() -> Answer:
 
 
 def _width() -> int:
-    return min(100, shutil.get_terminal_size().columns)
+    """Return the width of the terminal; 100 where the output is none."""
+    return shutil.get_terminal_size((100, 24)).columns
+
+
+def _noun(sentence: str) -> str:
+    """Return what a docstring's first sentence says that a function returns."""
+    said = sentence.removeprefix("Return ")
+    return said[:1].upper() + said[1:]
 
 
 @verb("imu --long")
@@ -235,9 +242,10 @@ def cards(
         return Answer(text.removesuffix("\n"), {"name": name, "text": text})
     listed = table(["card", "what"], [[card.name, card.title] for card in found])
     if long:
+        width = min(_width(), 100)
+        sources = [fill(card.source, width, initial_indent="  ", subsequent_indent="  ") for card in found]
         listed = "\n\n".join(
-            f"{card.name}: {card.title}\n{fill(card.source, _width(), initial_indent='  ', subsequent_indent='  ')}"
-            for card in found
+            f"{card.name}: {card.title}\n{source}" for card, source in zip(found, sources, strict=True)
         )
     return Answer(listed, {"cards": [card._asdict() for card in found]})
 
@@ -246,13 +254,22 @@ def cards(
 def metrics(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="only those whose name contains this")] = None,
 ) -> Answer:
-    """List the metrics a campaign can name, then the tables."""
+    """List the metrics a campaign can name, then the tables.
+
+    The list is grouped by who can name them, and components of one quantity share a line. With NAME every metric has a
+    line of its own.
+    """
     from lvnav_trade import api
 
     found = api.metrics(name or "")
-    known = list(found.metrics.itertuples(index=False))
-    blocks = [table(["metric", "unit", "meaning", "named by"], known)] if known else []
-    blocks += [table(["table", "what it holds"], list(found.tables.items()))] if found.tables else []
+    blocks = []
+    for named_by, rows in found.metrics.groupby("named_by", sort=False):
+        lines = list(rows[["metric", "unit", "meaning"]].itertuples(index=False))
+        listed = lines if name else components_together(lines)
+        blocks.append(f"Named by {named_by}:\n{table(['metric', 'unit', 'meaning'], listed, _width())}")
+    if found.tables:
+        content = [[table_name, _noun(text)] for table_name, text in found.tables.items()]
+        blocks.append(f"Tables:\n{table(['table', 'content'], content, _width())}")
     return Answer("\n\n".join(blocks), {"metrics": found.metrics.to_dict("records"), "tables": found.tables})
 
 
@@ -260,15 +277,15 @@ def metrics(
 def study(
     folder: Annotated[
         str,
-        typer.Argument(metavar="FOLDER", help="folder with campaigns and a study.yaml, or one of the tool's"),
+        typer.Argument(metavar="DIR", help="folder with campaigns and a study.yaml, or one of the tool's"),
     ],
-    keep: Annotated[Path, typer.Option("--keep", metavar="FOLDER", help="where the study's report goes")],
+    keep: Annotated[Path, typer.Option("--keep", metavar="DIR", help="where the study's report goes")],
     runs: Annotated[int | None, typer.Option("--runs", help="runs per case, in place of the campaigns' own")] = None,
-    out: Annotated[Path, typer.Option("--out", help="folder of the results", show_default="results/FOLDER")] = Path(),
+    out: Annotated[Path | None, folder_option("the results", "results/DIR")] = None,
     fresh: Annotated[bool, typer.Option("--fresh/--resume", help="begin again, or go on with what is there")] = False,
     only_page: Annotated[bool, typer.Option("--only-page", help="make the report from existing results")] = False,
     jobs: Jobs = -1,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> Answer:
     """Run every campaign of a folder and write one report.
@@ -283,9 +300,8 @@ def study(
         if not as_json and not quiet:
             print(f"{name}: {len(results.tables.cases)} cases, {len(results.failures)} failed runs", flush=True)
 
-    place = out if out != Path() else None
     watch = api.StudyWatch(lambda: choose(quiet), show)
-    found = api.study(folder, keep, runs, place, jobs, fresh, only_page, watch)
+    found = api.study(folder, keep, runs, out, jobs, fresh, only_page, watch)
     rows = [[name, *map(str, counts)] for name, counts in found.campaigns.items()]
     lines = [f"failed: {line}" for line in found.failures]
     lines += [table(["campaign", "evidence", "as published"], rows), f"kept: {found.page}"]

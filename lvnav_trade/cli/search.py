@@ -6,9 +6,9 @@ from typing import Annotated
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Sets, verb
+from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Sets, folder_option, verb
 
-Page = Annotated[Path | None, typer.Option("--out", "-o", metavar="FOLDER", help="folder of the page and its tables")]
+Page = Annotated[Path | None, folder_option("the report and its tables", "results/NAME")]
 
 
 @verb('my_campaign.yaml --vary "initial.heading=0.02 deg:5 deg" --log')
@@ -24,7 +24,7 @@ def solve(
         str, typer.Option("--least", metavar="TOTAL", help="or: the case with the least cost, mass, power or volume")
     ] = "",
     meet: Annotated[
-        list[str] | None, typer.Option("--meet", metavar="REQUIREMENT", help="only these requirements [all]")
+        list[str] | None, typer.Option("--meet", metavar="REQUIREMENT", help="only these requirements [default: all]")
     ] = None,
     out: Page = None,
     jobs: Jobs = -1,

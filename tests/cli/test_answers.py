@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
-from lvnav_trade.cli.answers import _designs, _verdicts, check_preferred, shown
+from lvnav_trade.cli.answers import _designs, _verdicts, check_preferred, components_together, shown
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.designs import designs
 from tests import many_designs
@@ -82,3 +82,17 @@ def test_designs_without_requirements_are_not_said_to_meet_none(tmp_path) -> Non
     first, second = _designs(results, tables.manifest["space"]).splitlines()
     assert first == "60 designs, 2 of them impossible"
     assert second == "list them: lvnav-trade cases results/mine --sort velocity"
+
+
+def test_components_of_one_quantity_share_a_line() -> None:
+    metrics = [
+        ("position_error_3d", "m", "length of the three-axis error of position"),
+        ("position_error_x", "m", "x component of the error of position"),
+        ("impact_error", "m", "distance"),
+        ("impact_error_down", "m", "along the velocity"),
+        ("impact_error_cross", "m", "across it"),
+    ]
+    assert components_together(metrics) == [
+        ("position_error_*", "m", "error of position; *: 3d, x"),
+        *metrics[2:],
+    ]

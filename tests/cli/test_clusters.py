@@ -44,7 +44,7 @@ def test_a_shard_says_what_is_stored_and_what_comes_next(tmp_path: Path, monkeyp
     asked: list[object] = []
     monkeypatch.setattr(api, "run_shard", lambda *given: (asked.append(given[1]), done)[1])
     result = call("run", SMOKE, "--shard", "2/8", "--out", str(tmp_path))
-    assert result.output.splitlines() == [
+    assert result.stdout.splitlines() == [
         "failed: a, run 3 diverged",
         f"480 runs of 3 cases are stored in {tmp_path}/shard-2-of-8",
         f"when all shards are there: lvnav-trade merge {tmp_path}",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -16,8 +17,10 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from typer.main import get_command
 
 from lvnav_trade import api
+from lvnav_trade.api import clusters
 from lvnav_trade.campaign.running import work
 from lvnav_trade.cli import app
+from lvnav_trade.cli.console import GROUPS, _duration
 from tests.cli.calling import call
 
 SMOKE = "campaigns/smoke.yaml"
@@ -194,3 +197,71 @@ def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise(set_by_use
     code = "import os, sys, lvnav_trade.cli; print(os.environ['OPENBLAS_NUM_THREADS'], 'numpy' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert shown.stdout.split() == [found, "False"]
+
+
+def test_the_help_lists_every_verb_once_in_a_group() -> None:
+    listed = [name for names in GROUPS.values() for name in names]
+    assert sorted(listed) == sorted(get_command(app).commands)  # type: ignore[attr-defined]
+    text = call("-h").output
+    assert text == call("--help").output
+    heads = [text.index(f"\n{group}:\n") for group in GROUPS]
+    assert heads == sorted(heads)
+    assert text.index("  run ") < text.index("Explore:") < text.index("  fields ")
+
+
+def test_usage_names_what_is_required_without_brackets() -> None:
+    assert "run [OPTIONS] CAMPAIGN\n" in call("run", "-h").output
+
+
+def test_every_verb_that_writes_has_one_form_of_out() -> None:
+    for name, command in get_command(app).commands.items():  # type: ignore[attr-defined]
+        options = {option for parameter in command.params for option in parameter.opts}
+        assert "--output" not in options, name
+        assert ("--out" in options) == ("-o" in options), name
+        text = call(name, "-h").output
+        assert "[default: (" not in text, name
+        assert "FOLDER" not in text, name
+
+
+def test_the_shell_completes_verbs() -> None:
+    asked = {"_LVNAV_TRADE_COMPLETE": "complete_bash", "COMP_WORDS": "lvnav-trade sel", "COMP_CWORD": "1"}
+    script = "import sys; sys.argv = ['lvnav-trade']; from lvnav_trade.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=os.environ | asked, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == ["selfcheck"]
+
+
+def test_a_terminal_gets_a_sign_before_any_package_is_imported(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+    script = (
+        "import sys; sys.stderr.isatty = lambda: True; from lvnav_trade.cli import app\n"
+        "from lvnav_trade.cli import console\n"
+        "console._say = lambda line: print(line, 'numpy' in sys.modules)\n"
+        "app(['check', 'none.yaml'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout == "check: reading none.yaml False\n"
+    assert done.returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (0.04, "0.0 s"),
+        (9.96, "10 s"),
+        (59.4, "59 s"),
+        (59.6, "1 min 0 s"),
+        (308.3, "5 min 8 s"),
+        (7790.0, "2 h 10 min"),
+    ],
+)
+def test_durations_are_read_at_a_glance(seconds: float, words: str) -> None:
+    assert _duration(seconds) == words
+
+
+def test_a_verb_with_progress_says_how_long_it_took(monkeypatch: pytest.MonkeyPatch) -> None:
+    done = clusters.Shared(Path("shard-1-of-2"), 40, 1, ())
+    monkeypatch.setattr(api, "run_shard", lambda *_: done)
+    result = call("run", SMOKE, "--shard", "1/2")
+    assert re.fullmatch(r"[0-9:]{8} run: [0-9.]+ s in total\n", result.stderr)
+    assert call("run", SMOKE, "--shard", "1/2", "--quiet").stderr == ""

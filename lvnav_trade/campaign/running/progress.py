@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 from rich import console, progress
 
+from lvnav_trade.campaign.running.clock import stamped
 from lvnav_trade.errors import visible
 
 
@@ -51,7 +52,7 @@ class Plain(Progress):
 
     def note(self, line: str) -> None:
         """Say a line."""
-        sys.stderr.write(f"{visible(line)}\n")
+        sys.stderr.write(f"{stamped(visible(line))}\n")
         sys.stderr.flush()
 
 
