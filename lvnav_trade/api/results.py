@@ -177,7 +177,8 @@ class Results(Frames, Displayed):
     def __repr__(self) -> str:
         counts = self.tables.cases.run_count
         runs = f"{counts.min()} to {counts.max()}" if counts.min() < counts.max() else counts.max()
-        return f"<Results of {self.tables.manifest.get('campaign')}: {len(counts)} cases, {runs} runs each>"
+        many = f"{len(self.tables.designs)} designs, of which whole " if self.tables.has_designs else ""
+        return f"<Results of {self.tables.manifest.get('campaign')}: {many}{len(counts)} cases, {runs} runs each>"
 
     __str__ = __repr__
 

@@ -122,7 +122,7 @@ def _designs(results: Any, many: Mapping[str, Any]) -> str:
     """Say how many of many designs meet all requirements, of how many of these the filter cannot be trusted, and how to
     look at them.
     """
-    from lvnav_trade.metrics.space import overconfident
+    from lvnav_trade.metrics.space import counts_of, overconfident
 
     frame, asked = results.cases, bool(results.tables.campaign.get("requirements"))
     good = frame[frame.verdict == "met"]
@@ -131,8 +131,12 @@ def _designs(results: Any, many: Mapping[str, Any]) -> str:
     said = f"{many['designs']} designs" + (f", {impossible} of them impossible" if impossible else "")
     if asked:
         said += f": {len(good)} meet all requirements by linear covariance"
+        each = counts_of(results.tables, frame)
+        said += f" ({', '.join(f'{name} {count}' for name, count in each.items())})" if len(each) > 1 else ""
         said += f", {doubtful} of these with an overconfident filter" if doubtful else ""
-    order = '--where "verdict == met" --sort error' if asked else "--sort velocity"
+    order = "--sort velocity"
+    if asked:
+        order = '--where "verdict == met" --sort error' if len(good) else "--sort error"
     lines = [said, f"list them: lvnav-trade cases {results.folder} {order}"]
     if asked:
         lines.append(f"verdicts of the {len(results.tables.labels)} that are analysed whole:")

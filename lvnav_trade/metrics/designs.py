@@ -142,10 +142,7 @@ def _meaning(column: str, known: Mapping[str, str]) -> str:
 
 def unit_of(column: str) -> str:
     """Return the unit that a column's name ends with, in words; empty for text, counts and plain numbers."""
-    ends = [end for end in SUFFIXES if column.endswith(f"_{end}")]
-    if not ends:
-        return unit_at_end(column)[1]
-    found = SUFFIXES[max(ends, key=len)]
+    found = SUFFIXES.get(name_and_end(column)[1].removeprefix("_")) or unit_at_end(column)[1]
     return "" if found.startswith(("how many", "a name")) else found
 
 

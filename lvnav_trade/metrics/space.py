@@ -329,6 +329,13 @@ def interval(good: int, count: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def counts_of(tables: Tables, frame: pd.DataFrame) -> dict[str, int]:
+    """Return how many of some designs meet each requirement, by its name."""
+    stated = tables.campaign.get("requirements") or ()
+    columns = {str(one["name"]): requirement_columns(one)[2] for one in stated}
+    return {name: int((frame[column] == "met").sum()) for name, column in columns.items() if column in frame}
+
+
 def overconfident(frame: pd.DataFrame) -> int:
     """Return how many of some designs have an overconfident filter."""
     return int((frame.nees_per_state_ratio > OVERCONFIDENT).sum()) if "nees_per_state_ratio" in frame else 0

@@ -16,6 +16,7 @@ from lvnav_trade.metrics.space import (
     OVERCONFIDENT,
     axes_of,
     axis_label,
+    counts_of,
     errors_of,
     interval,
     is_numeric,
@@ -119,6 +120,7 @@ def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:
             undescribed=int((frame.verdict == "not applicable").sum()) if "verdict" in frame else 0,
             share=interval(met, len(frame)) if tables.is_sampled and len(frame) else None,
             requirements=len(tables.campaign.get("requirements") or ()),
+            which=counts_of(tables, frame),
         )
     ]
     if "nees_per_state_ratio" in frame:
@@ -158,7 +160,8 @@ def _rows(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         order = f"by {cheap[0].partition('_')[0]}, then error" if cheap else "by error"
         found.append(stated("space_best", _shown(tables, best), order=order))
     if len(missed):
-        found.append(More(note("missed_title"), [stated("space_missed", _shown(tables, missed))]))
+        shown = stated("space_missed", _shown(tables, missed))
+        found.append(More(note("missed_title"), [shown]) if len(best) else shown)
     if cheap and len(met):
         values = met[[*cheap, "error_ratio"]].to_numpy(dtype=float)
         front = met[[dominating(values, k) < 0 for k in range(len(met))]].sort_values(cheap[0], kind="stable")

@@ -12,7 +12,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.store.read import load
 from lvnav_trade.store.schema import TABLES, unit_suffix
-from tests import synthetic
+from tests import many_designs, synthetic
 from tests.metrics.variants import variant
 
 
@@ -75,6 +75,8 @@ def test_results_list_their_tables_and_metrics_and_show_what_they_are(tmp_path) 
     found = Results(synthetic.results(tmp_path, n_run=8))
     assert {"history", "runs", "rms", "curves", "failures"} <= set(dir(found))
     assert repr(found) == "<Results of synthetic: 2 cases, 8 runs each>"
+    found.tables._read["designs"] = many_designs.frame(60)
+    assert repr(found) == "<Results of synthetic: 60 designs, of which whole 2 cases, 8 runs each>"
     assert len(found.ranking) == 2
 
 

@@ -75,6 +75,18 @@ def test_the_summary_of_many_designs_counts_the_filters_that_cannot_be_trusted(t
     assert third == "verdicts of the 2 that are analysed whole:"
 
 
+def test_the_summary_of_many_designs_says_which_requirement_is_met(tmp_path) -> None:
+    tables = many_designs.tables(tmp_path, 60)
+    frame = designs(tables).assign(verdict="violated", true_verdict="violated")
+    met = (frame.fast_verdict == "met").sum()
+    asked = [many_designs.REQUIREMENT, {**many_designs.REQUIREMENT, "name": "true"}]
+    tables.__dict__["campaign"] = {**tables.campaign, "requirements": asked}
+    results = SimpleNamespace(cases=frame, tables=tables, folder="results/mine")
+    first, second, _ = _designs(results, tables.manifest["space"]).splitlines()
+    assert first.endswith(f": 0 meet all requirements by linear covariance (fast {met}, true 0)")
+    assert second.endswith("results/mine --sort error")
+
+
 def test_designs_without_requirements_are_not_said_to_meet_none(tmp_path) -> None:
     tables = many_designs.tables(tmp_path, 60)
     tables.__dict__["campaign"] = {**tables.campaign, "requirements": []}

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.designs import meanings, slug, together, unit_of
+from lvnav_trade.metrics.designs import at_event, meanings, slug, together, unit_of
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -58,3 +59,27 @@ def test_the_binding_requirement_is_the_one_nearest_to_its_limit() -> None:
     assert list(found.error_ratio[:2]) == [0.9, 2.0]
     assert np.isnan(found.error_ratio[2])
     assert list(found.verdict) == ["met", "violated", "not applicable"]
+
+
+@pytest.mark.parametrize(
+    ("column", "unit"),
+    [
+        ("axis_random_walk_rad_per_sqrt_s", "rad/s**0.5"),
+        ("velocity_at_liftoff_m_per_s", "metre per second"),
+        ("realism_quantile_sigma", "multiple of the filter's own sigma"),
+        ("design_number", ""),
+        ("label", ""),
+    ],
+)
+def test_a_unit_is_the_longest_end_of_a_column(column: str, unit: str) -> None:
+    assert unit_of(column) == unit
+
+
+def test_a_column_at_an_event_is_explained_by_that_of_injection() -> None:
+    column = at_event("velocity_m_per_s", "Stage 1")
+    assert column == "velocity_at_stage_1_m_per_s"
+    frame = pd.DataFrame({column: [1.0], "axis_angle_at_rest_rad": [1.0]})
+    assert list(meanings(frame, ()).meaning) == [
+        "the same as velocity_m_per_s, at the event stage_1",
+        "level of the axis",
+    ]

@@ -74,6 +74,22 @@ def test_the_page_has_the_numbers_of_every_possible_design(tables) -> None:
     assert data["cases"] == list(frame.case)
 
 
+def test_it_says_how_many_meet_each_requirement_where_there_are_several(tmp_path) -> None:
+    found = many_designs.tables(tmp_path, 60)
+    frame = found.designs.assign(
+        verdict="violated",
+        verdicts=[json.dumps({"fast": word or "met", "true": "violated"}) for word in found.designs.verdict],
+    )
+    asked = [many_designs.REQUIREMENT, {**many_designs.REQUIREMENT, "name": "true"}]
+    both = found.with_frames(designs=frame)
+    both.__dict__["campaign"] = {**found.campaign, "requirements": asked}
+    met = (found.designs.verdict == "met").sum()
+    assert f"Alone: fast {met}, true none." in texts(both)[0]
+    assert next(block.caption for block in space(both) if isinstance(block, Table)).startswith(
+        "Designs nearest to meeting"
+    )
+
+
 def test_a_sample_has_intervals_and_a_grid_has_none(tables, tmp_path) -> None:
     grid = many_designs.grid(tmp_path)
     assert "95 % interval" in texts(tables)[0]
@@ -100,7 +116,7 @@ def test_a_level_and_an_interval_without_length_are_one_number(tmp_path) -> None
     first = texts(whole.with_frames(designs=frame))[0]
     assert "58 of 58" in first
     assert " 95 % interval 93.8 to 100.0 %" in first
-    facts = {"designs": 9, "possible": 9, "met": 9, "undescribed": 0, "requirements": 1}
+    facts = {"designs": 9, "possible": 9, "met": 9, "undescribed": 0, "requirements": 1, "which": {}}
     assert "(100 %, 95 % interval 100.0 % of such designs)" in say("space", share=(0.9999, 1.0), **facts)
 
 

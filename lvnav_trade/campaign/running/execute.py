@@ -344,7 +344,8 @@ class _Run:
             held = [case for case in able if done[case.id]]
             for one in itertools.chain(*each(self.jobs, work.tally, [(self.job, case) for case in held], ordered=True)):
                 self._look(one)
-        self.watch.stage("runs", sum(unit.n_run for unit in units))
+        if units:
+            self.watch.stage("runs", sum(unit.n_run for unit in units))
         lost: list[work.Done] = []
         for one in self._stage("monte_carlo", work.fly, self._wanted(units)):
             self.watch.advance(one.n_run)

@@ -2,6 +2,7 @@
 
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -52,6 +53,8 @@ def numbered(function: Callable[..., Any], number: int, unit: tuple[Any, ...]) -
 
 _LONGEST_END = 20.0  # s for workers to end
 _UNORDERED = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
+# What loky says where it replaces a worker whose memory has grown by 300 MB, as with compiled code and tables of a case
+_REPLACED = "A worker stopped while some jobs were given to the executor"
 _on_cluster: list[type[Exception]] = []  # while a cluster does the work: what it raises where its workers die
 
 
@@ -74,6 +77,7 @@ def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...
     """
     if jobs == 1 and not _on_cluster:
         return _one_by_one(function, units)
+    warnings.filterwarnings("ignore", _REPLACED, UserWarning)
     # Arrays are sent as they are: of the files that joblib makes of large ones, some outlive a worker that is killed
     how: dict[str, Any] = {} if _on_cluster else {"initializer": work.begin_worker, "max_nbytes": None}
     found = Parallel(n_jobs=jobs, **how, **({} if ordered else _UNORDERED))(
