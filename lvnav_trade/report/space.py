@@ -140,7 +140,7 @@ def _whole(tables: Tables) -> str:
         "space_whole",
         where="below" if sections[0] == "space" else "",
         cases=len(tables.cases),
-        why={str(name): int(count) for name, count in about.items()},
+        why={str(name): int(about[name]) for name in sorted(about, key=lambda name: (name != "best", name))},
         runs=int(card.get("runs", 0)),
         is_most=bool(card.get("stop")),
     )
@@ -217,6 +217,8 @@ def _explorer(tables: Tables, frame: pd.DataFrame) -> dict[str, Any]:
     )
     n_axis = len(axes_of(frame))
     effects = METRICS["effects"](tables).dropna(subset="rank_correlation")
+    deciding = frame.binding.mode() if "binding" in frame else ()
+    effects = effects[effects.requirement == deciding[0]] if len(deciding) and deciding[0] else effects
     strongest = str(effects.axis[effects.first_order.idxmax()]) if len(effects) else ""
     return {
         "count": len(frame),

@@ -136,3 +136,17 @@ def test_it_says_that_designs_drawn_at_random_have_runs(tables) -> None:
 
 def test_results_that_hold_each_case_whole_have_no_such_section(tmp_path) -> None:
     assert space(load(synthetic.results(tmp_path, n_run=8))) == []
+
+
+def test_one_design_analysed_whole_is_not_counted() -> None:
+    said = say("space_whole", where="below", cases=1, why={"best": 1}, runs=40, is_most=True)
+    assert said == (
+        "The sections below are about the design analysed whole, with history, budget and diagnostics (best: 1). "
+        "It has up to 40 runs."
+    )
+
+
+def test_the_scatter_begins_with_the_axis_that_the_deciding_requirement_follows(tables) -> None:
+    (block,) = [block for block in space(tables) if isinstance(block, Designs)]
+    data = json.loads(block.data)
+    assert data["columns"][data["x"]]["name"] == "bias repeatability"
