@@ -19,6 +19,7 @@ from lvnav_trade.metrics import (
     resources,
     signals,
     space,
+    swings,
     vehicle,
 )
 from lvnav_trade.metrics.basics.select import once
@@ -60,7 +61,8 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
     resources: ("totals", "pareto"),
     designs: ("designs",),
-    space: ("effects", "swings", "regions"),
+    space: ("effects", "regions"),
+    swings: ("swings",),
     assumptions: ("assumptions",),
     configuration: ("configuration",),
     along: ("curves", "crossings", "tornado"),

@@ -4,7 +4,8 @@ import numpy as np
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.designs import designs
-from lvnav_trade.metrics.space import ALL, axis_label, errors_of, limit_of, people_of, value_of
+from lvnav_trade.metrics.space import ALL, axis_label, errors_of, people_of
+from lvnav_trade.metrics.swings import limit_of, value_of
 from lvnav_trade.plots.figure import GREY, Figure, canvas, named_ticks, panel
 from lvnav_trade.plots.style import PALETTE, drawing, scale_up
 from lvnav_trade.store.read import Tables

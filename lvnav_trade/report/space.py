@@ -20,13 +20,12 @@ from lvnav_trade.metrics.space import (
     errors_of,
     interval,
     is_numeric,
-    limit_of,
     overconfident,
     people_of,
     possible,
     range_text,
-    value_of,
 )
+from lvnav_trade.metrics.swings import limit_of, value_of
 from lvnav_trade.records import Floats
 from lvnav_trade.report.blocks import Block, Designs, More, Text, figure, stated
 from lvnav_trade.report.escape import data_json, note
@@ -217,8 +216,8 @@ def _explorer(tables: Tables, frame: pd.DataFrame) -> dict[str, Any]:
     )
     n_axis = len(axes_of(frame))
     effects = METRICS["effects"](tables).dropna(subset="rank_correlation")
-    deciding = frame.binding.mode() if "binding" in frame else ()
-    effects = effects[effects.requirement == deciding[0]] if len(deciding) and deciding[0] else effects
+    deciding = next(iter(frame.binding.mode()), "") if "binding" in frame else ""
+    effects = effects[effects.requirement == deciding] if deciding else effects
     strongest = str(effects.axis[effects.first_order.idxmax()]) if len(effects) else ""
     return {
         "count": len(frame),
