@@ -96,6 +96,17 @@ def test_fresh_removes_what_the_list_names_and_nothing_else(tmp_path):
     assert results.done("aaaaaaaaaaaa") == []
 
 
+def test_blocks_of_runs_are_removed_and_nothing_else(tmp_path):
+    synthetic.results(tmp_path, n_run=8)
+    before = set(tree(tmp_path))
+    mine = tmp_path / "parts/aaaaaaaaaaaa/notes.txt"
+    mine.write_text("mine")
+    blocks = {name for name in before if name.endswith("/0-8.parquet")}
+    assert len(blocks) == 2
+    owned(tmp_path, "results").remove_blocks()
+    assert set(tree(tmp_path)) == before - blocks | {"parts/aaaaaaaaaaaa/notes.txt"}
+
+
 def test_a_link_is_not_followed(tmp_path):
     place = kept(tmp_path / "a", "report.md", "figures/one.png")
     (tmp_path / "photos").mkdir()

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.store.read import load, read_table
+from lvnav_trade.store.read import Tables, load, read_table
 from tests import synthetic
 
 
@@ -57,6 +57,14 @@ def test_no_flipped_byte_among_the_numbers_of_a_table_gives_others(tmp_path):
             continue
         pd.testing.assert_frame_equal(found, sound)
     assert refused > 75
+
+
+@pytest.mark.parametrize(
+    ("design", "is_sampled"),
+    [("latin_hypercube", True), ("sobol", True), ("grid", False), ("box_behnken", False), ("one_at_a_time", False)],
+)
+def test_designs_that_are_drawn_at_random_are_a_sample(design, is_sampled):
+    assert Tables.of({}, {"design": design}).is_sampled == is_sampled
 
 
 def test_a_torn_manifest_is_reported(tmp_path):

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+import re
 import threading
+import warnings
 
 import pytest
-from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky import get_reusable_executor, process_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from lvnav_trade.campaign.running import pool
 
 
+def process_executor_says() -> str:
+    """Return what loky says where it replaces a worker, from its source."""
+    source = re.sub(r'"\s*\n\s*"', "", inspect.getsource(process_executor))
+    (text,) = re.findall(r'"(A worker stopped [^"]*)"', source)
+    return str(text)
+
+
 def test_one_job_works_in_this_process_and_several_in_others() -> None:
     assert list(pool.each(1, os.getpid, [(), ()])) == [os.getpid()] * 2
     try:
-        assert os.getpid() not in pool.each(2, os.getpid, [(), ()], ordered=True)
+        with warnings.catch_warnings(record=True) as said:
+            assert os.getpid() not in pool.each(2, os.getpid, [(), ()], ordered=True)
+            for text in (process_executor_says(), "another thing"):
+                warnings.warn(text, UserWarning, stacklevel=1)
+        assert [str(one.message) for one in said] == ["another thing"]
     finally:
         pool.end_workers(2)
 
