@@ -76,11 +76,11 @@ smoke: lint
 unit: smoke
 	@$(bin)/python -m pytest -m "not slow" --numprocesses $(JOBS) --dist loadfile --no-header
 
-# The report in a browser and on paper; needs chromium and poppler-utils (apt-get install chromium poppler-utils).
+# The report in a browser and on paper, and the manual; needs chromium and poppler-utils (apt-get install chromium poppler-utils).
 browser: $(VENV)/.installed-test
 	@command -v chromium >/dev/null && command -v pdftotext >/dev/null || \
 	    { echo "chromium or pdftotext is missing: apt-get install chromium poppler-utils" >&2; exit 1; }
-	@$(bin)/python -m pytest -m "slow or not slow" tests/report/test_browser.py
+	@$(bin)/python -m pytest -m "slow or not slow" tests/report/test_browser.py tests/architecture/test_site.py
 
 slow: $(VENV)/.installed-test
 	@$(bin)/python -m pytest -m slow
@@ -107,7 +107,7 @@ lowest test-lowest: | $(bin)/python
 
 # The manual, in site/; needs no network once installed.
 docs: $(VENV)/.installed-docs
-	@$(bin)/mkdocs build --quiet --clean
+	@rm -rf site && $(bin)/python docs/generate.py site
 	@echo "the manual: site/index.html"
 
 # What a target installs beyond the tests' packages goes into a folder of its own: no other target sees it.

@@ -1,72 +1,238 @@
-"""What `make docs` adds to the pages of this folder: overview (from the README), reference, validation.
+"""The manual: pages of this folder, generated reference and validation, kept reports, notebook, gallery.
 
-A hook of mkdocs. Formulas become MathML, which browsers draw without a script; links that leave the folder become text.
+``python docs/generate.py SITE [REPORT ...]`` gathers them as one folder of Markdown and has Sphinx make the site
+(`conf.py`). A link that leads to no page becomes text.
 """
 
+import base64
 import html
+import json
+import os
 import re
+import shutil
+import sys
+import tempfile
 import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Container, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from latex2mathml.converter import convert
-from mkdocs.structure.files import File, Files
-
 ROOT = Path(__file__).resolve().parent.parent
-_LEAVES = re.compile(r"\[([^\]]+)\]\((?:\.\./)+([^)#]+)(?:#[^)]*)?\)")
-_NUMBER = re.compile(r"\\tag\{(\d+)\}")
-_MATH = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+DOCS = ROOT / "docs"
+_LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!https?:|mailto:|#)([^)\s#]+)(#[^)\s]*)?\)")
+_FENCE = re.compile(r"(^(?:```|~~~).*?^(?:```|~~~)\s*$)", re.MULTILINE | re.DOTALL)
+
+NAVIGATION = {
+    "Start": ("tutorial", "how_to", "gallery", "example"),
+    "How-to": (
+        "your_own_trajectory", "guarding_a_design", "searching", "trade_space", "clusters", "recorded_data", "python",
+        "reference_vectors", "filter_in_c", "statements",
+    ),
+    "Theory": (
+        "theory", "inertial", "several_units", "receiver", "receiver_observables", "sensors", "alignment", "filter",
+        "gains", "modelling_the_vehicle", "faults", "integrity",
+    ),
+    "Validation": ("validation", "vehicles", "conae", "dlr", "numbers_across_machines"),
+    "Reports": ("reports/README",),
+    "Reference": (
+        "reference/fields", "reference/metrics", "reference/tables", "reference/commands", "reference/python",
+        "reference/cards", "glossary",
+    ),
+    "Project": (
+        "CONTRIBUTING", "CHANGELOG", "map", "README", "performance", "hardening", "decisions/index", "design/index",
+    ),
+}  # fmt: skip
+"""Pages of the manual by group, in their order."""
+
+GALLERY = {
+    "Comparing designs": ("demo/ranking", "demo/compare-velocity", "trade/space/effects-1", "trade/find_imu/pareto"),
+    "Sources of errors": ("error_budget/budget-*-velocity", "error_budget/when-*-velocity", "trade/sobol/indices"),
+    "Searches": ("trade/bias_by_latency/curves-1", "trade/heading_needed/solve"),
+    "Signals": (
+        "demo/satellites-1", "world/antennas_and_tracking/sky-1", "world/jamming/satellites-1",
+        "world/troposphere/delays-1",
+    ),
+    "Faults and integrity": ("world/faults/compare-position", "world/protection_level/protection-*"),
+    "Published systems": (
+        "conae/receiver-4-errors", "dlr/start_locus-1-bound", "drdc/nozzle-4-sweep", "gains/polar-2-orbit",
+    ),
+    "Real flights and logs": ("falcon9_formosat5/trajectory-1", "recorded/drive/outages"),
+    "Injection accuracy": ("injection/guidance/injection-1", "injection/guidance/injection-2"),
+}  # fmt: skip
+"""Figures of kept reports by subject: report and name of the figure."""
 
 
-def on_files(files: Files, config: Any) -> Files:
-    """Add the pages that are generated."""
-    pages = {
-        "index.md": overview(),
-        "validation.md": validation(),
-        "reference/fields.md": fields(),
-        "reference/metrics.md": metrics(),
-        "reference/tables.md": tables(),
-        "reference/commands.md": commands(),
-        "reference/python.md": python(),
-        "reference/cards.md": cards(),
-    }
-    for name, text in pages.items():
-        files.append(File.generated(config, name, content=text))
-    return files
+def main(site: Path, chosen: Sequence[str] = ()) -> int:
+    """Make the site in a folder; return the exit code of Sphinx, which takes every warning for an error.
+
+    chosen : kept reports that become pages, such as demo; all if empty
+    """
+    from sphinx.cmd.build import build_main
+
+    with tempfile.TemporaryDirectory() as place:
+        source = Path(place) / "source"
+        gather(source, chosen)
+        quiet = ["-q", "-W", "--keep-going", "-b", "html", "-c", str(DOCS)]
+        code = build_main([*quiet, "-d", str(Path(place) / "doctrees"), str(source), str(site)])
+    for left in (".buildinfo", "objects.inv"):
+        (site / left).unlink(missing_ok=True)
+    for subject in GALLERY.values():
+        for name in subject:
+            _copy_figure(name, site)
+    return code
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Turn links to files of the repository that are no page into their text."""
-    return _LEAVES.sub(lambda found: f"{found[1]} (`{found[2]}`)" if "/" in found[2] else found[1], markdown)
+def _copy_figure(name: str, site: Path) -> None:
+    """Copy a figure of the gallery into the site."""
+    folder, _, pattern = name.rpartition("/")
+    (path, *_) = sorted((ROOT / "reports" / folder / "figures").glob(f"{pattern}.png"))
+    report, figure, _ = _shown(name)
+    if not (site / f"{report}.html").is_file():
+        return
+    target = site / figure
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(path, target)
 
 
-def on_page_content(content: str, **_: Any) -> str:
-    """Turn formulas into MathML."""
-    return _MATH.sub(_formula, content)
+def gather(source: Path, chosen: Sequence[str] = ()) -> None:
+    """Write every page of the manual as Markdown into a folder, with the pictures that they show."""
+    pages = _pages(chosen)
+    homes = {origin: target for target, (origin, _) in pages.items() if origin is not None}
+    for target, (origin, text) in pages.items():
+        path = source / f"{target}.md"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        whole = _outside_code(text, partial(_led, target, origin, homes, source))
+        path.write_text(whole, encoding="utf-8")
 
 
-def _formula(found: re.Match[str]) -> str:
-    display = "block" if found[1] == "div" else "inline"
-    text = html.unescape(found[2]).strip()
-    number = _NUMBER.search(text)
-    if number is None:
-        return convert(text, display=display)
-    formula = convert(_NUMBER.sub("", text).strip(), display=display)
-    return f'<div class="equation" id="eq-{number[1]}">{formula}<span>({number[1]})</span></div>'
+def _pages(chosen: Sequence[str] = ()) -> dict[str, tuple[Path | None, str]]:
+    """Return the pages by their place in the manual: the file that each comes from, if any, and its text."""
+    found: dict[str, tuple[Path | None, str]] = {}
+    for path in [*DOCS.glob("*.md"), *DOCS.glob("decisions/*.md"), *DOCS.glob("design/*.md")]:
+        found[str(path.relative_to(DOCS).with_suffix(""))] = path, path.read_text(encoding="utf-8")
+    for path in (ROOT / "reports").rglob("*.md"):
+        name = str(path.relative_to(ROOT / "reports").parent)
+        if not chosen or name in (".", *chosen):
+            found[f"reports/{path.relative_to(ROOT / 'reports').with_suffix('')}"] = (
+                path,
+                _headed(path.read_text(encoding="utf-8")),
+            )
+    found["searching"] = found.pop("search")  # Sphinx has a page of that name
+    for name in ("CONTRIBUTING", "CHANGELOG"):
+        path = ROOT / f"{name}.md"
+        found[name] = path, path.read_text(encoding="utf-8")
+    reports = sorted(name for name in found if name.startswith("reports/") and name != "reports/README")
+    found["reports/README"] = ROOT / "reports/README.md", found["reports/README"][1] + _tree(reports)
+    found["decisions/index"] = DOCS / "README.md", decisions()
+    designs = sorted(name for name in found if name.startswith("design/"))
+    found["design/index"] = None, "# Experiments\n\nThe experiments behind some decisions.\n" + _tree(designs)
+    generated = {
+        "validation": validation, "gallery": lambda: gallery(found), "example": notebook, "reference/fields": fields,
+        "reference/metrics": metrics, "reference/tables": tables, "reference/commands": commands,
+        "reference/python": python, "reference/cards": cards,
+    }  # fmt: skip
+    found |= {name: (None, text()) for name, text in generated.items()}
+    front = (ROOT / "README.md").read_text(encoding="utf-8")
+    trees = (_tree(names, caption, hidden=True) for caption, names in NAVIGATION.items())
+    found["index"] = ROOT / "README.md", front + "".join(trees)
+    return found
 
 
-def overview() -> str:
-    """Return the README as the first page."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    text = re.sub(r"\]\(docs/", "](", text)
-    return re.sub(r"\]\((?!https?:|#)([^)]*/[^)]*|[A-Z]+\.(?:md|cff)|LICENSE)\)", _inside, text)
+def _tree(names: Any, caption: str = "", hidden: bool = False) -> str:
+    options = [f":caption: {caption}"] if caption else []
+    options += [":hidden:"] if hidden else [":maxdepth: 1"]
+    return "\n".join(["", "```{toctree}", *options, "", *(f"/{name}" for name in names), "```", ""])
 
 
-def _inside(found: re.Match[str]) -> str:
-    target = found[1].partition("#")[0]
-    return found[0] if (ROOT / "docs" / target).is_file() else f"](../{found[1]})"
+def _headed(text: str) -> str:
+    """Return a report's text whose first heading is of the first level."""
+    return text if text.lstrip().startswith("# ") else f"# Report\n\n{text}"
+
+
+def _outside_code(text: str, change: Any) -> str:
+    """Return a text with its links changed, those in code apart."""
+    return "".join(
+        part if place % 2 else _LINK.sub(change, part) for place, part in enumerate(_FENCE.split(text))
+    )  # fmt: skip
+
+
+def _led(target: str, origin: Path | None, homes: dict[Path, str], source: Path, found: re.Match[str]) -> str:
+    """Return a link of a page as it is in the manual, or its text where it leads to no page."""
+    picture, label, link, anchor = found[1], found[2], found[3], found[4] or ""
+    here = (source / target).parent
+    if origin is None:  # generated pages name places of the manual
+        return found[0]
+    meant = Path(os.path.normpath(origin.parent / link))
+    if meant.is_dir() and (meant / "README.md").is_file():
+        meant = meant / "README.md"
+    if meant in homes:
+        return f"[{label}]({os.path.relpath(source / homes[meant], here)}.md{anchor})"
+    if meant.name == "example.ipynb":
+        return f"[{label}]({os.path.relpath(source / 'example', here)}.md)"
+    if meant.suffix in (".png", ".svg") and meant.is_file():
+        copy = source / meant.relative_to(ROOT)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(meant, copy)
+        return f"{picture}[{label}]({os.path.relpath(copy, here)})" if picture else label
+    return f"{label} (`{link}`)" if "/" in link and label != link else label
+
+
+def decisions() -> str:
+    """Return the page of decisions: the groups of the list of documents, and their tree."""
+    text = (DOCS / "README.md").read_text(encoding="utf-8").partition("## Decisions\n")[2]
+    names = sorted(path.stem for path in DOCS.glob("decisions/*.md"))
+    tree = "\n".join(["", "```{toctree}", ":hidden:", "", *(f"/decisions/{name}" for name in names), "```", ""])
+    return "# Decisions\n" + text.replace("\n### ", "\n## ") + tree
+
+
+def notebook() -> str:
+    """Return the example notebook as a page, with what it showed."""
+    lines = []
+    for cell in json.loads((DOCS / "example.ipynb").read_text(encoding="utf-8"))["cells"]:
+        text = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            lines += [text, ""]
+            continue
+        lines += ["```python", text, "```", ""]
+        for shown in cell["outputs"]:
+            data = shown.get("data", {})
+            if "image/png" in data:
+                picture = base64.b64encode(base64.b64decode("".join(data["image/png"]))).decode()
+                lines += [f'<img alt="Figure of the cell above" src="data:image/png;base64,{picture}">', ""]
+            elif "text/plain" in data:
+                lines += ["```text", "".join(data["text/plain"]), "```", ""]
+    return "\n".join(lines)
+
+
+def gallery(pages: Container[str]) -> str:
+    """Return a page with figures of the kept reports among the pages, each a link to its report."""
+    lines = ["# Gallery", "", "Figures of kept reports. Each one leads to its report.", ""]
+    for subject, names in GALLERY.items():
+        shown = [_shown(name) for name in names if f"reports/{name.rpartition('/')[0]}/report" in pages]
+        if shown:
+            pictures = "".join(
+                f'<a href="{report}.html"><img src="{figure}" alt="{alt}" loading="lazy"><span>{alt}</span></a>\n'
+                for report, figure, alt in shown
+            )
+            lines += [f"## {subject}", "", "```{raw} html", f'<div class="gallery">\n{pictures}</div>', "```", ""]
+    return "\n".join(lines)
+
+
+def _shown(name: str) -> tuple[str, str, str]:
+    """Return the report of a figure, the figure's place in the site and its caption."""
+    folder, _, pattern = name.rpartition("/")
+    (path, *_) = sorted((ROOT / "reports" / folder / "figures").glob(f"{pattern}.png")) or [None]
+    if path is None:
+        raise SystemExit(f"gallery: there is no reports/{folder}/figures/{pattern}.png")
+    text = (ROOT / "reports" / folder / "report.md").read_text(encoding="utf-8")
+    caption = re.search(rf"!\[((?:[^\[\]]|\[[^\]]*\])*)\]\(figures/{re.escape(path.name)}\)", text)
+    return (
+        f"reports/{folder}/report",
+        f"_static/gallery/{folder.replace('/', '-')}-{path.name}",
+        html.escape(caption[1] if caption else path.stem),
+    )
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> str:
@@ -155,13 +321,19 @@ def metrics() -> str:
     from lvnav_trade.metrics import METRICS
 
     known = [[f"`{one[0]}`", *map(str, one[1:])] for one in known_metrics()]
-    made = [[f"`{name}`", (metric.__doc__ or "").partition("\n")[0]] for name, metric in METRICS.items()]
+    made = [[f"`{name}`", _noun((metric.__doc__ or "").partition("\n")[0])] for name, metric in METRICS.items()]
     return "\n".join([
         "# Metrics", "", "As `lvnav-trade metrics` prints them.", "",
         _table(["metric", "unit", "meaning", "named by"], known),
         "", "## Tables made from results", "", "`results.NAME` in Python, `NAME.csv` beside a report.", "",
-        _table(["table", "what it holds"], made), "",
+        _table(["table", "content"], made), "",
     ])  # fmt: skip
+
+
+def _noun(sentence: str) -> str:
+    """Return what a docstring's first sentence says that a function returns."""
+    said = sentence.removeprefix("Return ")
+    return said[:1].upper() + said[1:]
 
 
 def tables() -> str:
@@ -189,82 +361,39 @@ def tables() -> str:
 
 def commands() -> str:
     """Return the help of every command."""
-    from typer.main import get_command
     from typer.testing import CliRunner
 
-    from lvnav_trade.cli.console import app
+    from lvnav_trade.cli.console import GROUPS, app
 
-    names = get_command(app).commands  # type: ignore[attr-defined]
-    lines = ["# Commands", ""]
-    for name in sorted(names):
-        shown = CliRunner().invoke(app, [name, "--help"], terminal_width=100, prog_name="lvnav-trade").output
-        lines += [f"## {name}", "", "```text", shown.strip(), "```", ""]
+    lines = [
+        "# Commands",
+        "",
+        "All commands know `-h`. `lvnav-trade --install-completion` adds completion to your shell.",
+        "",
+    ]
+    for group, names in GROUPS.items():
+        lines += [f"## {group}", ""]
+        for name in names:
+            shown = CliRunner().invoke(app, [name, "--help"], terminal_width=100, prog_name="lvnav-trade").output
+            lines += [f"### {name}", "", "```text", shown.strip(), "```", ""]
     return "\n".join(lines)
 
 
 def python() -> str:
-    """Return the public functions and records with their docstrings."""
+    """Return the public functions and records; Sphinx sets their docstrings (numpydoc)."""
     import inspect
 
     import lvnav_trade
     from lvnav_trade import api
 
     lines = ["# Python", "", "How they are used: [Python](../python.md).", "", "## Conventions", ""]
-    lines += ["```text", inspect.cleandoc(lvnav_trade.__doc__ or ""), "```"]
+    lines += ["```{eval-rst}", inspect.cleandoc(lvnav_trade.__doc__ or ""), "```"]
     things = {name: getattr(api, name) for name in api.__all__}
-    for title, chosen in (("Functions", inspect.isfunction), ("Records", inspect.isclass)):
+    for title, chosen, kind in (("Functions", inspect.isfunction, "function"), ("Records", inspect.isclass, "class")):
         lines += ["", f"## {title}"]
-        for name, thing in things.items():
-            if chosen(thing):
-                lines += ["", f"### {name}", "", *_signature(name, thing), *_sections(inspect.getdoc(thing) or "")]
-                lines += _methods(thing) if inspect.isclass(thing) else []
+        for name in (name for name, thing in things.items() if chosen(thing)):
+            lines += ["", f"### {name}", "", "```{eval-rst}", f".. auto{kind}:: lvnav_trade.api.{name}", "```"]
     return "\n".join(lines) + "\n"
-
-
-def _signature(name: str, thing: Any) -> list[str]:
-    """Return the call of a function, a parameter per line."""
-    import inspect
-
-    if inspect.isclass(thing):
-        return []
-    found = inspect.signature(thing)
-    taken = "".join(f"    {_parameter(one)},\n" for one in found.parameters.values())
-    returned = f" -> {found.return_annotation}" if found.return_annotation is not found.empty else ""
-    return ["```python", f"{name}(\n{taken}){returned}" if taken else f"{name}(){returned}", "```", ""]
-
-
-def _parameter(one: Any) -> str:
-    """Return a parameter with its type and default."""
-    default = "" if one.default is one.empty else f" = {one.default!r}"
-    return f"{one.name}: {one.annotation}{default if '<' not in default else ''}"
-
-
-def _methods(kind: type) -> list[str]:
-    """Return the public methods of a record, each with the first line of its docstring."""
-    import inspect
-
-    methods = {n: m for n, m in vars(kind).items() if inspect.isfunction(m) and not n.startswith("_")}
-    rows = [[f"`{name}()`", (method.__doc__ or "").partition("\n")[0]] for name, method in methods.items()]
-    return ["", _table(["method", ""], rows)] if rows else []
-
-
-_HEADING = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
-
-
-def _sections(docstring: str) -> list[str]:
-    """Return a numpydoc docstring as Markdown: its text, and a table for each section."""
-    text, *parts = _HEADING.split(docstring)
-    lines = [text.strip().replace("``", "`")]
-    for heading, body in zip(parts[::2], parts[1::2], strict=True):
-        rows: list[list[str]] = []
-        for line in body.strip("\n").splitlines():
-            if line and not line.startswith(" "):
-                name, _, kind = line.partition(" : ")
-                rows.append([f"`{name}`", kind, ""])
-            elif rows:
-                rows[-1][2] = f"{rows[-1][2]} {line.strip()}".strip().replace("``", "`")
-        lines += ["", f"**{heading}**", "", _table(["", "", ""], rows)]
-    return lines
 
 
 def cards() -> str:
@@ -273,5 +402,9 @@ def cards() -> str:
 
     rows = [[f"`{card.name}`", card.title, card.source] for card in catalogue(ROOT)]
     return "\n".join(
-        ["# Cards", "", "`lvnav-trade cards NAME` shows one.", "", _table(["card", "what", "source"], rows), ""]
+        ["# Cards", "", "`lvnav-trade cards NAME` shows one.", "", _table(["card", "description", "source"], rows), ""]
     )
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]).resolve(), sys.argv[2:]))
