@@ -81,8 +81,10 @@ def test_parts_of_other_requirements_are_evaluated_again(written, tmp_path, monk
     assert not (tmp_path / "out/.scratch").exists()
 
 
-def test_more_runs_do_not_evaluate_the_designs_again(written, tmp_path, monkeypatch, parts_of_five) -> None:
-    few, more = ([*SETS, f"monte_carlo={{runs: {n}, most_cases: 1, block: 8}}"] for n in (8, 16))
+def test_more_runs_and_runs_of_others_do_not_evaluate_the_designs_again(
+    written, tmp_path, monkeypatch, parts_of_five
+) -> None:
+    few, more = ([*SETS, f"monte_carlo={{runs: {8 * n}, most_cases: {n}, block: 8}}"] for n in (1, 2))
     first = lvnav_trade.run(written, few, tmp_path / "out", jobs=1, report=False)
     rows = (tmp_path / "out/designs.parquet").read_bytes()
     assert set(first.tables.cases.run_count) == {8}
@@ -94,7 +96,9 @@ def test_more_runs_do_not_evaluate_the_designs_again(written, tmp_path, monkeypa
     again = lvnav_trade.run(written, more, tmp_path / "out", jobs=1, report=False)
     assert set(again.tables.cases.run_count) == {16}
     assert (tmp_path / "out/designs.parquet").read_bytes() == rows
-    assert again.tables.manifest["space"] == first.tables.manifest["space"]
+    about, before = again.tables.manifest["space"], first.tables.manifest["space"]
+    assert (before["whole"], about["whole"]) == ({"best": 1, "undecided": 1}, {"best": 1, "undecided": 2})
+    assert about == {**before, "whole": about["whole"]}
 
 
 def test_a_finished_space_keeps_no_blocks_and_its_status_counts_the_runs_of_its_tables(written, tmp_path) -> None:
