@@ -56,6 +56,8 @@ ORBIT = (
     "inclination",
     "node",
 )
+INJECTION = (*ORBIT, "cutoff_time", "propellant_left")
+"""What is known of an injection: numbers of the achieved orbit, time of the cut-off (s), propellant left (kg)."""
 NO_INJECTIONS = np.zeros((0, 3 + 3 * len(ORBIT)))
 # In a decision on inertial units, what stands in the place of a channel: this for the first, one less for the next.
 FIRST_UNIT = -2
@@ -185,6 +187,34 @@ class RunBlock(NamedTuple):
     injections: Floats = NO_INJECTIONS
 
 
+class InjectionLaw(NamedTuple):
+    """Linear covariance of the injection of a guided ascent, about its reference flight: the vehicle without draws, a
+    navigation without errors. Numbers are those of INJECTION, SI.
+
+    why : Why there is none; empty where there is.
+    reference : (n_number,). Numbers of the reference flight.
+    target : (n_orbit,). The target orbit.
+    mean : (n_number,). Mean less target of the orbit's numbers; mean of the others. To second order in the vehicle.
+    second_order : (n_number,). Sigma of what its spreads do to second order.
+    sources : (n_source,). Names of the error sources of navigation, then of the dispersed ones of the vehicle.
+    n_navigation : Number of sources of navigation.
+    covariance : (n_source, n_number, n_number). By source. NaN of the perigee and apogee of a circular target.
+    knowledge : (n_source, n_orbit). Variance of the achieved orbit less the navigated one.
+    execution : (n_source, n_orbit). Variance of the navigated orbit less the target.
+    """
+
+    why: str = ""
+    reference: Floats = np.zeros(0)
+    target: Floats = np.zeros(0)
+    mean: Floats = np.zeros(0)
+    second_order: Floats = np.zeros(0)
+    sources: tuple[str, ...] = ()
+    n_navigation: int = 0
+    covariance: Floats = np.zeros((0, 0, 0))
+    knowledge: Floats = np.zeros((0, 0))
+    execution: Floats = np.zeros((0, 0))
+
+
 class CovHistory(NamedTuple):
     """Linear covariance over a flight, in the reporting axes of RunBlock, SI.
 
@@ -203,6 +233,7 @@ class CovHistory(NamedTuple):
     false_rejection : (n_epoch,). Largest probability that the gate rejects a good scalar measurement.
     row_ratio : (n_epoch, n_row). Expected square of each normalised innovation; 0 of rows that are not processed.
     decisions : (n_decision, 4). Fault decisions on the mean innovations, as in RunBlock.
+    injection : Injection of a guided ascent; None without guidance.
     """
 
     t: Floats
@@ -220,6 +251,7 @@ class CovHistory(NamedTuple):
     false_rejection: Floats
     row_ratio: Floats
     decisions: Floats = NO_DECISIONS
+    injection: InjectionLaw | None = None
 
 
 class Output(NamedTuple):

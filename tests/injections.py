@@ -1,14 +1,19 @@
-"""Injections of eight runs with known numbers: six reach their cut-off, one is empty before, one has no navigation."""
+"""Injections of eight runs with known numbers: six reach their cut-off, one is empty before, one has no navigation.
+Linear covariance of the same, with known sigmas by source.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from lvnav_trade.engines.simulate.statistics import summarise
-from lvnav_trade.records import ORBIT, OUTCOMES
+from lvnav_trade.records import ORBIT, OUTCOMES, InjectionLaw
+from lvnav_trade.store.diagnostics import injection_rows
 from lvnav_trade.store.read import Tables
-from lvnav_trade.store.runs import ORBIT_UNITS, run_columns
+from lvnav_trade.store.runs import run_columns
 from tests import synthetic
 
 SIZES = np.array([1e3, 2e3, 2e3, 1e-4, 1e-4, 1e-3, 2e-3])
@@ -28,14 +33,34 @@ def with_injections(tables: Tables) -> Tables:
     cov = synthetic.covariance()
     block = synthetic.block(cov, 0, 8)._replace(injections=rows())
     summary = summarise(block, synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)
-    columns = run_columns(synthetic.OUTPUTS, summary)["injections"]
     case = synthetic.CASES[0][0].id
-    budget = pd.DataFrame(
-        [
-            {"case": case, "source": source, "quantity": name, "unit": ORBIT_UNITS[name], "sigma_si": sigma}
-            for source, sizes in (("thrust", SIZES), ("dry_mass", 0.1 * SIZES))
-            for name, sigma in zip(ORBIT, sizes, strict=True)
-        ]
+    columns = run_columns(synthetic.OUTPUTS, summary)["injections"]
+    frames = {"injections": pd.DataFrame({"case": case, **columns})}
+    expected = injection_rows(law())
+    frames |= {name: pd.DataFrame([{"case": case, **row} for row in rows]) for name, rows in expected.items()}
+    return tables.with_frames(**frames)
+
+
+SOURCES = {"gyro bias": 0.5, "accelerometer bias": 0.1, "thrust": 1.0, "dry mass": 0.1}
+"""Sources of linear covariance, two of navigation and two of the vehicle, with their sigmas as shares of `SIGMAS`."""
+SIGMAS = np.append(SIZES, [0.2, 5.0])
+REFERENCE = np.array([6.9e6, 4.0e5, 6.4e5, 0.01, 0.015, 1.7, 0.5, 503.0, 60.0])
+
+
+def law(**changes: Any) -> InjectionLaw:
+    """Return linear covariance of an injection whose numbers are independent of one another."""
+    covariance = np.array([np.diag((share * SIGMAS) ** 2) for share in SOURCES.values()])
+    variance = np.diagonal(covariance, axis1=1, axis2=2)[:, : len(ORBIT)]
+    of_navigation = np.array([1.0, 1.0, 0.0, 0.0])[:, None]
+    found = InjectionLaw(
+        reference=REFERENCE,
+        target=REFERENCE[: len(ORBIT)],
+        mean=np.append(0.1 * SIZES, REFERENCE[len(ORBIT) :]),
+        second_order=np.zeros(len(SIGMAS)),
+        sources=tuple(SOURCES),
+        n_navigation=2,
+        covariance=covariance,
+        knowledge=of_navigation * variance,
+        execution=(1.0 - of_navigation) * variance,
     )
-    frame = pd.DataFrame({"case": case, **columns})
-    return tables.with_frames(injections=frame, injection_budget=budget)
+    return found._replace(**changes)

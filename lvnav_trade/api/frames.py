@@ -22,7 +22,8 @@ class Frames:
     integrity: pd.DataFrame  # decisions of tests for faults, run by run
     nominal_integrity: pd.DataFrame  # decisions of tests for faults by linear covariance
     injections: pd.DataFrame  # orbit that every guided run achieves
-    injection_budget: pd.DataFrame  # what each source of a guided vehicle gives the achieved orbit
+    injection_expected: pd.DataFrame  # the same by linear covariance: mean, sigma, knowledge and execution
+    injection_joint: pd.DataFrame  # covariance of its numbers by source of navigation and vehicle
     starts: pd.DataFrame  # draws at the start of every run
     history: pd.DataFrame  # RMS, formal and true sigma of every error over time
     consistency: pd.DataFrame  # normalised estimation errors and innovations squared over time

@@ -1,27 +1,36 @@
 """Where guided ascents arrive: errors of the achieved orbit, and what the navigation does not know of them."""
 
+import numpy as np
+
 from lvnav_trade.metrics.basics.case import Injections
+from lvnav_trade.metrics.basics.case_tables import CaseTables
+from lvnav_trade.metrics.mechanics.injection import APSIDES, apsis_errors, near_circular, why_no_law
 from lvnav_trade.metrics.mission.injection import LABELS, injections_of
 from lvnav_trade.plots.figure import GREY, Figure, Panel, canvas
 from lvnav_trade.plots.style import PALETTE, drawing, message
+from lvnav_trade.records import INJECTION, InjectionLaw
 from lvnav_trade.store.read import Tables
+from lvnav_trade.store.runs import ORBIT_UNITS
 
+_CLOUD = 2**10  # points that stand for a law that is no Gaussian
 _PLANES = (("perigee", "apogee"), ("semi_major_axis", "inclination"))
 
 
 @drawing
 def injection(tables: Tables, case: str) -> Figure:
-    """Draw the errors of the achieved orbit of every run, achieved less target, and the navigation's part of them:
-    apogee over perigee, and inclination over semi-major axis.
+    """Draw the errors of the achieved orbit of every run, achieved less target, the navigation's part of them, and what
+    linear covariance expects: apogee over perigee, and inclination over semi-major axis.
     """
     found = injections_of(tables, case)
-    if not found or not next(iter(found.values()))[1].injected.any():
+    if not found or not next(iter(found.values())).injected.any():
         return message("no guided run reaches its cut-off", "perigee error (km)", "apogee error (km)")
     figure, grid = canvas(1, 2, 2.9, title=tables.labels[case])
     for ax, (across, up) in zip(grid.ravel(), _PLANES, strict=True):
-        _plane(ax, found[across], found[up])
-        ax.set(xlabel=f"{_words(across)} error ({LABELS[found[across][0]][0]})")
-        ax.set(ylabel=f"{_words(up)} error ({LABELS[found[up][0]][0]})", margin=0.08)
+        labels = [LABELS[ORBIT_UNITS[name]] for name in (across, up)]
+        _plane(ax, found[across], found[up], [factor for _, factor in labels])
+        _ellipse(ax, CaseTables(tables, case).injection_law(), (across, up), [factor for _, factor in labels])
+        ax.set(xlabel=f"{_words(across)} error ({labels[0][0]})")
+        ax.set(ylabel=f"{_words(up)} error ({labels[1][0]})", margin=0.08)
     return figure
 
 
@@ -29,11 +38,29 @@ def _words(quantity: str) -> str:
     return quantity.replace("_", " ").replace("semi major", "semi-major")
 
 
-def _plane(ax: Panel, across: tuple[str, Injections], up: tuple[str, Injections]) -> None:
+def _plane(ax: Panel, across: Injections, up: Injections, factors: list[float]) -> None:
     ax.axhline(0.0, color=GREY, lw=0.7, ls=":")
     for name, field, colour, marker in (
         ("achieved less target", "error", PALETTE[0], "."),
         ("achieved less navigated", "knowledge", PALETTE[1], "x"),
     ):
-        x, y = (getattr(one, field)[one.injected] * LABELS[unit][1] for unit, one in (across, up))
+        x, y = (getattr(one, field)[one.injected] * factor for one, factor in zip((across, up), factors, strict=True))
         ax.plot(x, y, ls="none", marker=marker, ms=2.5, color=colour, label=name)
+
+
+def _ellipse(ax: Panel, law: InjectionLaw | None, quantities: tuple[str, str], factors: list[float]) -> None:
+    """Draw three sigma of two numbers by linear covariance, achieved less target; of perigee and apogee near a circle
+    the cloud that its Gaussian of axis and eccentricity vector gives.
+    """
+    if law is None or why_no_law(law, quantities):
+        return
+    if quantities[0] in APSIDES and near_circular(law):
+        x, y = (apsis_errors(law, name, _CLOUD) * factor for name, factor in zip(quantities, factors, strict=True))
+        ax.plot(x, y, ls="none", marker=".", ms=1.0, color=GREY, label="LinCov, drawn")
+        return
+    at = [INJECTION.index(name) for name in quantities]
+    variance, axes = np.linalg.eigh(law.covariance[:, at][:, :, at].sum(axis=0) * np.outer(factors, factors))
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    circle = np.stack([np.cos(turn), np.sin(turn)])
+    x, y = (law.mean[at] * factors)[:, None] + 3.0 * axes * np.sqrt(np.maximum(0.0, variance)) @ circle
+    ax.plot(x, y, color=GREY, lw=0.9, label="LinCov, 3 sigma")

@@ -7,6 +7,7 @@ from lvnav_trade.report.blocks import Block, Text, few, figures, of, stated
 from lvnav_trade.report.escape import note
 from lvnav_trade.store.read import Tables
 
+_LEAST_SHARE = 0.01  # of the variance, of a source that is shown
 _SHOWN = ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node", "inclination")  # on the page
 
 
@@ -15,12 +16,17 @@ def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return errors of the achieved orbits with their parts, how the runs end, and pictures."""
     ends = METRICS["cutoff"](tables)
     spread = ends.low_ratio.map("{:.3g}".format) + " to " + ends.high_ratio.map("{:.3g}".format)
+    spread = spread.where(ends.runs > 0, "-")
     sources = METRICS["injection_sources"](tables)
-    budget = [stated("injection_sources", sources[sources.quantity.isin(_SHOWN)])] if len(sources) else []
+    large = sources.quantity.isin(_SHOWN) & ~(sources.share_ratio < _LEAST_SHARE)
+    budget = [stated("injection_sources", sources[large])] if large.any() else []
+    expected = frame[frame.reason != ""].drop_duplicates(["case", "reason"])
+    reasons = [Text(f"{row.case}: linear covariance does not apply ({row.reason}).") for row in expected.itertuples()]
     guided, more = few([case for case, label in tables.labels.items() if label in set(ends.case)])
     return [
         Text(note("injection")),
         stated("injection", frame),
+        *reasons,
         *budget,
         stated("cutoff", ends.assign(interval=spread)),
         *figures(tables, "injection", guided),

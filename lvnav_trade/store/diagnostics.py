@@ -8,8 +8,8 @@ from lvnav_trade.engines.analysis.explain import Explanation
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.statistics import NORM
 from lvnav_trade.layout import PROTECTED
-from lvnav_trade.records import ORBIT, AdjointBudget, CovHistory, Floats
-from lvnav_trade.store.runs import ORBIT_UNITS
+from lvnav_trade.records import INJECTION, ORBIT, AdjointBudget, CovHistory, Floats, InjectionLaw
+from lvnav_trade.store.runs import INJECTION_UNITS
 
 _QUANTITIES = ("attitude", "velocity", "position")
 _WITH_BACKUP = (*_QUANTITIES, *(f"backup_{quantity}" for quantity in _QUANTITIES))
@@ -20,14 +20,14 @@ Rows = list[dict[str, Any]]
 def explained_rows(prepared: Prepared, cov: CovHistory, found: Explanation | None) -> dict[str, Rows]:
     """Return the rows of the tables that were asked for."""
     if found is None:
-        return {"covariances": _totals(prepared, cov)}
+        return {"covariances": _totals(prepared, cov), **injection_rows(cov.injection)}
     return {
+        **injection_rows(cov.injection),
         "covariances": [*_totals(prepared, cov), *_by_source(prepared, found)],
         "adjoint": _adjoint(found.event, found.adjoint) if found.adjoint else [],
         "sensitivity": _sensitivity(prepared, found),
         "observability": _observability(found),
         "nonlinearity": _nonlinearity(found),
-        "injection_budget": _injection_budget(found),
         "error_bound": _error_bound(found),
         "allan": _allan(found),
         "protection": _protection(prepared, found),
@@ -140,12 +140,47 @@ def _observability(found: Explanation) -> Rows:
     ]
 
 
-def _injection_budget(found: Explanation) -> Rows:
-    return [
-        {"source": source, "quantity": quantity, "unit": ORBIT_UNITS[quantity], "sigma_si": float(sigma)}
-        for source, sigmas in found.dispersed
-        for quantity, sigma in zip(ORBIT, sigmas, strict=True)
+def injection_rows(law: InjectionLaw | None) -> dict[str, Rows]:
+    """Return the rows of linear covariance of an injection; none without guidance."""
+    if law is None:
+        return {}
+    if law.why:
+        return {"injection_expected": [{"why": law.why, "quantity": "", "unit": ""}]}
+    total = law.covariance.sum(axis=0)
+    n_other = len(INJECTION) - len(ORBIT)
+    columns = {
+        "reference_si": law.reference,
+        "target_si": np.append(law.target, np.full(n_other, np.nan)),
+        "mean_si": law.mean,
+        "sigma_si": np.sqrt(np.diag(total)),
+        "second_order_si": law.second_order,
+        "knowledge_si": np.append(np.sqrt(law.knowledge.sum(axis=0)), np.full(n_other, np.nan)),
+        "execution_si": np.append(np.sqrt(law.execution.sum(axis=0)), np.full(n_other, np.nan)),
+    }
+    expected = [
+        {
+            "why": "",
+            "quantity": quantity,
+            "unit": INJECTION_UNITS[quantity],
+            **{name: float(values[k]) for name, values in columns.items()},
+        }
+        for k, quantity in enumerate(INJECTION)
     ]
+    joint = [
+        {
+            "source": source,
+            "part": "navigation" if number < law.n_navigation else "vehicle",
+            "quantity": quantity,
+            "other_quantity": INJECTION[j],
+            "unit": INJECTION_UNITS[quantity],
+            "other_unit": INJECTION_UNITS[INJECTION[j]],
+            "covariance_si2": float(law.covariance[number, i, j]),
+        }
+        for number, source in enumerate(law.sources)
+        for i, quantity in enumerate(INJECTION)
+        for j in range(i, len(INJECTION))
+    ]
+    return {"injection_expected": expected, "injection_joint": joint}
 
 
 def _nonlinearity(found: Explanation) -> Rows:

@@ -20,6 +20,8 @@ ORBIT_UNITS = {
     **dict.fromkeys(("eccentricity_along_node", "eccentricity_ahead_of_node"), "dimensionless"),
 }
 """SI units of the numbers of an achieved orbit."""
+INJECTION_UNITS = {**ORBIT_UNITS, "cutoff_time": "s", "propellant_left": "kg"}
+"""SI units of the numbers of an injection."""
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 
 

@@ -69,7 +69,7 @@ def test_what_is_written_comes_back_to_the_last_bit(tmp_path, value):
 def test_every_record_of_an_explanation_can_be_written():
     kinds = scratch.record_types(Explanation)
     assert {"Explanation", "AdjointBudget", "Output", "SourceCovariance", "Sensitivity", "PhaseView"} <= set(kinds)
-    assert set(scratch.record_types(CovHistory)) == {"CovHistory"}
+    assert set(scratch.record_types(CovHistory)) == {"CovHistory", "InjectionLaw"}
 
 
 @pytest.mark.parametrize("form", ["plain", "in npz"])

@@ -22,7 +22,7 @@ from lvnav_trade.metrics.basics.case import (
     symmetric,
 )
 from lvnav_trade.metrics.metric import NAVIGATION_UNITS
-from lvnav_trade.records import ORBIT, OUTCOMES, Bools, CovHistory, Floats, Output
+from lvnav_trade.records import ORBIT, OUTCOMES, Bools, CovHistory, Floats, InjectionLaw, Output
 
 if TYPE_CHECKING:
     from lvnav_trade.metrics.mechanics.mission import Law, State
@@ -139,6 +139,10 @@ class CaseArrays(CaseResults):
         rows, at, n = self.summary.injections, 3 + ORBIT.index(quantity), len(ORBIT)
         outcome = np.array(OUTCOMES)[rows[:, 0].astype(int)]
         return Injections(outcome, *rows[:, :3].T[1:], *(rows[:, at + part * n] for part in range(3)))
+
+    def injection_law(self) -> InjectionLaw | None:
+        """Return linear covariance of the injection of a guided ascent."""
+        return self.covariance.injection
 
     def protection_level(self, quantity: str, at: str, during: str) -> float:
         """Return NaN: the levels are among the diagnostics, which come after the runs."""

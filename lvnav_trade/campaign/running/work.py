@@ -26,6 +26,7 @@ from lvnav_trade.engines.analysis import effect
 from lvnav_trade.engines.analysis import explain as explained
 from lvnav_trade.engines.analysis.separation import with_alarms, with_nominal_alarms
 from lvnav_trade.engines.lincov import history as lincov
+from lvnav_trade.engines.lincov.injection import by_part
 from lvnav_trade.engines.setup import starts
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.receiver.recorded import table_of
@@ -264,7 +265,9 @@ def close(job: Job, case: Case, runs: int) -> Done:
     try:
         prepared, covariance = prepared_of(job, case), _covariance(job, case)
         if not job.asked.budget:
-            covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
+            covariance = covariance._replace(
+                sources=(), budget=covariance.budget[:, :0], injection=by_part(covariance.injection)
+            )
         parts = job.results.parts(case.id, runs) if runs else None
         file, identity = explained_file(job, case)
         behind = scratch.left(file, explained.Explanation, identity) if scratch.is_left(file, identity) else None

@@ -22,7 +22,6 @@ from lvnav_trade.engines.lincov.history import (
 from lvnav_trade.engines.lincov.sources import source_labels
 from lvnav_trade.engines.lincov.workspace import UpdateTape
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.engines.simulate.guided import vehicle_budget
 from lvnav_trade.engines.simulate.statistics import BlockSummary
 from lvnav_trade.filter_models import sensors_used
 from lvnav_trade.records import AdjointBudget, Asked, CovHistory, Floats
@@ -98,7 +97,6 @@ class Explanation(NamedTuple):
     spot : Simulation runs that check linear covariance.
     allan : Allan deviation of the IMUs.
     protected : Protection levels.
-    dispersed : One sigma of the achieved orbit by each dispersed source of a guided vehicle.
     """
 
     event: str = ""
@@ -112,7 +110,6 @@ class Explanation(NamedTuple):
     spot: BlockSummary | None = None
     allan: tuple[Curve, ...] = ()
     protected: Protection | None = None
-    dispersed: tuple[tuple[str, Floats], ...] = ()
 
 
 def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: Asked) -> Explanation:
@@ -135,7 +132,6 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
         spot_check(prepared, history, events, asked.seed, asked.spot_check) if asked.spot_check else None,
         allan_curves(prepared, asked.allan, asked.seed) if asked.allan else (),
         protection(prepared, history, asked.protection) if asked.protection else None,
-        tuple(vehicle_budget(prepared).items()) if asked.budget else (),
     )
 
 

@@ -18,7 +18,7 @@ from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import apply_phi_transposed
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector_transposed, fill_samples
-from lvnav_trade.records import Floats
+from lvnav_trade.records import Floats, Ints
 
 
 class Backward(NamedTuple):
@@ -30,6 +30,15 @@ class Backward(NamedTuple):
     e: Floats
     c: Floats
     contribution: Floats
+
+
+class Entering(NamedTuple):
+    """Where a metric reads the errors: at one history time, or as a sum over several. place (n_hist,) of a time among
+    them, -1 none; rows (n_sum, n_metric, N) by the joint states.
+    """
+
+    place: Ints
+    rows: Floats
 
 
 @jit
@@ -200,18 +209,26 @@ def _solution_back(back, y, chain, true, epoch, time_bin):
 
 
 @jit
-def go_back(back, scratch, tape, true, case, flight, last_window, time_bins):
-    """Carry the multipliers from the end of a window back to the start of the flight; `back` is filled.
+def go_back(back, scratch, tape, true, case, flight, entering, time_bins):
+    """Carry multipliers from the end of the flight back to its start; `back` is filled.
 
     Parameters
     ----------
-    back : Backward, with e set to the metrics' rows; scratch : BackwardScratch; tape : UpdateTape of the forward pass
+    back : Backward, of zeros; scratch : BackwardScratch; tape : UpdateTape of the forward pass
     true : Components; case : FilterCase; flight : NominalFlight
-    last_window : the metric stands at its end; time_bins (n_window,) bin of each window
+    entering : Entering; time_bins (n_window,) bin of each window
     """
     schedule, signals, options, whitens = case.schedule, case.signals, case.options, case.model.has_covariance
-    for w in range(last_window, -1, -1):
-        time_bin, at = time_bins[w], schedule.epoch[w]
+    has_entered = False
+    for w in range(schedule.n_tick.shape[0] - 1, -1, -1):
+        time_bin, at, hist = time_bins[w], schedule.epoch[w], schedule.hist[w]
+        if hist >= 0 and entering.place[hist] >= 0:
+            has_entered = True
+            for m in range(back.e.shape[0]):
+                for i in range(back.e.shape[1]):
+                    back.e[m, i] += entering.rows[entering.place[hist], m, i]
+        if not has_entered:
+            continue
         if at >= 0:
             joint_back(back, true, options.late, options.delayed, at)
         for row in range(tape.first[w + 1] - 1, tape.first[w] - 1, -1):

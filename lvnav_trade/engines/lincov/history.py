@@ -6,10 +6,12 @@ import numpy as np
 
 from lvnav_trade.engines.epoch.case import FilterCase, Parts, case_of
 from lvnav_trade.engines.epoch.joint import NominalFlight
-from lvnav_trade.engines.lincov.adjoint import Backward, go_back
+from lvnav_trade.engines.lincov.adjoint import Backward, Entering, go_back
 from lvnav_trade.engines.lincov.components import Components, components
 from lvnav_trade.engines.lincov.expected import expected_nees, false_rejection
 from lvnav_trade.engines.lincov.forward import forward
+from lvnav_trade.engines.lincov.injection import injection_law, injection_rows
+from lvnav_trade.engines.lincov.outputs import behind, last_epoch, sample_outputs, solution_outputs_of
 from lvnav_trade.engines.lincov.sources import n_joint, source_labels
 from lvnav_trade.engines.lincov.workspace import (
     Axes,
@@ -30,14 +32,12 @@ from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, new_watch
 from lvnav_trade.filters.samples import new_motion
 from lvnav_trade.frames import matrices
-from lvnav_trade.kernels.processes import profile_value
-from lvnav_trade.kernels.transition import ATT, CONSTANT, POS, VEL
-from lvnav_trade.kernels.vehicle import N_SAMPLE
-from lvnav_trade.receivers import base as receiver
-from lvnav_trade.records import AIDING, PREDICTING, AdjointBudget, Bools, CovHistory, Floats
+from lvnav_trade.kernels.transition import ATT, POS, VEL
+from lvnav_trade.records import AIDING, PREDICTING, AdjointBudget, Bools, CovHistory, Floats, InjectionLaw, Ints
+from lvnav_trade.world.guided.reference import Plan
+from lvnav_trade.world.guided.sensitivity import sensitivity
 
 N_MOTION = 9  # attitude, velocity and position
-N_SOLUTION = 8  # velocity, position, clock bias and drift of a receiver's solution
 
 
 class _Passed(NamedTuple):
@@ -99,7 +99,7 @@ def corrects(prepared: Prepared, mode: Floats) -> Bools:
     """Return whether the outputs are corrected at the history times, (n_hist,); mode (n_epoch,) of the nominal flight,
     logged where the filter has an update.
     """
-    epoch, every = _last_epoch(prepared), prepared.model.every
+    epoch, every = last_epoch(prepared), prepared.model.every
     update = (epoch + 1) // every * every - 1
     return (update >= 0) & np.isin(np.asarray(mode)[update], (AIDING, PREDICTING))
 
@@ -118,36 +118,60 @@ def _with_outputs(prepared: Prepared, true: Components, tape: UpdateTape, passed
 
 def covariance(prepared: Prepared) -> CovHistory:
     """Return the filter's own and the true covariance of a case over its nominal flight, the true one by source."""
-    true, tape = components(prepared), new_tape(0, 0, n_joint(prepared), row_width(prepared))
+    true, nothing = components(prepared), new_tape(0, 0, n_joint(prepared), row_width(prepared))
+    tape = nothing if prepared.plan is None else _whole_tape(prepared)
     passed = _pass(prepared, true, tape)
-    out, monitor = _with_outputs(prepared, true, tape, passed), passed.monitor
+    out, monitor = _with_outputs(prepared, true, nothing, passed), passed.monitor
     found = solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
+    if prepared.plan is not None:
+        found = found._replace(injection=_injection(prepared, prepared.plan, tape, out))
     if monitor is not None:
         logs = (monitor.isolated[None], monitor.excluded[None])
         found = found._replace(decisions=decisions_of(*logs, prepared.t_epoch, 0))
     if prepared.options.backup is None:
         return found
     # nothing of a strapdown that is never corrected depends on measurements: it is the same pass without them
-    alone, motion = _pass(prepared, true, tape, aided=False).out, slice(0, N_MOTION)
+    alone, motion = _pass(prepared, true, nothing, aided=False).out, slice(0, N_MOTION)
     turn = turns(prepared)[:, motion, motion]
     formal, total = (turn @ P[:, motion, motion] @ np.swapaxes(turn, 1, 2) for P in (alone.formal, alone.true))
     mean = np.einsum("hij,hj->hi", turn, alone.mean[:, motion])
-    return _behind(found, alone.budget[:, :, motion], mean, formal, total)
+    return behind(found, alone.budget[:, :, motion], mean, formal, total)
 
 
 def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
     """Return what a backward pass, or an observability analysis, needs of a forward one; not aided: of one without
     measurements.
     """
+    tape = _whole_tape(prepared)
+    _pass(prepared, components(prepared), tape, aided)
+    return tape
+
+
+def _whole_tape(prepared: Prepared) -> UpdateTape:
+    """Return an empty tape that a whole flight fits on."""
     per_satellite = prepared.model.n_kind if prepared.model.tight else 0
     n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
     n_update = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used) + n_sensor + 6)) + 1
     sampled = prepared.reference.dtheta.shape[0] if prepared.options.vehicle is not None else 0
-    tape = new_tape(
-        prepared.schedule.n_tick.size, n_update, n_joint(prepared), row_width(prepared), sampled,
-    )  # fmt: skip
-    _pass(prepared, components(prepared), tape, aided)
-    return tape
+    return new_tape(prepared.schedule.n_tick.size, n_update, n_joint(prepared), row_width(prepared), sampled)
+
+
+def _injection(prepared: Prepared, plan: Plan, tape: UpdateTape, out: PassResults) -> InjectionLaw:
+    """Return linear covariance of the injection of a guided ascent, with the tape and the results of a forward pass."""
+    if has_uncorrected_outputs(prepared):
+        return InjectionLaw("a mode logic decides when the outputs of the open loop are corrected")
+    by_error = sensitivity(plan, prepared.t_hist)
+    if by_error.why:
+        return InjectionLaw(by_error.why)
+    rows = injection_rows(by_error)
+    times = np.flatnonzero(rows.any(axis=(1, 2)))
+    variance = _go_back(prepared, times, rows[times], _whole(prepared), tape)[1].sum(axis=2)
+    return injection_law(by_error, source_labels(prepared), variance, out.mean[:, :N_MOTION])
+
+
+def _whole(prepared: Prepared) -> float:
+    """Return a length (s) of bins of which one holds the whole flight."""
+    return float(np.ptp(prepared.t_hist)) + 1.0
 
 
 def empty_tape(prepared: Prepared) -> UpdateTape:
@@ -190,10 +214,10 @@ def adjoint(
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     rows, first = turns(prepared)[hist, :N_MOTION], prepared.options.backup
-    edges, contribution = _go_back(prepared, hist, rows, bin_seconds, tape)
+    edges, contribution = _go_back(prepared, np.array([hist]), rows[None], bin_seconds, tape)
     sources, shown = source_labels(prepared), prepared.outputs[:N_MOTION]
     if first is not None:
-        alone = _go_back(prepared, hist, rows, bin_seconds, forward_tape(prepared, aided=False))[1]
+        alone = _go_back(prepared, np.array([hist]), rows[None], bin_seconds, forward_tape(prepared, aided=False))[1]
         contribution = np.concatenate([contribution, alone])
         shown = (*shown, *prepared.outputs[first : first + N_MOTION])
     return AdjointBudget(float(prepared.t_hist[hist]), edges, sources, shown, contribution)
@@ -216,7 +240,7 @@ def _by_source(prepared: Prepared, time: float, tape: UpdateTape | None) -> Floa
     single = turns(prepared)[hist, :9]
     pairs = [(3 * q + i, 3 * q + j) for q in range(3) for i, j in ((0, 1), (0, 2), (1, 2))]
     rows = np.vstack([single, [single[i] + single[j] for i, j in pairs]])
-    variance = _go_back(prepared, hist, rows, float(np.ptp(prepared.t_hist)) + 1.0, tape)[1].sum(axis=2)
+    variance = _go_back(prepared, np.array([hist]), rows[None], _whole(prepared), tape)[1].sum(axis=2)
     found = np.zeros((variance.shape[1], 9, 9))
     found[:, range(9), range(9)] = variance[:9].T
     for row, (i, j) in enumerate(pairs, start=9):
@@ -225,27 +249,35 @@ def _by_source(prepared: Prepared, time: float, tape: UpdateTape | None) -> Floa
 
 
 def _go_back(
-    prepared: Prepared, hist: int, rows: Floats, bin_seconds: float, tape: UpdateTape | None
+    prepared: Prepared, hist: Ints, rows: Floats, bin_seconds: float, tape: UpdateTape | None
 ) -> tuple[Floats, Floats]:
-    """Return the edges of the bins and the variance (n_row, n_source, n_bin) that sources put into rows' e."""
+    """Return the edges of the bins and the variance (n_row, n_source, n_bin) that sources put into sums of errors.
+
+    hist : (n_sum,). History times of the errors that are summed, growing.
+    rows : (n_sum, n_row, n) by the first n errors of the joint vector at each of them.
+    """
     true, schedule = components(prepared), prepared.schedule
     if has_uncorrected_outputs(prepared):
         nothing = new_tape(0, 0, n_joint(prepared), row_width(prepared))
         watch = _pass(prepared, true, nothing).watch
-        if watch is not None and not corrects(prepared, watch.mode)[hist]:
+        if watch is not None and not corrects(prepared, watch.mode)[hist[-1]]:
             tape = forward_tape(uncorrected(prepared))
     tape = tape or forward_tape(prepared)
-    last = int(np.flatnonzero(schedule.hist == hist)[0])
+    last = int(np.flatnonzero(schedule.hist == hist[-1])[0])
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     edges = np.arange(prepared.t_hist[0], ends[last] + bin_seconds, bin_seconds)
     bins = np.clip(np.searchsorted(edges, ends - 1e-9, side="right") - 1, 0, edges.size - 2)
+    n_row, n = rows.shape[1], n_joint(prepared)
     back = Backward(
-        np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, n_joint(prepared) - rows.shape[1]))),
-        np.zeros((len(rows), true.source.size)),
-        np.zeros((len(rows), true.group.size, edges.size - 1)),
+        np.zeros((n_row, n)),
+        np.zeros((n_row, true.source.size)),
+        np.zeros((n_row, true.group.size, edges.size - 1)),
     )
+    place = np.full(prepared.t_hist.size, -1)
+    place[hist] = np.arange(len(hist))
+    entering = Entering(place, np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, 0), (0, n - rows.shape[2]))))
     flight = NominalFlight(prepared.unit, prepared.reference, prepared.chain, None)
-    go_back(back, new_backward_scratch(prepared, true), tape, true, _case(prepared), flight, last, bins)
+    go_back(back, new_backward_scratch(prepared, true), tape, true, _case(prepared), flight, entering, bins)
     return edges, back.contribution
 
 
@@ -276,104 +308,3 @@ def _history(prepared: Prepared, out: PassResults) -> CovHistory:
         false_rejection=false_rejection(prepared.model.gate_squared, out.row_ratio),
         row_ratio=out.row_ratio,
     )
-
-
-def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, out: PassResults) -> CovHistory:
-    """Return the history with errors of the IMU's samples, raw and corrected by the estimated bias, behind the states;
-    as it is where they are not reported. The covariance between the two is not computed: it stands as zero.
-    """
-    samples = prepared.options.samples
-    if samples is None:
-        return history
-    variance = out.samples + np.tile(true.sample_noise, 2)
-    n_hist = len(history.t)
-    mean = np.zeros((n_hist, 2 * N_SAMPLE))
-    mean[:, :N_SAMPLE] = mean[:, N_SAMPLE:] = -_profiles(prepared)
-    formal = np.tile(samples.raw, (n_hist, 2))
-    for i, state in enumerate(samples.bias.tolist()):
-        if state >= 0:
-            mean[:, N_SAMPLE + i] = -out.mean[:, state]
-            formal[:, N_SAMPLE + i] = out.formal[:, state, state] + samples.variance[i]
-    return _behind(history, variance, mean, _diagonal(formal), _diagonal(variance.sum(axis=1)))
-
-
-def _profiles(prepared: Prepared) -> Floats:
-    """Return the errors of samples (n_hist, 6) that are the same in every run at the history times."""
-    found, unit = np.zeros((prepared.t_hist.size, N_SAMPLE)), prepared.unit
-    units, ref = prepared.options.units, prepared.reference
-    ticks = np.clip(prepared.hist_tick - 1, 0, len(unit.dtheta) - 1)
-    for profile, code in enumerate(unit.profile_sensor.tolist()):
-        triad, sensor = divmod(code, 2)
-        solved = np.eye(3) if units is None else units.solved[units.stage[ticks], triad, sensor]
-        value = np.array([[profile_value(unit, profile, axis, t) for axis in range(3)] for t in prepared.record.t])
-        if unit.profile_driver[profile] != CONSTANT:
-            own = (ref.dtheta, ref.dvel)[sensor] if units is None else (units.dtheta, units.dvel)[sensor][triad]
-            value *= own[ticks] @ (np.eye(3) if units is None else units.frames[triad, :, 0]).T / unit.dt
-        found[:, 3 * sensor : 3 * sensor + 3] += np.einsum("...ij,...j->...i", solved, value)
-    lacking = (unit.dtheta - ref.dtheta)[ticks], (unit.dvel - ref.dvel)[ticks]
-    return found + np.hstack(lacking) / unit.dt
-
-
-def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResults) -> CovHistory:
-    """Return the history with the error of the receiver's last solution behind the rest; as it is where nothing of it
-    is reported. The covariance between the two is not computed: it stands as zero.
-    """
-    report, chain = prepared.options.report, prepared.chain
-    if report is None or chain is None:
-        return history
-    turn = _turn(prepared)
-    own = chain.own[np.maximum.accumulate(np.where(chain.solved, np.arange(len(chain.solved)), 0))]
-    last = _last_epoch(prepared)
-    formal = (
-        turn @ np.concatenate([own, np.zeros((1, receiver.N_STATE, receiver.N_STATE))])[last] @ np.swapaxes(turn, 1, 2)
-    )
-    by_source = np.einsum("hij,hsjk,hlk->hsil", turn, out.receiver, turn)
-    diagonal = range(N_SOLUTION)
-    mean = np.einsum("hij,hj->hi", turn, out.receiver_mean)
-    return _behind(history, by_source[:, :, diagonal, diagonal], mean, formal, by_source.sum(axis=1))
-
-
-def _last_epoch(prepared: Prepared) -> np.ndarray:
-    """Return the epoch (n_hist,) that was last at each history time; -1, an entry of zeros at the end, before any."""
-    schedule = prepared.schedule
-    found = np.full(prepared.t_hist.size, -1, dtype=np.int64)
-    at = schedule.hist >= 0
-    found[schedule.hist[at]] = np.maximum.accumulate(schedule.epoch)[at]
-    return found
-
-
-def _turn(prepared: Prepared) -> Floats:
-    """Return the matrices (n_hist, 8, 11) from the error of a solution, frame i, to what is reported of it."""
-    axes = prepared.record.axes
-    turn = np.zeros((len(axes), N_SOLUTION, receiver.N_STATE))
-    turn[:, 0:3, receiver.VEL : receiver.VEL + 3] = axes
-    turn[:, 3:6, receiver.POS : receiver.POS + 3] = axes
-    turn[:, 6, receiver.BIAS] = turn[:, 7, receiver.DRIFT] = 1.0
-    return turn
-
-
-def _diagonal(variance: Floats) -> Floats:
-    return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]))
-
-
-def _behind(history: CovHistory, budget: Floats, mean: Floats, formal: Floats, true: Floats) -> CovHistory:
-    """Return the history with further outputs behind: budget (n_hist, n_source, k), mean (n_hist, k), covariances
-    (n_hist, k, k).
-    """
-    k = range(mean.shape[1])
-    return history._replace(
-        formal=np.hstack([history.formal, np.sqrt(formal[:, k, k])]),
-        true_sigma=np.hstack([history.true_sigma, np.sqrt(np.maximum(0.0, true[:, k, k]))]),
-        mean=np.hstack([history.mean, mean]),
-        budget=np.concatenate([history.budget, budget], axis=2),
-        formal_cov=_bordered(history.formal_cov, formal),
-        true_cov=_bordered(history.true_cov, true),
-    )
-
-
-def _bordered(inner: Floats, outer: Floats) -> Floats:
-    """Return matrices (n_hist, n + k, n + k) of two on the diagonal."""
-    n, k = inner.shape[1], outer.shape[1]
-    full = np.zeros((len(inner), n + k, n + k))
-    full[:, :n, :n], full[:, n:, n:] = inner, outer
-    return full

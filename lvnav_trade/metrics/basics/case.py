@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.records import OUTCOMES, Bools, Floats, Output
+from lvnav_trade.records import OUTCOMES, Bools, Floats, InjectionLaw, Output
 from lvnav_trade.units import parse
 
 if TYPE_CHECKING:
@@ -156,6 +156,9 @@ class CaseResults(Protocol):
 
     def injections(self, quantity: str) -> Injections | None:
         """Return what guided ascents achieve of a number of the orbit; None where no run is guided."""
+
+    def injection_law(self) -> InjectionLaw | None:
+        """Return linear covariance of the injection of a guided ascent; None without guidance."""
 
     def protection_level(self, quantity: str, at: str, during: str) -> float:
         """Return the protection level (SI) at an event, or the largest of a phase; NaN where there is none."""

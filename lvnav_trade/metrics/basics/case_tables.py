@@ -4,9 +4,10 @@ import numpy as np
 
 from lvnav_trade.metrics.basics.case import CaseResults, Gaussian, History, Injections, finite_sizes
 from lvnav_trade.metrics.basics.gaussian import formal_covariance, gaussian
+from lvnav_trade.metrics.basics.injection_law import law_in
 from lvnav_trade.metrics.basics.select import ends_of, flight_events, history_columns, instant, phase, rows_between
 from lvnav_trade.metrics.mechanics import mission
-from lvnav_trade.records import Bools, Floats, Output
+from lvnav_trade.records import Bools, Floats, InjectionLaw, Output
 from lvnav_trade.store.lookup import pick
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column
@@ -113,6 +114,10 @@ class CaseTables(CaseResults):
         names = ("t_s", "propellant_left_kg", "error_si", "knowledge_si", "navigation_si")
         t, left, error, knowledge, navigation = (rows[name].to_numpy(dtype=float) for name in names)
         return Injections(rows.outcome.to_numpy(dtype=str), t, left, error, knowledge, navigation)
+
+    def injection_law(self) -> InjectionLaw | None:
+        """Return linear covariance of the injection of a guided ascent."""
+        return law_in(self.tables, self.case)
 
     def protection_level(self, quantity: str, at: str, during: str) -> float:
         """Return the protection level at an event or of a phase."""

@@ -238,15 +238,18 @@ def derivative(function: Callable[[Floats], Floats]) -> Floats:
     return np.asarray(((values[:6] - values[6:]) / (2.0 * STEP[:, None])).T)
 
 
-def draws(mean: Floats, covariance: Floats, count: int = DRAWS) -> Floats:
-    """Return `count` (a power of two) errors (count, 6) that fill the Gaussian evenly (Sobol's points), always the
+def draws(mean: Floats, covariance: Floats, count: int = DRAWS, sizes: Floats = STEP) -> Floats:
+    """Return `count` (a power of two) errors (count, n) that fill the Gaussian evenly (Sobol's points), always the
     same.
+
+    sizes : (n,). About how large each component is; 0 of one that does not vary.
     """
     from scipy.stats import qmc  # takes half a second, which only the draws need
 
-    points = qmc.Sobol(6, scramble=False).random_base2(round(np.log2(count))) + 0.5 / count
-    variance, axes = np.linalg.eigh(covariance / np.outer(STEP, STEP))
-    roots = STEP[:, None] * axes * np.sqrt(np.maximum(variance, 0.0))
+    points = qmc.Sobol(len(mean), scramble=False).random_base2(round(np.log2(count))) + 0.5 / count
+    unit = np.where(sizes > 0.0, sizes, 1.0)
+    variance, axes = np.linalg.eigh(covariance / np.outer(unit, unit))
+    roots = unit[:, None] * axes * np.sqrt(np.maximum(variance, 0.0))
     return np.asarray(mean + special.ndtri(points) @ roots.T)
 
 

@@ -6,9 +6,11 @@ import pandas as pd
 from lvnav_trade.metrics.basics.case import Injections
 from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.basics.probability import success_bounds
-from lvnav_trade.metrics.basics.select import pick
-from lvnav_trade.records import ORBIT, OUTCOMES, Floats
+from lvnav_trade.metrics.mechanics.injection import APSIDES, apsis_errors, near_circular, share_depleted, why_no_law
+from lvnav_trade.records import INJECTION as NUMBERS
+from lvnav_trade.records import ORBIT, OUTCOMES, Floats, InjectionLaw
 from lvnav_trade.store.read import Tables
+from lvnav_trade.store.runs import INJECTION_UNITS, ORBIT_UNITS
 
 INJECTION = [
     "case",
@@ -21,9 +23,14 @@ INJECTION = [
     "execution_sigma",
     "correlation_ratio",
     "q997",
+    "lincov_mean",
+    "lincov_sigma",
+    "lincov_knowledge_sigma",
+    "lincov_execution_sigma",
+    "reason",
 ]
-SOURCES = ["case", "quantity", "unit", "source", "sigma", "share_ratio"]
-NAVIGATION, TOGETHER, FLOWN = "navigation", "root sum of squares", "runs, all together"
+SOURCES = ["case", "quantity", "unit", "source", "part", "sigma", "share_ratio"]
+TOGETHER, FLOWN = "all sources together", "spread of the runs"
 CUTOFF = [
     "case",
     "runs",
@@ -38,37 +45,61 @@ CUTOFF = [
     "left_kg",
     "left_sigma_kg",
     "left_least_kg",
+    "lincov_depleted_ratio",
+    "lincov_cutoff_s",
+    "lincov_cutoff_sigma_s",
+    "lincov_left_kg",
+    "lincov_left_sigma_kg",
 ]
-LABELS = {"m": ("km", 1e-3), "rad": ("deg", 180.0 / np.pi), "dimensionless": ("-", 1.0)}
+LABELS = {
+    "m": ("km", 1e-3),
+    "rad": ("deg", 180.0 / np.pi),
+    "dimensionless": ("-", 1.0),
+    "s": ("s", 1.0),
+    "kg": ("kg", 1.0),
+}
 _CONFIDENCE = 0.95
 
 
-def injections_of(tables: Tables, case: str) -> dict[str, tuple[str, Injections]]:
-    """Return unit and runs of each number of the orbit of a case; empty without guidance."""
-    found, known = CaseTables(tables, case), {}
-    for quantity in ORBIT:
-        one = found.injections(quantity)
-        if one is not None:
-            rows = tables.injections
-            known[quantity] = (str(rows.unit[rows.quantity == quantity].iloc[0]), one)
-    return known
+def injections_of(tables: Tables, case: str) -> dict[str, Injections]:
+    """Return the runs of each number of the orbit of a case; empty without guidance, or runs."""
+    found = {quantity: CaseTables(tables, case).injections(quantity) for quantity in ORBIT}
+    return {quantity: one for quantity, one in found.items() if one is not None}
 
 
 def injection(tables: Tables) -> pd.DataFrame:
     """Return the injection accuracy of each guided case: achieved less target, osculating, of runs that reach their
-    cut-off.
+    cut-off, and the same by linear covariance.
 
     The error is knowledge (achieved less navigated) plus execution (navigated less target). Both are correlated: their
-    variances do not add. q997: 99.7 % quantile of |error|.
+    variances do not add. q997: 99.7 % quantile of |error|. reason: why linear covariance does not hold the number.
+    Perigee and apogee near a circle are those of draws of its axis and eccentricity vector.
     """
     rows = []
     for case, label in tables.labels.items():
-        for quantity, (unit, one) in injections_of(tables, case).items():
-            name, factor = LABELS[unit]
-            error, knowledge = (part[one.injected] * factor for part in (one.error, one.knowledge))
-            if error.size:
-                rows.append((label, quantity, name, error.size, *_split(error, knowledge)))
+        runs, law = injections_of(tables, case), CaseTables(tables, case).injection_law()
+        for quantity in ORBIT if runs or law is not None else ():
+            name, factor = LABELS[ORBIT_UNITS[quantity]]
+            flown = (0, *[np.nan] * 6)
+            if quantity in runs and runs[quantity].injected.any():
+                one = runs[quantity]
+                error, knowledge = (part[one.injected] * factor for part in (one.error, one.knowledge))
+                flown = (error.size, *_split(error, knowledge))
+            rows.append((label, quantity, name, *flown, *_expected(law, quantity, factor)))
     return pd.DataFrame(rows, columns=INJECTION)
+
+
+def _expected(law: InjectionLaw | None, quantity: str, factor: float) -> tuple[float | str, ...]:
+    """Return mean and sigma by linear covariance, sigma of the two parts, and why there are none."""
+    reason = "no linear covariance" if law is None else why_no_law(law, (quantity,))
+    if law is None or reason:
+        return *[np.nan] * 4, reason
+    k = ORBIT.index(quantity)
+    parts = [float(np.sqrt(part[:, k].sum())) * factor for part in (law.knowledge, law.execution)]
+    if quantity in APSIDES and near_circular(law):
+        drawn = apsis_errors(law, quantity) * factor
+        return float(drawn.mean()), float(drawn.std()), np.nan, np.nan, ""
+    return float(law.mean[k]) * factor, float(np.sqrt(law.covariance[:, k, k].sum())) * factor, *parts, ""
 
 
 def _split(error: Floats, knowledge: Floats) -> tuple[float, ...]:
@@ -81,29 +112,40 @@ def _split(error: Floats, knowledge: Floats) -> tuple[float, ...]:
 
 
 def injection_sources(tables: Tables) -> pd.DataFrame:
-    """Return what one sigma of the achieved orbit is made of, source by source, largest first.
+    """Return what one sigma of each number of an injection is made of by linear covariance, largest source first.
 
-    Navigation: spread of a vehicle as on its card with the navigation errors of the runs. Sources of the vehicle: to
-    first order, with a navigation without errors. share_ratio: of the sum of squares. Both are independent, so the root
-    of that sum is what linear theory expects of the runs, which stand beside it.
+    part: navigation or vehicle. All sources are independent, so that their squares add. share_ratio: of that sum.
+    Beside it stands the spread of the runs, in which all sources act together.
     """
     rows: list[tuple[object, ...]] = []
     for case, label in tables.labels.items():
-        of_vehicle = pick(tables.injection_budget, case=case)
-        for quantity, (unit, one) in injections_of(tables, case).items():
-            name, factor = LABELS[unit]
-            mine = of_vehicle[of_vehicle.quantity == quantity]
-            if mine.empty or mine.sigma_si.isna().any() or one.injected.sum() < 2:
+        runs, law = injections_of(tables, case), CaseTables(tables, case).injection_law()
+        for k, quantity in enumerate(NUMBERS):
+            sigma = np.zeros(0)
+            if law is not None and not why_no_law(law, (quantity,)):
+                sigma = np.sqrt(law.covariance[:, k, k])
+            if law is None or not sigma.size or not np.all(np.isfinite(sigma)):
                 continue
-            parts = {NAVIGATION: float(one.navigation[one.injected].std(ddof=1))}
-            parts |= dict(zip(mine.source, mine.sigma_si.astype(float), strict=True))
-            total = float(np.sqrt(sum(sigma**2 for sigma in parts.values())))
-            ordered = sorted(parts.items(), key=lambda part: -part[1])
-            ends = ((TOGETHER, total), (FLOWN, float(one.error[one.injected].std(ddof=1))))
-            for source, sigma in (*ordered, *ends):
-                share = (sigma / total) ** 2 if total > 0.0 and source != FLOWN else np.nan
-                rows.append((label, quantity, name, source.replace("_", " "), sigma * factor, share))
+            name, factor = LABELS[INJECTION_UNITS[quantity]]
+            total = float(np.sqrt(np.sum(sigma**2)))
+            for source in np.argsort(-sigma, kind="stable").tolist():
+                part = "navigation" if source < law.n_navigation else "vehicle"
+                share = (sigma[source] / total) ** 2 if total > 0.0 else np.nan
+                rows.append((label, quantity, name, law.sources[source], part, sigma[source] * factor, share))
+            rows.append((label, quantity, name, TOGETHER, "", total * factor, 1.0))
+            spread = _spread(runs, quantity)
+            if np.isfinite(spread):
+                rows.append((label, quantity, name, FLOWN, "", spread * factor, np.nan))
     return pd.DataFrame(rows, columns=SOURCES)
+
+
+def _spread(runs: dict[str, Injections], quantity: str) -> float:
+    """Return the standard deviation of a number of the injection over the runs that reach their cut-off."""
+    if not runs:
+        return np.nan
+    one = runs.get(quantity, runs[ORBIT[0]])
+    values = {"cutoff_time": one.t, "propellant_left": one.left}.get(quantity, one.error)[one.injected]
+    return float(values.std(ddof=1)) if values.size > 1 else np.nan
 
 
 def cutoff(tables: Tables) -> pd.DataFrame:
@@ -112,15 +154,30 @@ def cutoff(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     for case, label in tables.labels.items():
-        for _, one in list(injections_of(tables, case).values())[:1]:
+        law = CaseTables(tables, case).injection_law()
+        flown = list(injections_of(tables, case).values())[:1]
+        if not flown and law is None:
+            continue
+        runs: tuple[float, ...] = (0, 0, 0, 0, *[np.nan] * 8)
+        for one in flown:
             n, empty = one.outcome.size, int(np.sum(one.outcome == OUTCOMES[1]))
             good = int(one.injected.sum())
             low, high = success_bounds(n, empty, 0.5 + 0.5 * _CONFIDENCE)
             share = (empty / n, 1.0 - high, 1.0 - low)
             at = [_moments(part[one.injected]) for part in (one.t, one.left)]
             least = float(one.left[one.injected].min()) if good else np.nan
-            rows.append((label, n, good, empty, n - good - empty, *share, *at[0], *at[1], least))
+            runs = (n, good, empty, n - good - empty, *share, *at[0], *at[1], least)
+        rows.append((label, *runs, *_expected_end(law)))
     return pd.DataFrame(rows, columns=CUTOFF)
+
+
+def _expected_end(law: InjectionLaw | None) -> tuple[float, ...]:
+    """Return share of depletion, time of cut-off and propellant left, each with its sigma, by linear covariance."""
+    if law is None or law.why:
+        return (np.nan,) * 5
+    at = [NUMBERS.index(name) for name in ("cutoff_time", "propellant_left")]
+    ends = [(float(law.mean[k]), float(np.sqrt(law.covariance[:, k, k].sum()))) for k in at]
+    return share_depleted(law), *ends[0], *ends[1]
 
 
 def _moments(values: Floats) -> tuple[float, float]:

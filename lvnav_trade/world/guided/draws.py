@@ -12,6 +12,7 @@ from lvnav_trade.world.ascent.dispersion_card import SOURCES, SpreadsCard
 from lvnav_trade.world.ascent.vehicle import Boosters, Stage, VehicleAscent
 from lvnav_trade.world.guided.dynamics import Wind
 
+NO_RUN = -1  # number that stands for a vehicle of which nothing is drawn
 WIND_STEP, WIND_TOP = 500.0, 30e3
 """Metres between heights of the wind, and above which there is none: the air there is a hundredth of that at sea level.
 """
@@ -120,15 +121,15 @@ def deviations(card: VehicleAscent, sigmas: Sigmas) -> Deviations:
         return sigmas.get(name, np.zeros(numbers(card)[name])) * float(getattr(spreads, name, 0.0))
 
     return Deviations(
-        _gusts(sigmas.get("wind"), spreads),
+        wind_of(sigmas.get("wind"), spreads),
         of("thrust_misalignment").reshape(n_stage, 2),
         np.concatenate([of("separation_impulse"), [0.0]]),
         float(of("tail_off")[0]),
     )
 
 
-def _gusts(sigmas: Floats | None, spreads: SpreadsCard | None) -> Wind:
-    """Return the wind of a run: a Gauss-Markov process over height, stationary from the ground on."""
+def wind_of(sigmas: Floats | None, spreads: SpreadsCard | None) -> Wind:
+    """Return the wind of draws (2 n_height,): a Gauss-Markov process over height, stationary from the ground on."""
     if sigmas is None or spreads is None:
         return Wind(WIND_STEP, np.zeros((1, 2)))
     white, speed = sigmas.reshape(-1, 2), np.empty((len(sigmas) // 2, 2))

@@ -30,8 +30,8 @@ class Programme(NamedTuple):
 
 
 class Navigation(NamedTuple):
-    """Navigation errors over a flight, linear between the times; after the last one the position error grows by the
-    velocity error.
+    """Navigation errors over a flight. From each of the times to the next one the error stays, and that of the position
+    grows by that of the velocity: between two updates a strapdown only integrates.
 
     t : (n,) s since lift-off.
     error : (n, 9). Truth less estimate of attitude (rad), velocity (m/s) and position (m), frame i.
@@ -110,16 +110,12 @@ class Surroundings(NamedTuple):
 @making_arrays
 def error_at(t: float, navigation: Navigation) -> Floats:
     """Return the navigation errors (9,) at a time (s)."""
-    times, error = navigation.t, navigation.error
-    last = times.size - 1
-    if t >= times[last]:
-        out = error[last].copy()
-        for i in range(3):
-            out[6 + i] += (t - times[last]) * out[3 + i]
-        return out
+    times = navigation.t
     k = max(0, int(np.searchsorted(times, t, side="right")) - 1)
-    w = min(1.0, max(0.0, (t - times[k]) / (times[k + 1] - times[k])))
-    return error[k] + w * (error[k + 1] - error[k])
+    out = navigation.error[k].copy()
+    for i in range(3):
+        out[6 + i] += max(0.0, t - times[k]) * out[3 + i]
+    return out
 
 
 @jit
@@ -206,7 +202,7 @@ def rates(t: float, y: Floats, engine: Engine, around: Surroundings) -> Floats:
 
 
 @making_arrays
-def _step(t: float, h: float, y: Floats, engine: Engine, around: Surroundings) -> Floats:
+def step(t: float, h: float, y: Floats, engine: Engine, around: Surroundings) -> Floats:
     """Return y (7,) advanced by h with the classical Runge-Kutta step of fourth order."""
     k1 = rates(t, y, engine, around)
     k2 = rates(t + 0.5 * h, y + 0.5 * h * k1, engine, around)
@@ -229,12 +225,12 @@ def fly_piece(t: float, end: float, most: float, y: Floats, engine: Engine, arou
     n = max(8, math.ceil((end - t) / most))
     h = (end - t) / n
     for k in range(n):
-        y = _step(t + k * h, h, y, engine, around)
+        y = step(t + k * h, h, y, engine, around)
     return y
 
 
 @making_arrays
-def _guide(t: float, y: Floats, engine: Engine, around: Surroundings) -> bool:
+def guide(t: float, y: Floats, engine: Engine, around: Surroundings) -> bool:
     """Update explicit guidance at a true state y (7,); return whether it converges."""
     e, law = error_at(t, around.navigation), around.law
     if t < law.start or (law.kept[STARTED] > 0.0 and law.kept[TGO] < law.freeze):
@@ -253,7 +249,7 @@ def _stopped(
 
     Within the step both are found by secants on integrations of a part of it.
     """
-    best, state, why = h, _step(t, h, y, engine, around), WHOLE
+    best, state, why = h, step(t, h, y, engine, around), WHOLE
     for kind in (CUT_OFF, EMPTY):
         if kind == EMPTY:
             before, after = y[6] - cutoff.empty, state[6] - cutoff.empty
@@ -266,7 +262,7 @@ def _stopped(
             continue
         part, found = best * before / (before - after), state
         for _ in range(_REFINED):
-            found = _step(t, part, y, engine, around)
+            found = step(t, part, y, engine, around)
             if kind == EMPTY:
                 there = found[6] - cutoff.empty
             elif cutoff.by_energy:
@@ -276,7 +272,7 @@ def _stopped(
             if before == there:
                 break
             part = min(best, max(0.0, part * before / (before - there)))
-        best, state, why = part, _step(t, part, y, engine, around), kind
+        best, state, why = part, step(t, part, y, engine, around), kind
     return best, state, why
 
 
@@ -292,7 +288,7 @@ def fly_last(
     due = t
     while t < end - 1e-9:
         if law.start < math.inf and t >= due - 1e-9:
-            if not _guide(t, y, engine, around):
+            if not guide(t, y, engine, around):
                 return t, y, DIVERGED
             due = t + law.cycle
         h, y, why = _stopped(t, min(most, end - t), y, engine, around, cutoff)

@@ -51,8 +51,13 @@ class Injection(NamedTuple):
     error: Floats
 
 
-class _Guided(Pilot):
-    """Flies a dispersed vehicle by a plan."""
+class GuidedPilot(Pilot):
+    """Flies a dispersed vehicle by a plan.
+
+    plan : What guidance knows before lift-off.
+    differs : What differs beside the numbers of the vehicle.
+    around : What the present piece is flown with.
+    """
 
     def __init__(self, plan: Plan, flown: VehicleAscent, differs: Deviations, navigation: Navigation) -> None:
         super().__init__(flown, plan.aim, None)
@@ -64,15 +69,18 @@ class _Guided(Pilot):
         )
 
     def leg(self, name: str, duration: float, engine: Engine = COASTING) -> None:
+        """Fly a stretch without a jump for a duration (s)."""
         if duration > 0.0:
             self.y = fly_piece(self.t, self.t + duration, STEP, self.y, engine, self.around)
             self.t += duration
 
     def ignite_after(self, number: int) -> None:
+        """Coast to the ignition of a stage, whose thrust is misaligned in its own way."""
         super().ignite_after(number)
         self.around = self.around._replace(misalignment=self.differs.misalignment[number - 1].copy())
 
     def separate(self, number: int) -> None:
+        """Coast to the separation of a stage, which pushes."""
         super().separate(number)
         self.push(float(self.differs.separation[number - 1]))
 
@@ -93,13 +101,29 @@ class _Guided(Pilot):
         for cut in [*cuts(vehicle, number), None]:
             end = begin + (cut.after if cut is not None else _LONGEST * stage.full_burn)
             push = engine(vehicle, number, begin, self.t, end)
-            self.t, self.y, why = fly_last(self.t, end, STEP, self.y, push, self.around, cutoff)
+            why = self.burn_until(end, push, cutoff)
             if why in _OUTCOMES:
                 return _OUTCOMES[why]
             if cut is not None:
                 self.y[6] -= cut.drop
                 cutoff = cutoff._replace(empty=cutoff.empty - cut.drop)
         return DEPLETED
+
+    def burn_until(self, end: float, push: Engine, cutoff: Cutoff) -> int:
+        """Fly a piece of the last burn that ends at `end` (s) at the latest; return how it ends, as `fly_last` does."""
+        self.t, self.y, why = fly_last(self.t, end, STEP, self.y, push, self.around, cutoff)
+        return why
+
+    def fly(self) -> str:
+        """Fly from lift-off to the end of the last burn; return the outcome."""
+        for number in range(1, self.card.inserting):
+            self.stage(number)
+        return self.last_burn()
+
+
+def empty_mass(flown: VehicleAscent) -> float:
+    """Return the mass (kg) of the last stage without propellant, with what it carries."""
+    return flown.vehicle.stages[-1].dry + mass_above(flown, len(flown.vehicle.stages))
 
 
 def inject(plan: Plan, sigmas: Sigmas, navigation: Navigation = PERFECT) -> Injection:
@@ -114,11 +138,9 @@ def inject(plan: Plan, sigmas: Sigmas, navigation: Navigation = PERFECT) -> Inje
     if not np.all(np.isfinite(navigation.error)):
         return Injection(ADRIFT, np.nan, np.full(7, np.nan), np.nan, np.full(9, np.nan))
     flown = vehicle_of(plan.card, sigmas)
-    pilot = _Guided(plan, flown, deviations(plan.card, sigmas), navigation)
-    for number in range(1, flown.inserting):
-        pilot.stage(number)
-    outcome = pilot.last_burn()
-    left = float(pilot.y[6]) - flown.vehicle.stages[-1].dry - mass_above(flown, len(flown.vehicle.stages))
+    pilot = GuidedPilot(plan, flown, deviations(plan.card, sigmas), navigation)
+    outcome = pilot.fly()
+    left = float(pilot.y[6]) - empty_mass(flown)
     if outcome == INJECTED:
         pilot.push(pilot.differs.tail_off)
     return Injection(outcome, pilot.t, pilot.y, max(0.0, left), error_at(pilot.t, navigation))

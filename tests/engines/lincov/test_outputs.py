@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from lvnav_trade.engines.lincov.history import covariance, sample_outputs, solution_outputs_of
+from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.lincov.outputs import sample_outputs, solution_outputs_of
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.layout import solution_outputs
 from lvnav_trade.scenario import Scenario

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
@@ -13,12 +14,19 @@ from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.registry import metric_of
+from lvnav_trade.records import ORBIT
 from lvnav_trade.store.read import load
 from tests import synthetic
-from tests.injections import rows, with_injections
+from tests.injections import SIZES, SOURCES, law, rows, with_injections
 
 CASE = synthetic.CASES[0][0].id
 ROOT = Path(__file__).parents[3]
+
+
+class Prepared:
+    """What `CaseArrays` reads of a prepared case."""
+
+    outputs = synthetic.OUTPUTS
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +68,39 @@ def test_depletion_cutoff_and_propellant(guided):
     assert left.monte_carlo == pytest.approx(np.mean(10.0 * np.arange(6)))
 
 
-def test_linear_covariance_has_no_law_and_says_why(guided):
-    law = metric_of("injection_apogee_error").law(CaseTables(guided, CASE), {})
-    assert "linear covariance" in law
+def test_the_law_of_a_number_is_its_gaussian_with_every_source(guided):
+    found = metric_of("injection_inclination_error").law(CaseTables(guided, CASE), {})
+    k = ORBIT.index("inclination")
+    assert found.law.mean == pytest.approx([0.1 * SIZES[k]])
+    assert found.law.covariance[0, 0] == pytest.approx(sum(share**2 for share in SOURCES.values()) * SIZES[k] ** 2)
+    assert found.law.sources["thrust"][0, 0] == pytest.approx(SIZES[k] ** 2)
+    vector = metric_of("injection_eccentricity_vector_error").law(CaseTables(guided, CASE), {})
+    assert vector.law.covariance.shape == (2, 2)
+
+
+@pytest.mark.parametrize(("changes", "reason"), [
+    ({"why": "no reference flight"}, "no reference flight"),
+    ({"mean": np.append(np.zeros(7), [503.0, 8.0])}, "empty stage"),
+    ({"second_order": np.full(9, 1e4)}, "second order"),
+])  # fmt: skip
+def test_linear_covariance_says_why_it_does_not_hold(changes, reason):
+    case = CaseArrays(Prepared(), synthetic.covariance()._replace(injection=law(**changes)))
+    for name in ("injection_inclination_error", "injection_perigee_error", "depletion", "extra_propellant"):
+        assert reason in metric_of(name).law(case, {})
+
+
+def test_depletion_and_propellant_by_linear_covariance(guided):
+    case, share = CaseTables(guided, CASE), np.linalg.norm(list(SOURCES.values()))
+    wanted = norm.sf(60.0 / (5.0 * share))
+    assert metric_of("depletion").value(guided, CASE, {}, "-").true == pytest.approx(wanted)
+    assert metric_of("depletion").law(case, {}).drawn.mean() == pytest.approx(wanted, abs=1.0 / 2**15)
+    extra = metric_of("extra_propellant").law(case, {}).drawn
+    assert np.quantile(extra, 0.9987) == pytest.approx(norm.ppf(0.9987) * 5.0 * share, rel=0.01)
+    assert np.mean(extra == 0.0) == pytest.approx(0.5, abs=1e-3)
+    flown = metric_of("extra_propellant").errors(case, {}).size
+    np.testing.assert_allclose(flown[:6], 60.0 - 10.0 * np.arange(6))
+    assert np.all(np.isinf(flown[6:]))
+    assert metric_of("cutoff_time").value(guided, CASE, {}, "s").true == pytest.approx(503.0)
 
 
 def test_without_guidance_there_is_no_number(tmp_path):
@@ -76,16 +114,13 @@ def test_arrays_and_tables_have_the_same_runs(guided):
     block = synthetic.block(cov, 0, 8)._replace(injections=rows())
     summary = summarise(block, synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)
 
-    class Prepared:
-        outputs = synthetic.OUTPUTS
-
     mine = CaseArrays(Prepared(), cov, summary).injections("apogee")
     stored = CaseTables(guided, CASE).injections("apogee")
     for one, other in zip(mine, stored, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_requirement_on_the_injection_asks_for_runs_of_a_guided_ascent(tmp_path):
+def test_a_requirement_on_the_injection_asks_for_a_guided_ascent(tmp_path):
     campaign = tmp_path / "campaign.yaml"
     stated = "metric: injection_perigee_error, at: injection, probability: 0.9, below: 15 km"
     text = (ROOT / "campaigns/smoke.yaml").read_text().partition("requirements:")[0]
@@ -94,8 +129,7 @@ def test_a_requirement_on_the_injection_asks_for_runs_of_a_guided_ascent(tmp_pat
     with pytest.raises(InputError, match=r"no ascent is guided: give trajectory\.guidance"):
         load_campaign(campaign)
     load_campaign(campaign, sets=("axes=[{path: trajectory.guidance, values: [nominal, explicit]}]",))
-    with pytest.raises(InputError, match="it is known by runs alone: give monte_carlo"):
-        load_campaign(campaign, sets=("monte_carlo=null",))
+    load_campaign(campaign, sets=("base.trajectory.guidance=explicit", "monte_carlo=null"))
 
 
 def test_no_window_is_sought_around_a_number_of_the_cut_off():

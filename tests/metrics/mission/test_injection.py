@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.mission.injection import FLOWN, TOGETHER
 from lvnav_trade.records import ORBIT
 from lvnav_trade.store.read import load
 from tests import synthetic
-from tests.injections import rows, with_injections
+from tests.injections import SIZES, SOURCES, rows, with_injections
 
 
 @pytest.fixture(scope="module")
@@ -31,19 +33,32 @@ def test_the_error_is_knowledge_and_execution_with_their_correlation(guided):
     assert row.sigma**2 == pytest.approx(row.knowledge_sigma**2 + row.execution_sigma**2 + together)
 
 
-def test_the_budget_holds_navigation_and_vehicle_beside_the_runs(guided):
+def test_linear_covariance_stands_beside_the_runs(guided):
+    frame = METRICS["injection"](guided).set_index("quantity")
+    k, degrees = ORBIT.index("inclination"), 180.0 / np.pi
+    row = frame.loc["inclination"]
+    shares = np.array(list(SOURCES.values()))
+    assert row.lincov_sigma == pytest.approx(np.linalg.norm(shares) * SIZES[k] * degrees)
+    assert row.lincov_knowledge_sigma == pytest.approx(np.linalg.norm(shares[:2]) * SIZES[k] * degrees)
+    assert row.lincov_execution_sigma == pytest.approx(np.linalg.norm(shares[2:]) * SIZES[k] * degrees)
+    assert row.lincov_mean == pytest.approx(0.1 * SIZES[k] * degrees)
+    assert set(frame.reason) == {""}
+
+
+def test_the_budget_holds_every_source_beside_the_runs(guided):
     frame = METRICS["injection_sources"](guided)
     mine = frame[frame.quantity == "inclination"].set_index("source")
     k, degrees = ORBIT.index("inclination"), 180.0 / np.pi
-    navigation = rows()[:6, 3 + 2 * len(ORBIT) + k].std(ddof=1)
-    sizes = {"navigation": navigation, "thrust": 1e-3, "dry mass": 1e-4}
-    total = np.sqrt(sum(size**2 for size in sizes.values()))
-    for source, size in sizes.items():
-        assert mine.loc[source, "sigma"] == pytest.approx(size * degrees)
-        assert mine.loc[source, "share_ratio"] == pytest.approx((size / total) ** 2)
-    assert mine.loc["root sum of squares", "sigma"] == pytest.approx(total * degrees)
-    assert mine.loc["runs, all together", "sigma"] == pytest.approx(rows()[:6, 3 + k].std(ddof=1) * degrees)
-    assert mine.sigma.iloc[:3].is_monotonic_decreasing
+    total = np.linalg.norm(list(SOURCES.values()))
+    for source, share in SOURCES.items():
+        assert mine.loc[source, "sigma"] == pytest.approx(share * SIZES[k] * degrees)
+        assert mine.loc[source, "share_ratio"] == pytest.approx((share / total) ** 2)
+        assert mine.loc[source, "part"] == ("vehicle" if source in ("thrust", "dry mass") else "navigation")
+    assert mine.loc[TOGETHER, "sigma"] == pytest.approx(total * SIZES[k] * degrees)
+    assert mine.loc[FLOWN, "sigma"] == pytest.approx(rows()[:6, 3 + k].std(ddof=1) * degrees)
+    assert mine.sigma.iloc[:4].is_monotonic_decreasing
+    left = frame[frame.quantity == "propellant_left"].set_index("source")
+    assert left.loc[FLOWN, "sigma"] == pytest.approx(np.std(10.0 * np.arange(6), ddof=1))
 
 
 def test_how_runs_end_with_the_exact_interval(guided):
@@ -54,6 +69,10 @@ def test_how_runs_end_with_the_exact_interval(guided):
     assert (row.low_ratio, row.high_ratio) == (pytest.approx(0.00316, abs=1e-5), pytest.approx(0.52651, abs=1e-5))
     assert row.cutoff_s == pytest.approx(np.mean(500.0 + np.arange(6)))
     assert row.left_least_kg == 0.0
+    share = np.linalg.norm(list(SOURCES.values()))
+    assert (row.lincov_cutoff_s, row.lincov_left_kg) == (503.0, 60.0)
+    assert row.lincov_cutoff_sigma_s == pytest.approx(0.2 * share)
+    assert row.lincov_depleted_ratio == pytest.approx(norm.sf(60.0 / (5.0 * share)))
 
 
 def test_without_guidance_there_are_no_rows(tmp_path):

@@ -25,6 +25,6 @@ def plan(name: str = "two_stage_leo", guidance: str = "explicit", cutoff: str = 
 
 
 def constant_error(*, attitude: Any = (0, 0, 0), velocity: Any = (0, 0, 0), position: Any = (0, 0, 0)) -> Navigation:
-    """Return navigation errors that last, frame i."""
-    error = np.concatenate([attitude, velocity, position]).astype(float)
-    return Navigation(np.array([-60.0, 600.0]), np.stack([error, error]))
+    """Return navigation errors that last, frame i, as they are known once a second."""
+    error, t = np.concatenate([attitude, velocity, position]).astype(float), np.arange(-60.0, 601.0)
+    return Navigation(t, np.tile(error, (t.size, 1)))

@@ -12,24 +12,24 @@ from lvnav_trade.world.ascent.legs import STEP
 from lvnav_trade.world.guided import dynamics
 from lvnav_trade.world.guided.draws import deviations
 from lvnav_trade.world.guided.dynamics import Cutoff, Navigation, error_at, fly_last, fly_piece, navigated_energy
-from lvnav_trade.world.guided.runs import PERFECT, _Guided
+from lvnav_trade.world.guided.runs import PERFECT, GuidedPilot
 from tests.world.guided.cases import constant_error, plan
 
 
 @pytest.fixture
 def around():
     known = plan("two_stage_leo", "open_loop")
-    return _Guided(known, known.card, deviations(known.card, {}), PERFECT).around
+    return GuidedPilot(known, known.card, deviations(known.card, {}), PERFECT).around
 
 
-def test_errors_are_straight_between_times_and_drift_with_the_velocity_error_after_them():
+def test_an_error_stays_to_the_next_time_and_the_position_drifts_with_the_velocity_error():
     error = np.array([np.arange(9.0), np.arange(9.0) + 2.0])
     navigation = Navigation(np.array([10.0, 20.0]), error)
-    np.testing.assert_allclose(error_at(15.0, navigation), np.arange(9.0) + 1.0)
     np.testing.assert_allclose(error_at(0.0, navigation), error[0])
-    later = error[1].copy()
-    later[6:] += 5.0 * error[1, 3:6]
-    np.testing.assert_allclose(error_at(25.0, navigation), later)
+    for t, k, span in ((15.0, 0, 5.0), (20.0, 1, 0.0), (25.0, 1, 5.0)):
+        wanted = error[k].copy()
+        wanted[6:] += span * error[k, 3:6]
+        np.testing.assert_allclose(error_at(t, navigation), wanted)
 
 
 def test_the_thrust_is_turned_by_the_attitude_error_and_by_misalignments(around):

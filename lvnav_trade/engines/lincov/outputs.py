@@ -1,0 +1,115 @@
+"""Further outputs of linear covariance, behind the states: samples of the IMU, the receiver's solution, a backup."""
+
+import numpy as np
+
+from lvnav_trade.engines.lincov.components import Components
+from lvnav_trade.engines.lincov.workspace import PassResults
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.kernels.processes import profile_value
+from lvnav_trade.kernels.transition import CONSTANT
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.receivers import base as receiver
+from lvnav_trade.records import CovHistory, Floats
+
+N_SOLUTION = 8  # velocity, position, clock bias and drift of a receiver's solution
+
+
+def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, out: PassResults) -> CovHistory:
+    """Return the history with errors of the IMU's samples, raw and corrected by the estimated bias, behind the states;
+    as it is where they are not reported. The covariance between the two is not computed: it stands as zero.
+    """
+    samples = prepared.options.samples
+    if samples is None:
+        return history
+    variance = out.samples + np.tile(true.sample_noise, 2)
+    n_hist = len(history.t)
+    mean = np.zeros((n_hist, 2 * N_SAMPLE))
+    mean[:, :N_SAMPLE] = mean[:, N_SAMPLE:] = -_profiles(prepared)
+    formal = np.tile(samples.raw, (n_hist, 2))
+    for i, state in enumerate(samples.bias.tolist()):
+        if state >= 0:
+            mean[:, N_SAMPLE + i] = -out.mean[:, state]
+            formal[:, N_SAMPLE + i] = out.formal[:, state, state] + samples.variance[i]
+    return behind(history, variance, mean, _diagonal(formal), _diagonal(variance.sum(axis=1)))
+
+
+def _profiles(prepared: Prepared) -> Floats:
+    """Return the errors of samples (n_hist, 6) that are the same in every run at the history times."""
+    found, unit = np.zeros((prepared.t_hist.size, N_SAMPLE)), prepared.unit
+    units, ref = prepared.options.units, prepared.reference
+    ticks = np.clip(prepared.hist_tick - 1, 0, len(unit.dtheta) - 1)
+    for profile, code in enumerate(unit.profile_sensor.tolist()):
+        triad, sensor = divmod(code, 2)
+        solved = np.eye(3) if units is None else units.solved[units.stage[ticks], triad, sensor]
+        value = np.array([[profile_value(unit, profile, axis, t) for axis in range(3)] for t in prepared.record.t])
+        if unit.profile_driver[profile] != CONSTANT:
+            own = (ref.dtheta, ref.dvel)[sensor] if units is None else (units.dtheta, units.dvel)[sensor][triad]
+            value *= own[ticks] @ (np.eye(3) if units is None else units.frames[triad, :, 0]).T / unit.dt
+        found[:, 3 * sensor : 3 * sensor + 3] += np.einsum("...ij,...j->...i", solved, value)
+    lacking = (unit.dtheta - ref.dtheta)[ticks], (unit.dvel - ref.dvel)[ticks]
+    return found + np.hstack(lacking) / unit.dt
+
+
+def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResults) -> CovHistory:
+    """Return the history with the error of the receiver's last solution behind the rest; as it is where nothing of it
+    is reported. The covariance between the two is not computed: it stands as zero.
+    """
+    report, chain = prepared.options.report, prepared.chain
+    if report is None or chain is None:
+        return history
+    turn = _turn(prepared)
+    own = chain.own[np.maximum.accumulate(np.where(chain.solved, np.arange(len(chain.solved)), 0))]
+    last = last_epoch(prepared)
+    formal = (
+        turn @ np.concatenate([own, np.zeros((1, receiver.N_STATE, receiver.N_STATE))])[last] @ np.swapaxes(turn, 1, 2)
+    )
+    by_source = np.einsum("hij,hsjk,hlk->hsil", turn, out.receiver, turn)
+    diagonal = range(N_SOLUTION)
+    mean = np.einsum("hij,hj->hi", turn, out.receiver_mean)
+    return behind(history, by_source[:, :, diagonal, diagonal], mean, formal, by_source.sum(axis=1))
+
+
+def last_epoch(prepared: Prepared) -> np.ndarray:
+    """Return the epoch (n_hist,) that was last at each history time; -1, an entry of zeros at the end, before any."""
+    schedule = prepared.schedule
+    found = np.full(prepared.t_hist.size, -1, dtype=np.int64)
+    at = schedule.hist >= 0
+    found[schedule.hist[at]] = np.maximum.accumulate(schedule.epoch)[at]
+    return found
+
+
+def _turn(prepared: Prepared) -> Floats:
+    """Return the matrices (n_hist, 8, 11) from the error of a solution, frame i, to what is reported of it."""
+    axes = prepared.record.axes
+    turn = np.zeros((len(axes), N_SOLUTION, receiver.N_STATE))
+    turn[:, 0:3, receiver.VEL : receiver.VEL + 3] = axes
+    turn[:, 3:6, receiver.POS : receiver.POS + 3] = axes
+    turn[:, 6, receiver.BIAS] = turn[:, 7, receiver.DRIFT] = 1.0
+    return turn
+
+
+def _diagonal(variance: Floats) -> Floats:
+    return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]))
+
+
+def behind(history: CovHistory, budget: Floats, mean: Floats, formal: Floats, true: Floats) -> CovHistory:
+    """Return the history with further outputs behind: budget (n_hist, n_source, k), mean (n_hist, k), covariances
+    (n_hist, k, k).
+    """
+    k = range(mean.shape[1])
+    return history._replace(
+        formal=np.hstack([history.formal, np.sqrt(formal[:, k, k])]),
+        true_sigma=np.hstack([history.true_sigma, np.sqrt(np.maximum(0.0, true[:, k, k]))]),
+        mean=np.hstack([history.mean, mean]),
+        budget=np.concatenate([history.budget, budget], axis=2),
+        formal_cov=_bordered(history.formal_cov, formal),
+        true_cov=_bordered(history.true_cov, true),
+    )
+
+
+def _bordered(inner: Floats, outer: Floats) -> Floats:
+    """Return matrices (n_hist, n + k, n + k) of two on the diagonal."""
+    n, k = inner.shape[1], outer.shape[1]
+    full = np.zeros((len(inner), n + k, n + k))
+    full[:, :n, :n], full[:, n:, n:] = inner, outer
+    return full

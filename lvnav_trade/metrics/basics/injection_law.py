@@ -1,0 +1,56 @@
+"""Linear covariance of the injection of a guided ascent, from the tables of results."""
+
+import numpy as np
+
+from lvnav_trade.records import INJECTION, ORBIT, InjectionLaw
+from lvnav_trade.store.lookup import once, pick
+from lvnav_trade.store.read import Tables
+
+_N = len(INJECTION)
+
+
+def law_in(tables: Tables, case: str) -> InjectionLaw | None:
+    """Return linear covariance of the injection of a case; None without guidance.
+
+    Of knowledge and execution the sums over the sources are stored, which stand as those of the first source.
+    """
+    found: InjectionLaw | None = _law_in(tables, case)[0]
+    return found
+
+
+@once
+def _law_in(tables: Tables, case: str) -> list[InjectionLaw | None]:
+    return [_read(tables, case)]
+
+
+def _read(tables: Tables, case: str) -> InjectionLaw | None:
+    numbers = pick(tables.injection_expected, case=case)
+    if numbers.empty:
+        return None
+    if str(numbers.why.iloc[0]):
+        return InjectionLaw(str(numbers.why.iloc[0]))
+    reference, target, mean, second_order, knowledge, execution = (
+        numbers[f"{name}_si"].to_numpy(dtype=float)
+        for name in ("reference", "target", "mean", "second_order", "knowledge", "execution")
+    )
+    rows = pick(tables.injection_joint, case=case)
+    sources = list(dict.fromkeys(rows.source))
+    found = np.zeros((len(sources), _N, _N))
+    source = rows.source.map({name: k for k, name in enumerate(sources)}).to_numpy(dtype=int)
+    place = {name: k for k, name in enumerate(INJECTION)}
+    i, j = (rows[name].map(place).to_numpy(dtype=int) for name in ("quantity", "other_quantity"))
+    found[source, i, j] = found[source, j, i] = rows.covariance_si2.to_numpy(dtype=float)
+    of_sources = np.zeros((2, len(sources), len(ORBIT)))
+    of_sources[:, 0] = np.square([knowledge[: len(ORBIT)], execution[: len(ORBIT)]])
+    of_navigation = set(rows.source[rows.part == "navigation"])
+    return InjectionLaw(
+        reference=reference,
+        target=target[: len(ORBIT)],
+        mean=mean,
+        second_order=second_order,
+        sources=tuple(map(str, sources)),
+        n_navigation=len(of_navigation),
+        covariance=found,
+        knowledge=of_sources[0],
+        execution=of_sources[1],
+    )
