@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet"]
 
@@ -23,13 +26,40 @@ def _run(command: list[str], **options) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def installed(root, tmp_path_factory) -> Path:
-    """Folder into which the package was installed from its wheel, without its dependencies."""
+    """Folder into which the package was installed from the wheel of its source archive, without its dependencies."""
     pytest.importorskip("hatchling", reason="hatchling builds the wheel")
     wheels, target = tmp_path_factory.mktemp("wheels"), tmp_path_factory.mktemp("installed")
-    _run([*PIP, "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(wheels), str(root)])
+    _run([sys.executable, "-c", f"from hatchling.build import build_sdist; build_sdist({str(wheels)!r})"], cwd=root)
+    (source,) = wheels.glob("*.tar.gz")
+    _run([*PIP, "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(wheels), str(source)])
     (wheel,) = wheels.glob("*.whl")
     _run([*PIP, "install", "--no-deps", "--no-index", "--target", str(target), str(wheel)])
     return target
+
+
+def test_the_installed_tool_says_its_version(installed, root, tmp_path):
+    version = tomllib.loads((root / "pyproject.toml").read_text())["project"]["version"]
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    command = [sys.executable, "-c", "from lvnav_trade.cli import main; main()", "--version"]
+    assert _run(command, cwd=tmp_path, env=environment).stdout == f"lvnav-trade {version}\n"
+
+
+def test_every_file_that_states_the_version_states_the_same(root):
+    version = tomllib.loads((root / "pyproject.toml").read_text())["project"]["version"]
+    yaml = YAML(typ="safe")
+    citation = yaml.load(root / "CITATION.cff")
+    assert citation["version"] == version
+    assert f'version: "{version}"' in (root / "packaging/conda/meta.yaml").read_text()
+    changes = (root / "CHANGELOG.md").read_text()
+    assert f"## [{version}] - {citation['date-released']}" in changes
+
+
+def test_the_list_of_changes_has_at_most_ten_lines_for_a_version(root):
+    versions = re.split(r"^## ", (root / "CHANGELOG.md").read_text(), flags=re.MULTILINE)[2:]
+    assert len(versions) >= 2
+    for text in versions:
+        assert len(re.findall(r"^- ", text, re.MULTILINE)) <= 10, text[:20]
+        assert len(text.split()) < 350
 
 
 @pytest.mark.parametrize("folder", ["configs", "campaigns"])
