@@ -58,7 +58,8 @@ ORBIT = (
 )
 INJECTION = (*ORBIT, "cutoff_time", "propellant_left")
 """What is known of an injection: numbers of the achieved orbit, time of the cut-off (s), propellant left (kg)."""
-NO_INJECTIONS = np.zeros((0, 3 + 3 * len(ORBIT)))
+NO_INJECTIONS = np.zeros((0, 3 + 2 * len(ORBIT)))
+NO_LOST = np.zeros((0, 4))
 # In a decision on inertial units, what stands in the place of a channel: this for the first, one less for the next.
 FIRST_UNIT = -2
 
@@ -165,9 +166,11 @@ class RunBlock(NamedTuple):
         REASONS).
     decisions : (n_decision, 4). Fault decisions: run, time (s), kind isolated (see ISOLATED), channel excluded (-1
         none; of an IMU see FIRST_UNIT).
-    injections : (n_run, 3 + 3 n_orbit). Of guided ascents: outcome (see OUTCOMES), time (s) of the last cut-off,
+    injections : (n_run, 3 + 2 n_orbit). Of guided ascents: outcome (see OUTCOMES), time (s) of the last cut-off,
         propellant (kg) left, and of each number in ORBIT what the achieved orbit has more than the target, then what it
-        has more than the navigated one, then what the run's navigation alone makes of the vehicle of the card.
+        has more than the navigated one.
+    lost : (n_draw, 4). What the runs that do not reach their cut-off drew of the vehicle, run after run: run, number of
+        the source (see `dispersion_card.SOURCES`), number within it, draw in sigmas.
     """
 
     first_run: int
@@ -185,6 +188,7 @@ class RunBlock(NamedTuple):
     changes: Floats = NO_CHANGES
     decisions: Floats = NO_DECISIONS
     injections: Floats = NO_INJECTIONS
+    lost: Floats = NO_LOST
 
 
 class InjectionLaw(NamedTuple):

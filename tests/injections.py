@@ -19,23 +19,27 @@ from tests import synthetic
 SIZES = np.array([1e3, 2e3, 2e3, 1e-4, 1e-4, 1e-3, 2e-3])
 
 
+LOST = np.array([[6, 0, 1, -2.5], [6, 1, 0, 0.3], [6, 1, 1, -3.1], [7, 0, 0, 0.1]])
+"""Draws of the two runs that are lost: of thrust and specific impulse, by stage."""
+
+
 def rows() -> np.ndarray:
     """Return the rows of `RunBlock.injections` of eight runs."""
     draws = np.random.default_rng(4)
     outcome = [OUTCOMES.index("injected")] * 6 + [OUTCOMES.index("depleted"), OUTCOMES.index("navigation failed")]
     head = np.stack([outcome, 500.0 + np.arange(8), 10.0 * np.arange(8)], axis=1)
-    error, knowledge, navigation = draws.standard_normal((3, 8, len(ORBIT))) * SIZES
-    return np.concatenate([head, error, 0.1 * knowledge, 0.5 * navigation], axis=1)
+    error, knowledge = draws.standard_normal((2, 8, len(ORBIT))) * SIZES
+    return np.concatenate([head, error, 0.1 * knowledge], axis=1)
 
 
 def with_injections(tables: Tables) -> Tables:
     """Return results of eight runs as if the first case were guided."""
     cov = synthetic.covariance()
-    block = synthetic.block(cov, 0, 8)._replace(injections=rows())
+    block = synthetic.block(cov, 0, 8)._replace(injections=rows(), lost=LOST)
     summary = summarise(block, synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)
     case = synthetic.CASES[0][0].id
-    columns = run_columns(synthetic.OUTPUTS, summary)["injections"]
-    frames = {"injections": pd.DataFrame({"case": case, **columns})}
+    columns = run_columns(synthetic.OUTPUTS, summary)
+    frames = {name: pd.DataFrame({"case": case, **columns[name]}) for name in ("injections", "lost_vehicles")}
     expected = injection_rows(law())
     frames |= {name: pd.DataFrame([{"case": case, **row} for row in rows]) for name, rows in expected.items()}
     return tables.with_frames(**frames)

@@ -22,6 +22,7 @@ class Frames:
     integrity: pd.DataFrame  # decisions of tests for faults, run by run
     nominal_integrity: pd.DataFrame  # decisions of tests for faults by linear covariance
     injections: pd.DataFrame  # orbit that every guided run achieves
+    lost_vehicles: pd.DataFrame  # what the runs drew that do not reach their cut-off
     injection_expected: pd.DataFrame  # the same by linear covariance: mean, sigma, knowledge and execution
     injection_joint: pd.DataFrame  # covariance of its numbers by source of navigation and vehicle
     starts: pd.DataFrame  # draws at the start of every run

@@ -71,7 +71,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     windows: ("windows", "unevaluated"),
     orbit: ("orbit", "correction", "normality"),
     impact: ("impact",),
-    injection: ("injection", "injection_sources", "cutoff"),
+    injection: ("injection", "injection_sources", "cutoff", "lost"),
     inertial: ("allan", "exclusions"),
     protection: ("protection",),
     vehicle: ("motion", "nozzle", "turning", "worth"),

@@ -7,6 +7,7 @@ from lvnav_trade.report.blocks import Block, Text, few, figures, of, stated
 from lvnav_trade.report.escape import note
 from lvnav_trade.store.read import Tables
 
+_LOST_SHOWN = 10  # of a case, of the runs that do not reach their cut-off
 _LEAST_SHARE = 0.01  # of the variance, of a source that is shown
 _SHOWN = ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node", "inclination")  # on the page
 
@@ -17,6 +18,7 @@ def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     ends = METRICS["cutoff"](tables)
     spread = ends.low_ratio.map("{:.3g}".format) + " to " + ends.high_ratio.map("{:.3g}".format)
     spread = spread.where(ends.runs > 0, "-")
+    lost = METRICS["lost"](tables).groupby("case", sort=False).head(_LOST_SHOWN)
     sources = METRICS["injection_sources"](tables)
     large = sources.quantity.isin(_SHOWN) & ~(sources.share_ratio < _LEAST_SHARE)
     budget = [stated("injection_sources", sources[large])] if large.any() else []
@@ -29,6 +31,7 @@ def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         *reasons,
         *budget,
         stated("cutoff", ends.assign(interval=spread)),
+        *([stated("lost", lost)] if len(lost) else []),
         *figures(tables, "injection", guided),
         *more,
     ]

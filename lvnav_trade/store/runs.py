@@ -9,6 +9,7 @@ from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import NORM, BlockSummary, add_norms, columns
 from lvnav_trade.records import FIRST_UNIT, ISOLATED, MODES, ORBIT, OUTCOMES, REASONS, Floats, Output, RunBlock
 from lvnav_trade.store.schema import error_column, rms_column
+from lvnav_trade.world.ascent.dispersion_card import SOURCES
 
 DRAWN = ("attitude", "velocity", "position")
 """Quantities of which budget and single runs are kept over the whole flight."""
@@ -28,7 +29,7 @@ FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 def run_columns(
     outputs: tuple[Output, ...], summary: BlockSummary | None, channels: tuple[str, ...] = ()
 ) -> dict[str, dict[str, Any]]:
-    """Return the columns of `runs`, `worst`, `logic`, `integrity` and `injections` for some runs; without runs those of
+    """Return the columns of `runs`, `worst`, `logic`, `integrity`, `injections` and `lost_vehicles` for some runs; without runs those of
     the outputs, empty.
 
     `worst` has one row per run and span from an event to the next. channels: names of the filter's channels.
@@ -44,6 +45,7 @@ def run_columns(
             "logic": {},
             "integrity": {},
             "injections": {},
+            "lost_vehicles": {},
         }
     n_event, n_span = len(summary.events), summary.worst.shape[1]
     failures = np.array([FAILURES.get(int(code), f"code {code}") for code in summary.failed])
@@ -77,6 +79,7 @@ def run_columns(
         "logic": logic,
         "integrity": integrity_columns(summary.decisions, channels),
         "injections": _injection_columns(summary),
+        "lost_vehicles": _lost_columns(summary),
     }
 
 
@@ -94,8 +97,18 @@ def _injection_columns(summary: BlockSummary) -> dict[str, Any]:
         "quantity": list(ORBIT) * summary.n_run,
         "unit": [ORBIT_UNITS[name] for name in ORBIT] * summary.n_run,
         "error_si": summary.injections[:, 3 : 3 + n].ravel(),
-        "knowledge_si": summary.injections[:, 3 + n : 3 + 2 * n].ravel(),
-        "navigation_si": summary.injections[:, 3 + 2 * n :].ravel(),
+        "knowledge_si": summary.injections[:, 3 + n :].ravel(),
+    }
+
+
+def _lost_columns(summary: BlockSummary) -> dict[str, Any]:
+    """Return the columns of `lost_vehicles`: a row per draw of a run that does not reach its cut-off."""
+    run, source, number, value = summary.lost.T
+    return {
+        "run_number": run.astype(np.int64),
+        "source": np.array(SOURCES)[source.astype(int)],
+        "draw_number": number.astype(np.int64),
+        "draw_ratio": value,
     }
 
 

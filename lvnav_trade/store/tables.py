@@ -21,7 +21,7 @@ from lvnav_trade.store.runs import DRAWN, integrity_columns, run_columns, start_
 from lvnav_trade.store.schema import TABLES, arrow_schema
 
 _NAME = ("quantity", "axis", "unit")
-_OF_RUNS = ("runs", "worst", "logic", "integrity", "injections", "starts")
+_OF_RUNS = ("runs", "worst", "logic", "integrity", "injections", "lost_vehicles", "starts")
 _NORM_LIKE_CONSTANT = 1e9  # degrees of freedom of a mean square that does not vary from run to run
 
 

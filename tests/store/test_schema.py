@@ -26,6 +26,7 @@ def test_every_row_carries_the_digest_of_its_case(tmp_path):
         "turning",
         "motion",
         "injections",
+        "lost_vehicles",
         "injection_expected",
         "injection_joint",
         "spot_runs",

@@ -138,7 +138,7 @@ class CaseArrays(CaseResults):
             return None
         rows, at, n = self.summary.injections, 3 + ORBIT.index(quantity), len(ORBIT)
         outcome = np.array(OUTCOMES)[rows[:, 0].astype(int)]
-        return Injections(outcome, *rows[:, :3].T[1:], *(rows[:, at + part * n] for part in range(3)))
+        return Injections(outcome, *rows[:, :3].T[1:], *(rows[:, at + part * n] for part in range(2)))
 
     def injection_law(self) -> InjectionLaw | None:
         """Return linear covariance of the injection of a guided ascent."""

@@ -34,7 +34,7 @@ from lvnav_trade.filters.samples import new_motion
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.records import AIDING, PREDICTING, AdjointBudget, Bools, CovHistory, Floats, InjectionLaw, Ints
-from lvnav_trade.world.guided.reference import Plan
+from lvnav_trade.world.guided.reference import Plan, steering_times
 from lvnav_trade.world.guided.sensitivity import sensitivity
 
 N_MOTION = 9  # attitude, velocity and position
@@ -160,13 +160,14 @@ def _injection(prepared: Prepared, plan: Plan, tape: UpdateTape, out: PassResult
     """Return linear covariance of the injection of a guided ascent, with the tape and the results of a forward pass."""
     if has_uncorrected_outputs(prepared):
         return InjectionLaw("a mode logic decides when the outputs of the open loop are corrected")
-    by_error = sensitivity(plan, prepared.t_hist)
+    known = steering_times(plan, prepared.t_hist)
+    by_error = sensitivity(plan, prepared.t_hist[known])
     if by_error.why:
         return InjectionLaw(by_error.why)
     rows = injection_rows(by_error)
     times = np.flatnonzero(rows.any(axis=(1, 2)))
     variance = _go_back(prepared, times, rows[times], _whole(prepared), tape)[1].sum(axis=2)
-    return injection_law(by_error, source_labels(prepared), variance, out.mean[:, :N_MOTION])
+    return injection_law(by_error, source_labels(prepared), variance, out.mean[known, :N_MOTION])
 
 
 def _whole(prepared: Prepared) -> float:

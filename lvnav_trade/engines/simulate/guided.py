@@ -8,18 +8,20 @@ import numpy as np
 
 from lvnav_trade.engines.setup.prepared import Prepared
 from lvnav_trade.frames import matrices
-from lvnav_trade.records import NO_INJECTIONS, OUTCOMES, Floats
-from lvnav_trade.world.guided.draws import NO_RUN, draw
+from lvnav_trade.records import NO_INJECTIONS, NO_LOST, OUTCOMES, Floats
+from lvnav_trade.world.ascent.dispersion_card import SOURCES
+from lvnav_trade.world.guided.draws import draw
 from lvnav_trade.world.guided.dynamics import Navigation
 from lvnav_trade.world.guided.orbit import orbit_difference, orbit_of
-from lvnav_trade.world.guided.runs import Injection, inject
+from lvnav_trade.world.guided.reference import steering_times
+from lvnav_trade.world.guided.runs import INJECTED, Injection, inject
 
 _N_MOTION = 9  # outputs that every case begins with: attitude, velocity, position
 
 
-def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) -> Floats:
-    """Return the injection (n_run, 3 + 3 n_orbit) of runs, see `RunBlock.injections`; without rows where none is
-    guided.
+def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) -> tuple[Floats, Floats]:
+    """Return the injection (n_run, 3 + 2 n_orbit) of runs and the draws (n, 4) of those that are lost, see
+    `RunBlock.injections` and `RunBlock.lost`; without rows where none is guided.
 
     Parameters
     ----------
@@ -30,13 +32,19 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
     """
     plan = prepared.plan
     if plan is None:
-        return NO_INJECTIONS
-    along = in_inertial_axes(prepared, errors)
-    navigated = [Navigation(prepared.record.t, error) for error in along]
-    found = [inject(plan, draw(plan.card, seed, first_run + k), error) for k, error in enumerate(navigated)]
-    fixed = draw(plan.card, seed, NO_RUN)
-    alone = [inject(plan, fixed, error) for error in navigated]
-    return rows_of(found, alone, plan.nominal)
+        return NO_INJECTIONS, NO_LOST
+    known = steering_times(plan, prepared.record.t)
+    navigated = [Navigation(prepared.record.t[known], error[known]) for error in in_inertial_axes(prepared, errors)]
+    drawn = [draw(plan.card, seed, first_run + k) for k in range(len(navigated))]
+    found = [inject(plan, *pair) for pair in zip(drawn, navigated, strict=True)]
+    lost = [
+        (first_run + k, SOURCES.index(name), number, value)
+        for k, one in enumerate(found)
+        if one.outcome != INJECTED
+        for name, values in drawn[k].items()
+        for number, value in enumerate(values)
+    ]
+    return rows_of(found, plan.nominal), np.array(lost, dtype=float).reshape(-1, 4)
 
 
 def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
@@ -49,14 +57,11 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
     return np.concatenate([turned[:, :, None], others], axis=2).reshape(*errors.shape[:2], _N_MOTION)
 
 
-def rows_of(found: list[Injection], alone: list[Injection], nominal: Floats) -> Floats:
-    """Return the rows of `RunBlock.injections` of runs, and of flights of the undrawn vehicle with the same navigation
-    errors; the nominal state (7,) at cut-off is the target.
-    """
+def rows_of(found: list[Injection], nominal: Floats) -> Floats:
+    """Return the rows of `RunBlock.injections` of runs; the nominal state (7,) at cut-off is the target."""
     y, error = np.stack([one.y for one in found]), np.stack([one.error for one in found])
     target = orbit_of(nominal[None])[0]
     achieved, navigated = orbit_of(y), orbit_of(y[:, :6] - error[:, [6, 7, 8, 3, 4, 5]])
     head = np.array([[OUTCOMES.index(one.outcome), one.t, one.left] for one in found])
-    by_navigation = orbit_of(np.stack([one.y for one in alone]))
-    parts = ((achieved, target), (achieved, navigated), (by_navigation, target))
+    parts = ((achieved, target), (achieved, navigated))
     return np.concatenate([head, *(orbit_difference(*pair) for pair in parts)], axis=1)

@@ -283,13 +283,15 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
         if parts.units is not None and parts.units.redundant is not None:
             decisions.append(_excluded(prepared, parts.units.redundant, first, new, use_lanes))
     joined |= {name: joined[name][:, 0] for name in ("failed", "t_failed")}
+    ends, lost = injections(prepared, seed, first_run, joined["err"])
     return RunBlock(
         first_run=first_run,
         t=prepared.t_hist,
         t_epoch=prepared.t_epoch,
         changes=np.concatenate(changes),
         decisions=np.concatenate(decisions),
-        injections=injections(prepared, seed, first_run, joined["err"]),
+        injections=ends,
+        lost=lost,
         **joined,
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.simulate.sums import ErrorBins, ErrorSums, LagSums, Spans, add_errors, add_lags, count_bins
-from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, NO_INJECTIONS, Bools, Floats, Ints, Output, RunBlock
+from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, NO_INJECTIONS, NO_LOST, Bools, Floats, Ints, Output, RunBlock
 
 # Axis name of the norm of a three-axis quantity.
 NORM = "3d"
@@ -58,6 +58,7 @@ class BlockSummary(NamedTuple):
     changes : (n_change, 5). Mode changes, as in RunBlock.
     decisions : (n_decision, 4). Fault decisions, as in RunBlock.
     injections : (n_run, n). How guided ascents end, as in RunBlock; no rows without guidance.
+    lost : (n_draw, 4). Draws of the vehicles that do not reach their cut-off, as in RunBlock.
     histogram : (n_hist, n_column, N_BIN). Counts of `bins` after blocks are merged.
     """
 
@@ -90,6 +91,7 @@ class BlockSummary(NamedTuple):
     changes: Floats = NO_CHANGES
     decisions: Floats = NO_DECISIONS
     injections: Floats = NO_INJECTIONS
+    lost: Floats = NO_LOST
     histogram: NDArray[np.uint32] = NO_COUNTS
 
     @property
@@ -117,7 +119,17 @@ _SUMMED = (
     "lag_count",
 )
 _PER_RUN = ("runs", "failed", "t_failed")
-_ROWS = ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes", "decisions", "injections")
+_ROWS = (
+    "event_error",
+    "event_sigma",
+    "event_nees",
+    "worst",
+    "mean_square",
+    "changes",
+    "decisions",
+    "injections",
+    "lost",
+)
 _SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
 
 
@@ -192,6 +204,7 @@ def summarise(
         changes=block.changes,
         decisions=block.decisions,
         injections=block.injections,
+        lost=block.lost,
     )
 
 

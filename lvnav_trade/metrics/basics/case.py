@@ -91,7 +91,6 @@ class Injections(NamedTuple):
     left : (n_run,) kg. Propellant left in the last stage.
     error : (n_run,) SI. What the achieved orbit has more than the target of a number.
     knowledge : (n_run,) SI. What it has more than the navigated orbit.
-    navigation : (n_run,) SI. Error of a vehicle as on its card, with the navigation errors of the run.
     """
 
     outcome: NDArray[np.str_]
@@ -99,7 +98,6 @@ class Injections(NamedTuple):
     left: Floats
     error: Floats
     knowledge: Floats
-    navigation: Floats
 
     @property
     def injected(self) -> Bools:

@@ -111,9 +111,9 @@ class CaseTables(CaseResults):
         rows = pick(self.tables.injections, case=self.case, quantity=quantity)
         if rows.empty:
             return None
-        names = ("t_s", "propellant_left_kg", "error_si", "knowledge_si", "navigation_si")
-        t, left, error, knowledge, navigation = (rows[name].to_numpy(dtype=float) for name in names)
-        return Injections(rows.outcome.to_numpy(dtype=str), t, left, error, knowledge, navigation)
+        names = ("t_s", "propellant_left_kg", "error_si", "knowledge_si")
+        t, left, error, knowledge = (rows[name].to_numpy(dtype=float) for name in names)
+        return Injections(rows.outcome.to_numpy(dtype=str), t, left, error, knowledge)
 
     def injection_law(self) -> InjectionLaw | None:
         """Return linear covariance of the injection of a guided ascent."""

@@ -9,6 +9,7 @@ from lvnav_trade.metrics.basics.probability import success_bounds
 from lvnav_trade.metrics.mechanics.injection import APSIDES, apsis_errors, near_circular, share_depleted, why_no_law
 from lvnav_trade.records import INJECTION as NUMBERS
 from lvnav_trade.records import ORBIT, OUTCOMES, Floats, InjectionLaw
+from lvnav_trade.store.lookup import pick
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.runs import INJECTION_UNITS, ORBIT_UNITS
 
@@ -51,6 +52,8 @@ CUTOFF = [
     "lincov_left_kg",
     "lincov_left_sigma_kg",
 ]
+LOST = ["case", "run_number", "outcome", "t_s", "draws"]
+_SHOWN_DRAWS = 4
 LABELS = {
     "m": ("km", 1e-3),
     "rad": ("deg", 180.0 / np.pi),
@@ -178,6 +181,25 @@ def _expected_end(law: InjectionLaw | None) -> tuple[float, ...]:
     at = [NUMBERS.index(name) for name in ("cutoff_time", "propellant_left")]
     ends = [(float(law.mean[k]), float(np.sqrt(law.covariance[:, k, k].sum()))) for k in at]
     return share_depleted(law), *ends[0], *ends[1]
+
+
+def lost(tables: Tables) -> pd.DataFrame:
+    """Return the runs of guided ascents that do not reach their cut-off: how and when they end, and the largest draws
+    of their vehicle in sigmas, by source and number.
+    """
+    rows = []
+    for case, label in tables.labels.items():
+        ends = pick(tables.injections, case=case, quantity=ORBIT[0])
+        drawn = pick(tables.lost_vehicles, case=case)
+        for run in ends[ends.outcome != OUTCOMES[0]].itertuples():
+            mine = drawn[drawn.run_number == run.run_number]
+            largest = mine.iloc[np.argsort(-mine.draw_ratio.abs(), kind="stable")[:_SHOWN_DRAWS]]
+            named = [
+                f"{one.source.replace('_', ' ')} {one.draw_number + 1}: {one.draw_ratio:+.1f}"
+                for one in largest.itertuples()
+            ]
+            rows.append((label, run.run_number, run.outcome, float(run.t_s), ", ".join(named)))
+    return pd.DataFrame(rows, columns=LOST)
 
 
 def _moments(values: Floats) -> tuple[float, float]:

@@ -48,6 +48,15 @@ class Plan(NamedTuple):
     spreads: tuple[tuple[str, float], ...] = ()
 
 
+def steering_times(plan: Plan, t: Floats) -> slice:
+    """Return which of the times (n,) of a nominal flight guidance has navigation errors from: those to its cut-off.
+
+    A flight that burns on after the nominal cut-off keeps the errors of it: those of the nominal flight are then of a
+    vehicle without thrust.
+    """
+    return slice(0, int(np.searchsorted(t, plan.cutoff + 1e-6, side="right")))
+
+
 def plan_of(card: VehicleAscent) -> Plan:
     """Return what guidance knows of an ascent; InputError where its vehicle does not reach the target."""
     how, spreads = card.dispersion, card.vehicle.dispersions

@@ -14,6 +14,10 @@ from lvnav_trade.engines.setup.prepare import prepare
 from lvnav_trade.engines.simulate.guided import in_inertial_axes
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.records import INJECTION, NO_INJECTIONS, ORBIT
+from lvnav_trade.world.guided.dynamics import Navigation
+from lvnav_trade.world.guided.orbit import orbit_difference, orbit_of
+from lvnav_trade.world.guided.reference import steering_times
+from lvnav_trade.world.guided.runs import inject
 from lvnav_trade.world.guided.sensitivity import sensitivity
 from tests.building import loaded
 
@@ -42,9 +46,22 @@ def case(vehicle="electron_leo", guidance="explicit", runs=RUNS, filter_card="ti
 
 
 def parts(block):
-    """Return error, knowledge, and error by navigation alone (3, n_run, n_orbit) of the runs that are injected."""
+    """Return error and knowledge (2, n_run, n_orbit) of the runs that are injected."""
     rows = block.injections[block.injections[:, 0] == 0]
-    return np.moveaxis(rows[:, 3:].reshape(-1, 3, len(ORBIT)), 1, 0)
+    return np.moveaxis(rows[:, 3:].reshape(-1, 2, len(ORBIT)), 1, 0)
+
+
+def derivatives(prepared):
+    """Return the derivatives of an injection by the navigation errors that guidance has."""
+    return sensitivity(prepared.plan, prepared.t_hist[steering_times(prepared.plan, prepared.t_hist)])
+
+
+def by_navigation(prepared, block):
+    """Return the error (n_run, n_orbit) of vehicles of which nothing is drawn, with the navigation errors of runs."""
+    plan, errors = prepared.plan, in_inertial_axes(prepared, block.err)
+    known = steering_times(plan, prepared.record.t)
+    flown = [inject(plan, {}, Navigation(prepared.record.t[known], one[known])).y for one in errors]
+    return orbit_difference(orbit_of(np.stack(flown)), orbit_of(plan.nominal[None])[0])
 
 
 def within(spread, sigma, n, n_test):
@@ -56,18 +73,18 @@ def within(spread, sigma, n, n_test):
 def test_the_injection_of_each_run_is_that_of_its_navigation_errors_to_first_order():
     """No statistics: what a run's navigation errors do to the vehicle of the card is a sum over its flight."""
     prepared, _, block = case()
-    found = sensitivity(prepared.plan, prepared.t_hist)
-    errors = in_inertial_axes(prepared, block.err)
+    found = derivatives(prepared)
+    errors = in_inertial_axes(prepared, block.err)[:, : len(found.navigation)]
     expected = np.einsum("kne,rke->rn", found.navigation, errors)[:, : len(ORBIT)]
     off = found.reference[: len(ORBIT)] - found.target
-    flown = parts(block)[2] - off
+    flown = by_navigation(prepared, block) - off
     for k in LINEAR:
         assert np.std(flown[:, k] - expected[:, k]) < 0.1 * np.std(expected[:, k]), ORBIT[k]
 
 
 def test_both_engines_agree_on_the_injection():
-    _, history, block = case()
-    law, (error, knowledge, navigation) = history.injection, parts(block)
+    prepared, history, block = case()
+    law, (error, knowledge), navigation = history.injection, parts(block), by_navigation(prepared, block)
     assert len(error) == RUNS
     total = np.sqrt(np.einsum("snn->n", law.covariance))
     of_navigation = np.sqrt(np.einsum("snn->n", law.covariance[: law.n_navigation]))[: len(ORBIT)]
@@ -106,22 +123,22 @@ def test_the_covariance_by_source_sums_to_that_of_each_pair_of_numbers():
 
 def _vehicle():
     prepared, _, _ = case()
-    return sensitivity(prepared.plan, prepared.t_hist).vehicle
+    return derivatives(prepared).vehicle
 
 
 def test_a_variance_of_sums_gives_back_a_covariance_that_is_known():
     """Errors (9,) at one time with a known covariance, through the rows and back."""
     prepared, _, _ = case()
-    found = sensitivity(prepared.plan, prepared.t_hist)
+    found = derivatives(prepared)
     draws = np.random.default_rng(3)
     root = draws.standard_normal((9, 9)) * np.array([1e-5] * 3 + [0.05] * 3 + [5.0] * 3)[:, None]
-    k = prepared.t_hist.size // 2
+    k = len(found.navigation) // 2
     rows = injection_rows(found)[k]
     law = injection_law(
         found._replace(vehicle=(), curvature=np.zeros((0, len(INJECTION)))),
         ("one",),
         np.sum((rows @ root) ** 2, axis=1)[:, None],
-        np.zeros((prepared.t_hist.size, 9)),
+        np.zeros((len(found.navigation), 9)),
     )
     wanted = found.navigation[k] @ root @ root.T @ found.navigation[k].T
     scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
@@ -153,7 +170,7 @@ def test_navigation_is_the_same_with_and_without_the_injection():
 def test_both_engines_agree_on_three_vehicles(vehicle, aided, guidance):
     """500 runs, family-wise; numbers that act to second order, or deplete, are said to do so first."""
     _, history, block = case(vehicle, guidance, 500, "tight_extended", aided)
-    law, (error, knowledge, _) = history.injection, parts(block)
+    law, (error, knowledge) = history.injection, parts(block)
     sigma = np.sqrt(np.einsum("snn->n", law.covariance))
     usable = [k for k in LINEAR if law.second_order[k] <= 0.3 * sigma[k]]
     assert len(usable) >= 3

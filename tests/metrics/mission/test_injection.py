@@ -75,6 +75,13 @@ def test_how_runs_end_with_the_exact_interval(guided):
     assert row.lincov_depleted_ratio == pytest.approx(norm.sf(60.0 / (5.0 * share)))
 
 
+def test_lost_runs_are_listed_with_their_largest_draws(guided):
+    empty, adrift = METRICS["lost"](guided).itertuples()
+    assert (empty.run_number, empty.outcome, empty.t_s) == (6, "depleted", 506.0)
+    assert empty.draws == "specific impulse 2: -3.1, thrust 2: -2.5, specific impulse 1: +0.3"
+    assert (adrift.run_number, adrift.draws) == (7, "thrust 1: +0.1")
+
+
 def test_without_guidance_there_are_no_rows(tmp_path):
     plain = load(synthetic.results(tmp_path / "plain", n_run=4, size=4))
     assert METRICS["injection"](plain).empty
