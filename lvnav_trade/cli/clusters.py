@@ -50,7 +50,7 @@ def merge(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> Answer:
-    """Put the shards of a campaign together.
+    """Combine the shards of a campaign.
 
     Tables and report are those of the campaign in one piece.
     """

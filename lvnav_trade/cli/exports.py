@@ -26,9 +26,9 @@ def export_vectors(
     sets: Sets = None,
     case: CaseOf = None,
     run: Annotated[int, typer.Option("--run", metavar="RUN", help="number of the run, from 0")] = 0,
-    kind: Annotated[TableFormat, typer.Option("--format", help="of the tables")] = TableFormat.CSV,
+    kind: Annotated[TableFormat, typer.Option("--format", help="format of the tables")] = TableFormat.CSV,
 ) -> Answer:
-    """Write inputs and expected outputs of a filter, by epoch.
+    """Write inputs and expected outputs of a filter.
 
     Another implementation of the filter is tested against them: IMU samples, measurements, satellites; estimates and
     covariance before and after the measurements of every epoch. columns.csv states the units.
@@ -50,7 +50,7 @@ def export_filter(
     runs: Annotated[int, typer.Option("--runs", help="runs that are recorded and replayed; 0: the C alone")] = 10,
     quiet: Quiet = False,
 ) -> Answer:
-    """Write the filter of a case as C99, without allocation.
+    """Write the filter of a case as C99.
 
     Runs are recorded beside it and replayed, where this machine has a C compiler (CC, cc, gcc, clang). Each estimate
     should be that of the simulation to 1e-9 of its size.

@@ -39,7 +39,7 @@ def fit_unit(
         bool, typer.Option("--count-rows", help="time stamps of a host scatter: take the rows as evenly spaced")
     ] = False,
 ) -> Answer:
-    """Fit an IMU card to a log of the unit at rest.
+    """Fit an IMU card to a log of the IMU at rest.
 
     Overlapping Allan variance by axis: quantisation, white noise, bias instability, rate random walk, with intervals.
     """

@@ -57,14 +57,12 @@ def schedule_gains(
     out: Card,
     sets: Sets = None,
     case: CaseOf = None,
-    by: Annotated[
-        Literal["event", "time"], typer.Option("--by", help="what the gains are counted from in flight")
-    ] = "event",
+    by: Annotated[Literal["event", "time"], typer.Option("--by", help="reference of the gains in flight")] = "event",
     tolerance: Annotated[
-        float, typer.Option("--tolerance", help="between knots, as a share of each gain's largest size")
+        float, typer.Option("--tolerance", help="between knots, relative to each gain's largest magnitude")
     ] = 0.02,
 ) -> Answer:
-    """Write a filter's gains on the nominal flight as a card.
+    """Write the gains of a filter as a card.
 
     Another filter replays them: filter.gains.
     """
@@ -83,9 +81,9 @@ def report(
         Path | None,
         typer.Option("--keep", metavar="DIR", help="write the Markdown report, PNG figures and CSV tables here"),
     ] = None,
-    no_tables: Annotated[bool, typer.Option("--no-tables", help="--keep leaves out the CSV tables")] = False,
-    figures: Annotated[bool, typer.Option("--figures", help="write PNG and SVG figures beside the report too")] = False,
-    brief: Annotated[bool, typer.Option("--brief", help="write brief.html too, for at most ten sheets of A4")] = False,
+    no_tables: Annotated[bool, typer.Option("--no-tables", help="with --keep: omit the CSV tables")] = False,
+    figures: Annotated[bool, typer.Option("--figures", help="also write PNG and SVG figures")] = False,
+    brief: Annotated[bool, typer.Option("--brief", help="also write brief.html, at most ten sheets of A4")] = False,
 ) -> Answer:
     """Build the report again from results."""
     from lvnav_trade import api
@@ -109,7 +107,7 @@ def compare(
         float | None, typer.Option("--confidence", help="confidence of the verdicts [default: 0.95]")
     ] = None,
     maps: Annotated[
-        list[str] | None, typer.Option("--map", metavar="BASE:CANDIDATE", help="cases or levels of other names")
+        list[str] | None, typer.Option("--map", metavar="BASE:CANDIDATE", help="cases or levels with another name")
     ] = None,
     md: Annotated[Path | None, typer.Option("--md", metavar="FILE", help="write the comparison in Markdown")] = None,
     junit: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="write JUnit XML")] = None,
@@ -133,7 +131,7 @@ def keep_base(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
     target: Annotated[Path, typer.Argument(metavar="DIR", help="where, such as a folder of the repository")],
 ) -> Answer:
-    """Copy what `compare` needs from results.
+    """Save what `compare` needs from results.
 
     Runs and events, some hundred kilobytes.
     """
@@ -146,11 +144,11 @@ def keep_base(
 def kml(
     source: Annotated[str, typer.Argument(metavar="CARD|RESULTS", help="trajectory card, or folder of results")],
     out: Annotated[Path, file_option("file to write")],
-    ellipses: Annotated[bool, typer.Option("--ellipses", help="draw 3-sigma position errors, of results")] = False,
+    ellipses: Annotated[bool, typer.Option("--ellipses", help="draw 3-sigma position ellipses of results")] = False,
     every: Annotated[float, typer.Option("--every", help="seconds between ellipses")] = 60.0,
-    magnify: Annotated[float, typer.Option("--magnify", help="draw ellipses so many times as large")] = 1.0,
+    magnify: Annotated[float, typer.Option("--magnify", help="magnification of the ellipses")] = 1.0,
 ) -> Answer:
-    """Write trajectories as KML, for viewers of the Earth."""
+    """Write trajectories as KML for Earth viewers."""
     from lvnav_trade import api
 
     written = str(api.kml(source, out, ellipses, every, magnify))
@@ -165,7 +163,7 @@ def export_trajectory(
     case: CaseOf = None,
     rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="rows per second")] = 10.0,
 ) -> Answer:
-    """Write a flight as a CSV file and its card.
+    """Write a trajectory as a CSV file with its card.
 
     The columns are those of trajectories/example_table; the events are in the card. The file is flown again and the
     difference printed.
@@ -182,11 +180,11 @@ def export_trajectory(
 @verb("my_vehicle --from flight.csv")
 def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="folder of the new campaign")],
-    file: Annotated[Path, typer.Option("--from", metavar="FILE", help="rows of your flight, CSV or Parquet")],
+    file: Annotated[Path, typer.Option("--from", metavar="FILE", help="your trajectory, CSV or Parquet")],
     epoch: Annotated[str | None, typer.Option("--epoch", help="lift-off, UTC, such as 2027-02-01T12:00:00Z")] = None,
     time: Annotated[str | None, typer.Option("--time", metavar="COLUMN", help="column of time, else guessed")] = None,
 ) -> Answer:
-    """Write a first campaign around a flight of your own.
+    """Write a first campaign for your trajectory file.
 
     Columns, units, frames and events are guessed; the card says why, line by line. No file is overwritten.
     """

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 CaseOf = Annotated[
     str | None,
-    typer.Option("--case", metavar="CASE", help="one case alone: its digest, the beginning of it, or its label"),
+    typer.Option("--case", metavar="CASE", help="only this case: its digest, the beginning of it, or its label"),
 ]
 Strict = Annotated[
-    bool, typer.Option("--strict", help="exit code 2 where the runs cannot show a requirement, however good they are")
+    bool, typer.Option("--strict", help="exit code 2 if there are too few runs to demonstrate a requirement")
 ]
 _LISTED = 20  # most cases that `plan` shows one by one
 VERDICTS = ("passed", "failed", "not checked")
@@ -38,23 +38,25 @@ def run(
     out: Out = None,
     case: CaseOf = None,
     jobs: Jobs = -1,
-    fresh: Annotated[bool, typer.Option("--fresh/--resume", help="begin again, or go on with what is there")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh/--resume", help="start again, or resume")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="stop at the first failed run")] = False,
     report: Annotated[bool, typer.Option("--report/--no-report", help="build the report at the end")] = True,
     shard: Annotated[
         str | None,
-        typer.Option("--shard", metavar="I/N", help="do share I of N, for a batch system; `merge` puts all together"),
+        typer.Option("--shard", metavar="I/N", help="compute share I of N for a batch system; `merge` combines them"),
     ] = None,
-    backend: Annotated[Backend, typer.Option("--backend", help="what does the work")] = Backend.PROCESSES,
+    backend: Annotated[Backend, typer.Option("--backend", help="workers to use")] = Backend.PROCESSES,
     scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="of Dask [default: a cluster of this machine]")
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler [default: a cluster on this machine]"),
     ] = None,
     prefer: Annotated[
         list[str] | None,
         typer.Option("--prefer", metavar="NAME", help="rank cases by cost, mass, power, volume or error; repeatable"),
     ] = None,
     copy_to: Annotated[
-        str, typer.Option("--copy-to", metavar="URL", help="copy results to such as s3://bucket/demo (fsspec)")
+        str,
+        typer.Option("--copy-to", metavar="URL", help="copy results to a location such as s3://bucket/demo (fsspec)"),
     ] = "",
     quiet: Quiet = False,
     as_json: Json = False,
@@ -134,7 +136,7 @@ def selfcheck(
     jobs: Jobs = -1,
     quiet: Quiet = False,
 ) -> Answer:
-    """Check the configuration of every case by itself.
+    """Check the consistency of every case.
 
     Error definitions, Jacobians against differences, linear against nonlinear propagation over gaps, innovations and
     gate, statistics of the draws. Exit code 0 all passed, 1 one failed, 2 a mistake in the campaign.
@@ -158,7 +160,7 @@ def replay(
     sets: Sets = None,
     out: Out = None,
 ) -> Answer:
-    """Repeat one run, bit for bit, and keep every step."""
+    """Repeat one run bit for bit and save every step."""
     from lvnav_trade import api
 
     found = api.replay(source, case, number, sets or (), out)
@@ -230,7 +232,7 @@ def _noun(sentence: str) -> str:
 @verb("imu --long")
 def cards(
     name: Annotated[str | None, typer.Argument(metavar="CARD", help="show this card, or list this folder")] = None,
-    long: Annotated[bool, typer.Option("--long", help="with the source of the numbers")] = False,
+    long: Annotated[bool, typer.Option("--long", help="show the source of the numbers")] = False,
 ) -> Answer:
     """List all cards, those of a folder, or show one."""
     from lvnav_trade import api
@@ -279,11 +281,11 @@ def study(
         str,
         typer.Argument(metavar="DIR", help="folder with campaigns and a study.yaml, or one of the tool's"),
     ],
-    keep: Annotated[Path, typer.Option("--keep", metavar="DIR", help="where the study's report goes")],
-    runs: Annotated[int | None, typer.Option("--runs", help="runs per case, in place of the campaigns' own")] = None,
+    keep: Annotated[Path, typer.Option("--keep", metavar="DIR", help="folder of the study's report")],
+    runs: Annotated[int | None, typer.Option("--runs", help="runs per case, instead of the campaigns' numbers")] = None,
     out: Annotated[Path | None, folder_option("the results", "results/DIR")] = None,
-    fresh: Annotated[bool, typer.Option("--fresh/--resume", help="begin again, or go on with what is there")] = False,
-    only_page: Annotated[bool, typer.Option("--only-page", help="make the report from existing results")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh/--resume", help="start again, or resume")] = False,
+    only_page: Annotated[bool, typer.Option("--only-page", help="only make the report, from existing results")] = False,
     jobs: Jobs = -1,
     quiet: Quiet = False,
     as_json: Json = False,

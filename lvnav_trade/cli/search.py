@@ -29,7 +29,7 @@ def solve(
     out: Page = None,
     jobs: Jobs = -1,
 ) -> Answer:
-    """Find the largest value that suffices, or cheapest case.
+    """Find the largest sufficient value or the cheapest case.
 
     By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. What is
     varied stands in the campaign (solve: ...) unless --vary states it.

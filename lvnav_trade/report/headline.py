@@ -19,28 +19,33 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
         return []
     rows = frame[evidence(frame)]
     kinds = (
-        (rows.published.notna(), "numbers are in their band, and single flights of them among ours"),
+        (rows.published.notna(), "numbers are within their band (single runs: among ours)"),
         (rows.published.isna(), "orders and statements on innovations are as published"),
     )
     each = [f"{int(held(rows[kind]).sum())} of {int(kind.sum())} {what}" for kind, what in kinds if kind.any()]
-    lines = [f"Of {len(rows)} published rows that no input decides, {int(held(rows).sum())} hold: {'; '.join(each)}."]
+    lines = [
+        f"Of {len(rows)} published results that are not fixed by our inputs, {int(held(rows).sum())} are reproduced: "
+        f"{'; '.join(each)}."
+    ]
     if (by := fitted(rows)).any():
         withheld = rows[~by & rows.published.notna()]
         lines.append(
-            f"Settings were searched for by {int(by.sum())} of the numbers, of which {int(held(rows[by]).sum())} hold; "
-            f"of the {len(withheld)} that the search did not see, {int(held(withheld).sum())}."
+            f"Settings were fitted to {int(by.sum())} of the numbers; {int(held(rows[by]).sum())} of these are "
+            f"reproduced, and {int(held(withheld).sum())} of the {len(withheld)} numbers withheld from the fit."
         )
     edge = int((rows.in_band.astype(bool) & at_an_edge(rows)).sum())
     if edge:
         points = " % or ".join(f"{point:g}" for point in EDGES)
-        lines.append(f"Rows in their band whose published flight is at or beyond the {points} % point of ours: {edge}.")
+        lines.append(
+            f"Results within their band whose published run is at or beyond the {points} % quantile of ours: {edge}."
+        )
     mine = frame[own(frame)]
     if repeated := len(frame) - len(rows) - len(mine):
-        lines.append(f"Rows that repeat an input, and are not counted: {repeated}.")
+        lines.append(f"Results that repeat an input and are not counted: {repeated}.")
     if len(mine):
         lines.append(
-            f"Rows of which the statement or its bound is not published, and which are not counted: {len(mine)}, of "
-            f"which {int(held(mine).sum())} hold."
+            f"Results without a published statement or bound, which are not counted: {len(mine)}; "
+            f"{int(held(mine).sum())} of them hold."
         )
     failing = rows[~held(rows)]
     if statements is not None:

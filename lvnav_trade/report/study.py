@@ -109,7 +109,7 @@ def _answer(study: Study, answered: Sequence[Answered], every: pd.DataFrame, scr
     blocks.append(table(pd.DataFrame([_line(one, every) for one in answered]), "The campaigns of this study."))
     numbers = frame[frame.published.notna() & evidence(frame)]
     if len(numbers):
-        blocks.append(Picture("ratios", ratios(numbers), "All published numbers that no input decides, at once."))
+        blocks.append(Picture("ratios", ratios(numbers), "All published numbers that are not fixed by our inputs."))
     return Section("answer", "Answer", [*blocks, *those_that_fail(frame)])
 
 

@@ -33,10 +33,10 @@ def test_the_first_lines_count_evidence_edges_and_inputs() -> None:
     assert isinstance(text, Text)
     assert isinstance(important, Table)
     assert text.text == (
-        "Of 6 published rows that no input decides, 2 hold: 1 of 5 numbers are in their band, and single flights of "
-        "them among ours; 1 of 1 orders and statements on innovations are as published. Rows in their band whose "
-        "published flight is at or beyond the 1 % or 99 % point of ours: 1. Rows that repeat an input, and are not "
-        "counted: 1."
+        "Of 6 published results that are not fixed by our inputs, 2 are reproduced: 1 of 5 numbers are within their "
+        "band (single runs: among ours); 1 of 1 orders and statements on innovations are as published. Results within "
+        "their band whose published run is at or beyond the 1 % or 99 % quantile of ours: 1. Results that repeat an "
+        "input and are not counted: 1."
     )
     assert [row[0] for row in important.rows] == ["main", "far", "out"]
     assert [row[-1] for row in important.rows] == ["why main", "why far", "why out"]
@@ -49,7 +49,7 @@ def test_a_statement_that_does_not_hold_may_be_the_most_important() -> None:
     text, important = headline(ROWS, ("said", "main"), said)
     assert isinstance(text, Text)
     assert isinstance(important, Table)
-    assert text.text.startswith("Of 6 published rows")  # statements are counted in a line of their own
+    assert text.text.startswith("Of 6 published results")  # statements are counted in a line of their own
     assert [row[0] for row in important.rows] == ["said", "main", "far"]
 
 
@@ -57,7 +57,10 @@ def test_numbers_that_settings_were_searched_for_by_are_counted_apart() -> None:
     rows = pd.DataFrame([_row("a", 1.0, fitted=True), _row("b", 9.0, fitted=True), _row("c", 1.0)], columns=COLUMNS)
     text = headline(rows, ())[0]
     assert isinstance(text, Text)
-    assert "searched for by 2 of the numbers, of which 1 hold; of the 1 that the search did not see, 1." in text.text
+    assert (
+        "fitted to 2 of the numbers; 1 of these are reproduced, and 1 of the 1 numbers withheld from the fit."
+        in text.text
+    )
 
 
 def test_rows_that_are_not_published_are_counted_apart_and_have_a_table() -> None:
@@ -65,9 +68,9 @@ def test_rows_that_are_not_published_are_counted_apart_and_have_a_table() -> Non
     rows = pd.concat([ROWS, pd.DataFrame(mine, columns=COLUMNS)], ignore_index=True)
     text = headline(rows, ("limit of ours",))[0]
     assert isinstance(text, Text)
-    assert text.text.startswith("Of 6 published rows that no input decides, 2 hold")
-    assert "Rows that repeat an input, and are not counted: 1." in text.text
-    assert text.text.endswith("is not published, and which are not counted: 2, of which 1 hold.")
+    assert text.text.startswith("Of 6 published results that are not fixed by our inputs, 2 are reproduced")
+    assert "Results that repeat an input and are not counted: 1." in text.text
+    assert text.text.endswith("which are not counted: 2; 1 of them hold.")
     assert [row[0] for row in headline(rows, ("limit of ours",))[1].rows] == ["far", "out", "main"]
     tables = those_that_fail(rows)
     assert [[row[0] for row in one.rows] for one in tables[1:]] == [["input"], ["bound of ours", "limit of ours"]]
