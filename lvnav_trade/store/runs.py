@@ -29,8 +29,8 @@ FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 def run_columns(
     outputs: tuple[Output, ...], summary: BlockSummary | None, channels: tuple[str, ...] = ()
 ) -> dict[str, dict[str, Any]]:
-    """Return the columns of `runs`, `worst`, `logic`, `integrity`, `injections` and `lost_vehicles` for some runs; without runs those of
-    the outputs, empty.
+    """Return the columns of `runs`, `worst`, `logic`, `integrity`, `injections` and `lost_vehicles` for some runs;
+    without runs those of the outputs, empty.
 
     `worst` has one row per run and span from an event to the next. channels: names of the filter's channels.
     """
