@@ -91,5 +91,5 @@ CSV = (
     "tested_errors", "curves", "crossings", "tornado", "designs", "effects", "swings", "regions", "totals", "pareto",
     "motion", "nozzle", "turning", "allan",
     "protection", "exclusions", "assumptions", "configuration", "injection",
-    "injection_sources", "cutoff",
+    "injection_sources", "cutoff", "lost",
 )  # fmt: skip
