@@ -11,6 +11,7 @@ from pathlib import Path
 
 _LOG = logging.getLogger("lvnav_trade.kernels")
 _VARIABLE, _MARK = "NUMBA_CACHE_DIR", "kernels-"
+_PLAIN = "LVNAV_TRADE_PLAIN_NUMBA"
 
 
 def source_digest(package: Path) -> str:
@@ -26,6 +27,13 @@ def source_digest(package: Path) -> str:
     return digest.hexdigest()[:16]
 
 
+def is_plain() -> bool:
+    """Whether numba compiles by its own classes alone (LVNAV_TRADE_PLAIN_NUMBA=1). A first run waits for twice as long;
+    the numbers are the same.
+    """
+    return os.environ.get(_PLAIN, "0") != "0"
+
+
 def set_cache_folder() -> None:
     """Point numba at the folder of this version of the kernels, before numba is first imported.
 
@@ -36,7 +44,8 @@ def set_cache_folder() -> None:
     if Path(given).name.startswith(_MARK):
         return
     checked = "checked-" if os.environ.get("NUMBA_BOUNDSCHECK", "0") != "0" else ""  # numba's files do not say
-    name = f"{_MARK}{checked}{source_digest(Path(__file__).resolve().parents[1])}"
+    plain = "plain-" if is_plain() else ""
+    name = f"{_MARK}{plain}{checked}{source_digest(Path(__file__).resolve().parents[1])}"
     root = _usual_root(given)
     folder = root / name
     why = _refusal(folder) if root.is_absolute() else "there is no home folder"
@@ -50,6 +59,12 @@ def set_cache_folder() -> None:
             _VARIABLE,
         )
     os.environ[_VARIABLE] = str(folder)
+
+
+def is_filled() -> bool:
+    """Whether there are compiled kernels of this version, or nothing is compiled: a campaign begins at once."""
+    is_interpreted = os.environ.get("NUMBA_DISABLE_JIT", "0") != "0"
+    return is_interpreted or any(Path(os.environ.get(_VARIABLE, "")).glob("*/*.nbi"))
 
 
 def _usual_root(given: str) -> Path:

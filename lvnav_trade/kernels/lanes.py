@@ -17,7 +17,7 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, overload, overload_attribute
+from numba.extending import intrinsic, lower_builtin, overload, overload_attribute, type_callable
 
 from lvnav_trade.kernels.vector import WIDTH, Lane, LaneView, as_vector, f64x8, mask8, u64x8
 
@@ -121,49 +121,48 @@ def _index_count(index):
     return len(index.types) if isinstance(index, types.BaseTuple) else 1
 
 
-@intrinsic
-def _get(typingctx, lane_view, index):
-    ndim = lane_view.ndim - _index_count(index)
-    found = LaneView(lane_view.item, ndim) if ndim else lane_view.item
+@type_callable(operator.getitem)
+def _type_of_element(context):
+    def element(v, index):
+        if not isinstance(v, LaneView) or not 0 < _index_count(index) <= v.ndim:
+            return None
+        ndim = v.ndim - _index_count(index)
+        return LaneView(v.item, ndim) if ndim else v.item
 
-    def codegen(context, builder, sig, args):
-        data, shape = _find(context, builder, lane_view, args[0], index, args[1])
-        if ndim:
-            target = _proxy(context, builder, found)
-            target.data, target.shape = data, cgutils.pack_array(builder, shape)
-            return target._getvalue()
-        value = builder.load(builder.bitcast(data, context.get_value_type(found).as_pointer()))
-        value.align = 8
-        return value
-
-    return found(lane_view, index), codegen
+    return element
 
 
-@intrinsic
-def _set(typingctx, lane_view, index, value):
-    def codegen(context, builder, sig, args):
-        data, _ = _find(context, builder, lane_view, args[0], index, args[1])
-        vector = as_vector(context, builder, value, args[2], lane_view.item)
-        builder.store(vector, builder.bitcast(data, vector.type.as_pointer())).align = 8
-        return context.get_dummy_value()
-
-    return types.void(lane_view, index, value), codegen
-
-
-@overload(operator.getitem)
-def _getitem(v, index):
-    if isinstance(v, LaneView) and _index_count(index) <= v.ndim:
-        return lambda v, index: _get(v, index)
-    return None
+@lower_builtin(operator.getitem, LaneView, types.Integer)
+@lower_builtin(operator.getitem, LaneView, types.BaseTuple)
+def _get(context, builder, sig, args):
+    data, shape = _find(context, builder, sig.args[0], args[0], sig.args[1], args[1])
+    if shape:
+        target = _proxy(context, builder, sig.return_type)
+        target.data, target.shape = data, cgutils.pack_array(builder, shape)
+        return target._getvalue()
+    value = builder.load(builder.bitcast(data, context.get_value_type(sig.return_type).as_pointer()))
+    value.align = 8
+    return value
 
 
-@overload(operator.setitem)
-def _setitem(v, index, value):
-    if not isinstance(v, LaneView) or _index_count(index) != v.ndim:
-        return None
-    if value == v.item or isinstance(value, v.item.numbers):
-        return lambda v, index, value: _set(v, index, value)
-    return None
+@type_callable(operator.setitem)
+def _type_of_assignment(context):
+    def assignment(v, index, value):
+        if not isinstance(v, LaneView) or _index_count(index) != v.ndim:
+            return None
+        return types.none if value == v.item or isinstance(value, v.item.numbers) else None
+
+    return assignment
+
+
+@lower_builtin(operator.setitem, LaneView, types.Integer, types.Any)
+@lower_builtin(operator.setitem, LaneView, types.BaseTuple, types.Any)
+def _set(context, builder, sig, args):
+    lane_view, index, kind = sig.args
+    data, _ = _find(context, builder, lane_view, args[0], index, args[1])
+    vector = as_vector(context, builder, kind, args[2], lane_view.item)
+    builder.store(vector, builder.bitcast(data, vector.type.as_pointer())).align = 8
+    return context.get_dummy_value()
 
 
 @intrinsic

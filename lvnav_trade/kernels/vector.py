@@ -11,7 +11,7 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, models, overload, register_model
+from numba.extending import lower_builtin, models, register_model, type_callable
 
 WIDTH = 8
 
@@ -64,31 +64,32 @@ def as_vector(context, builder, kind, value, lane):
 def _define(symbol, lane, result, emit):
     """Let a Python operator of two operands take lanes of a type, or a lane and a number."""
 
-    @intrinsic
-    def on_vectors(typingctx, a, b):
-        def codegen(context, builder, sig, args):
-            vectors = [as_vector(context, builder, *pair, lane) for pair in zip(sig.args, args, strict=True)]
-            return emit(builder, *vectors)
+    @type_callable(symbol)
+    def typed(context):
+        def result_of(a, b):
+            return (
+                result
+                if lane in (a, b) and all(kind == lane or isinstance(kind, lane.numbers) for kind in (a, b))
+                else None
+            )
 
-        return result(a, b), codegen
+        return result_of
 
-    @overload(symbol)
-    def dispatch(a, b):
-        if lane in (a, b) and all(kind == lane or isinstance(kind, lane.numbers) for kind in (a, b)):
-            return lambda a, b: on_vectors(a, b)
-        return None
+    def on_vectors(context, builder, sig, args):
+        return emit(builder, *(as_vector(context, builder, *pair, lane) for pair in zip(sig.args, args, strict=True)))
+
+    for kinds in ((lane, lane), *((lane, kind) for kind in lane.numbers), *((kind, lane) for kind in lane.numbers)):
+        lower_builtin(symbol, *kinds)(on_vectors)
 
 
 def _define_of_one(symbol, emit):
     """Let a Python function of one float64 take a lane."""
 
-    @intrinsic
-    def on_vector(typingctx, a):
-        return f64x8(f64x8), lambda context, builder, sig, args: emit(builder, args[0])
+    @type_callable(symbol)
+    def typed(context):
+        return lambda a: f64x8 if a == f64x8 else None
 
-    @overload(symbol)
-    def dispatch(a):
-        return (lambda a: on_vector(a)) if a == f64x8 else None
+    lower_builtin(symbol, f64x8)(lambda context, builder, sig, args: emit(builder, args[0]))
 
 
 def _call(name):

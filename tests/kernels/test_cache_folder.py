@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lvnav_trade.kernels.cache_folder import set_cache_folder, source_digest
+from lvnav_trade.kernels.cache_folder import is_filled, set_cache_folder, source_digest
 from tests.kernels.stored import LOADED, run
 
 
@@ -97,3 +97,19 @@ def test_a_temporary_folder_that_others_can_write_is_not_used(tmp_path: Path) ->
     assert found.stdout == "3.0 0\n"
     assert list(place.iterdir()) == []
     assert [path.name for path in tmp_path.glob("lvnav_trade-*")] == [place.name]  # its own is gone
+
+
+def test_a_folder_without_kernels_of_this_version_is_not_filled(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    folder = folder_with(monkeypatch, NUMBA_CACHE_DIR=str(tmp_path))
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
+    assert not is_filled()
+    (folder / "kernels_1").mkdir(parents=True)
+    (folder / "kernels_1" / "earth.gravity.nbi").touch()
+    assert is_filled()
+
+
+def test_what_numba_compiles_alone_has_another_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    ours = folder_with(monkeypatch, NUMBA_CACHE_DIR=str(tmp_path))
+    assert ours != folder_with(monkeypatch, NUMBA_CACHE_DIR=str(tmp_path), LVNAV_TRADE_PLAIN_NUMBA="1")

@@ -28,12 +28,17 @@ from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.campaign.running.whole import whole
 from lvnav_trade.errors import InputError, refuse_all, system_message
 from lvnav_trade.interrupts import raise_if_interrupted
+from lvnav_trade.kernels.cache_folder import is_filled
 from lvnav_trade.store import scratch
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.write import open_results
 
 Mode = Literal["resume", "fresh"]
 _DEATHS = 3
+COMPILING = (
+    "compiling the ascent, the runs, linear covariance and its backward pass, once on this machine; this usually takes "
+    "20 s on two free cores, 30 s on one"
+)
 
 
 class Halted(Exception):
@@ -161,6 +166,8 @@ class _Run:
         self.deaths = 0
         self.job = work.job_of(campaign, engine, folder)
         self.stopping = Stopping(campaign)
+        if not is_filled():
+            watch.note(COMPILING)
         self.remarks = check_flight(campaign.probe, stand_ins, engine, jobs).remarks
         self.shard, self.units = shard, blocks(campaign, self.cases, {})
         if space is not None:

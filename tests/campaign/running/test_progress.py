@@ -5,9 +5,12 @@ from __future__ import annotations
 import io
 import re
 import sys
+from pathlib import Path
 
 import pytest
 
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.running import execute
 from lvnav_trade.campaign.running.progress import Bar, Plain, Progress, choose, staged
 
 STAMP = re.compile(r"^[0-2][0-9]:[0-5][0-9]:[0-5][0-9] ")
@@ -126,3 +129,23 @@ def test_the_page_is_a_stage_of_its_own_that_ends_whatever_happens(capsys: pytes
         step()
         step()
         assert "report: 2/3" in capsys.readouterr().err
+
+
+class Heard(Progress):
+    """What a run says."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def note(self, line: str) -> None:
+        self.lines.append(line)
+
+
+@pytest.mark.parametrize("filled", [False, True])
+def test_a_first_run_says_what_is_compiled_and_how_long_that_takes(study, fakes, monkeypatch, filled: bool) -> None:
+    watch = Heard()
+    monkeypatch.setattr(execute, "is_filled", lambda: filled)
+    execute.run(
+        load(study.path), Path("results"), jobs=1, engine=fakes.Fake().engine(), keep=fakes.store(None), watch=watch
+    )
+    assert [line for line in watch.lines if "usually takes" in line] == ([] if filled else [execute.COMPILING])
