@@ -227,7 +227,7 @@ def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
 
 def _in_si(unit: str, si: str) -> float:
     """Return the SI size of a unit; one of a number that has none."""
-    return 1.0 if not unit or unit == si or si in ("-", "%") else parse(f"1 {unit}", si)
+    return 1.0 if unit in ("", "-", si) or si in ("-", "%") else parse(f"1 {unit}", si)
 
 
 def _with_totals(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
