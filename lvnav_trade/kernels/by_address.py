@@ -99,10 +99,14 @@ def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
 
 
 class _Lower(Lower):  # type: ignore[misc]
-    """Numba's writer of intermediate code; a variable that is set at one place is a value and needs no memory."""
+    """Numba's writer of intermediate code; a variable that is set at one place is a value and needs no memory, where
+    no references are counted.
+    """
 
     def _find_singly_assigned_variable(self) -> None:
         super()._find_singly_assigned_variable()
+        if self.context.enable_nrt:  # of an array that is counted, memory tells whether it has been given back
+            return
         if self.flags is None or not self.flags.enable_ssa or self.func_ir.func_id.is_generator:
             return
         number: dict[str, int] = {}
