@@ -1,7 +1,7 @@
 """Published numbers: all ratios, single flights among ours, a metric over a setting; figures of a study."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,6 +19,13 @@ _DRAWN = 0.02, 50.0  # ratios that are drawn where they are; one beyond is an ar
 _AT_AN_EDGE = "in band, published flight none of ours"
 _FLOWN = "flown in the study"
 _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
+
+
+class Published(NamedTuple):
+    """A published number, in the unit of the figure, and the band about it that counts as equal."""
+
+    value: float
+    band: tuple[float, float] = (0.5, 2.0)  # parts of the value
 
 
 def ratios(references: pd.DataFrame) -> Figure:
@@ -109,8 +116,7 @@ def locus(
     axis: str,
     stated: Mapping[str, Any],
     unit: str,
-    published: float | None = None,
-    band: tuple[float, float] = (0.5, 2.0),
+    published: Published | None = None,
     cases: Sequence[Mapping[str, str]] = (),
     varied: str = "",
     flown: str = "",
@@ -142,9 +148,10 @@ def locus(
         group = points[points.others == others]
         ax.plot(group.x, group.value, marker="o", ms=4, label=str(others) or "ours", **line_of(number))
     if published is not None:
-        ax.axhline(published, color="black", lw=1.1, label="published")
-        ax.axhspan(published * band[0], published * band[1], color=SHADE, alpha=0.25, label="band")
-    scale_up(ax, "y", [*frame.value, *mine.value, *([published] if published else [])])
+        low, high = (edge * published.value for edge in published.band)
+        ax.axhline(published.value, color="black", lw=1.1, label="published")
+        ax.axhspan(low, high, color=SHADE, alpha=0.25, label="band")
+    scale_up(ax, "y", [*frame.value, *mine.value, *([published.value] if published else [])])
     _rings(ax, mine, kind)
     ax.set(
         xlabel=(varied or axis.replace("_", " ")) + (f" ({kind})" if kind else ""),

@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.metrics.evaluate import evaluate_single
 from lvnav_trade.metrics.published import references
-from lvnav_trade.plots.published import locus, ratios, spread, steps
+from lvnav_trade.plots.published import Published, locus, ratios, spread, steps
 from lvnav_trade.plots.raster import drawn
 from lvnav_trade.store.read import load
 from tests import synthetic
@@ -79,7 +79,7 @@ def test_without_a_single_flight_there_is_nothing_to_draw(tables):
 
 
 def test_a_locus_has_the_published_value_as_a_line_and_levels_by_name(tables):
-    ax = drawn(locus(tables, "imu", STATED, "cm/s", published=30.0)).axes[0]
+    ax = drawn(locus(tables, "imu", STATED, "cm/s", published=Published(30.0))).axes[0]
     line, published = (line.get_ydata() for line in ax.get_lines()[:2])
     expected = [evaluate_single(tables, case, STATED, "cm/s").value for case in ("aaaaaaaaaaaa", "bbbbbbbbbbbb")]
     np.testing.assert_allclose(line, expected)

@@ -134,6 +134,35 @@ class CommandedEnvelope(NamedTuple):
     nozzle_time: float
 
 
+class Settings(NamedTuple):
+    """What is the same in all runs of a launch."""
+
+    plant: Plant
+    law: Law
+    feed: Feed
+    model: CommandedEnvelope
+    spread: float  # of the steady wind, part of its profile
+
+
+class Draws(NamedTuple):
+    """What the draws of a run depend on: two words of the seed, the number of the run."""
+
+    k0: np.uint64
+    k1: np.uint64
+    run: np.uint64
+
+
+class Reaction(NamedTuple):
+    """What an axis does at a tick, with the bounds of the envelope of commanded motion."""
+
+    turning: float  # angular acceleration, rad/s^2
+    turning_bound: float  # rad/s^2
+    jerk: float  # of the lateral specific force, m/s^3
+    jerk_bound: float  # m/s^3
+    error: float  # of the attitude, rad
+    rate_error: float  # rad/s
+
+
 @jit
 def _begin(state, body, plant, feed, k0, k1, run):
     """Draw what a run starts with; state updated. Return the factors of the wind profile along and across."""
@@ -199,8 +228,9 @@ def _sense(x, body, k, axis, feed, dt, noise, bound):
 
 
 @jit
-def _command(x, body, k, axis, plant, law, feed, rate, dt):
+def _command(x, body, k, axis, settings, rate, dt):
     """Return the thrusters' sense; the nozzle's command and the integral are updated in x."""
+    plant, law, feed = settings.plant, settings.law, settings.feed
     attitude = x[_ATTITUDE] if feed.navigated else x[_ANGLE]
     error = attitude - body.turn[k, axis] - x[_OFFSET]
     rate_error = rate - x[_COMMANDED]
@@ -273,20 +303,19 @@ def _steer(state, body, k, law, dt, k0, k1, run):
 
 
 @jit
-def _account(x, sums, phase, turning, turning_bound, jerk, jerk_bound, error, rate_error):
-    """Add a tick to the sums (N_PHASE, N_SUM) of an axis; sums updated."""
-    row = sums[phase]
+def _account(row, found):
+    """Add the reaction of a tick to the sums (N_SUM,) of an axis in a phase; row updated."""
     row[TICKS] += 1.0
-    row[INSIDE_TURNING] += 1.0 if abs(turning) <= turning_bound else 0.0
-    row[INSIDE_JERK] += 1.0 if abs(jerk) <= jerk_bound else 0.0
-    row[TURNING_RATIO] = max(row[TURNING_RATIO], abs(turning) / turning_bound)
-    row[JERK_RATIO] = max(row[JERK_RATIO], abs(jerk) / jerk_bound)
-    row[SQUARE_ERROR] += error * error
-    row[SQUARE_RATE] += rate_error * rate_error
+    row[INSIDE_TURNING] += 1.0 if abs(found.turning) <= found.turning_bound else 0.0
+    row[INSIDE_JERK] += 1.0 if abs(found.jerk) <= found.jerk_bound else 0.0
+    row[TURNING_RATIO] = max(row[TURNING_RATIO], abs(found.turning) / found.turning_bound)
+    row[JERK_RATIO] = max(row[JERK_RATIO], abs(found.jerk) / found.jerk_bound)
+    row[SQUARE_ERROR] += found.error * found.error
+    row[SQUARE_RATE] += found.rate_error * found.rate_error
 
 
 @making_arrays
-def fly_run(body, phase, plant, law, feed, model, spread, k0, k1, run, every, history, sums):
+def fly_run(body, phase, settings, draws, every, history, sums):
     """Fly one run of the closed loop; history and sums are set.
 
     Long because a tick is one sequence of steps, in the order in which they happen on board.
@@ -295,13 +324,14 @@ def fly_run(body, phase, plant, law, feed, model, spread, k0, k1, run, every, hi
     ----------
     body : Body along the ascent, n ticks
     phase : (n,) BURN, COAST or CHANGE
-    plant, law, feed, model : settings
-    spread : of the steady wind
-    k0, k1, run : words of the seed and of the run
+    settings : Settings
+    draws : Draws
     every : ticks from record to record
     history : (n_record, 2, N_RECORD), with n_record = (n - 1) // every + 1
     sums : (2, N_PHASE, N_SUM)
     """
+    plant, law, feed, model, spread = settings
+    k0, k1, run = draws
     n_tick = body.t.size - 1
     dt = body.t[1] - body.t[0]
     state = np.zeros((2, _N))
@@ -344,7 +374,7 @@ def fly_run(body, phase, plant, law, feed, model, spread, k0, k1, run, every, hi
                 seen = x[_ANGLE] + feed.reference * (r0 if axis == 0 else r1)
                 x[_ATTITUDE] += feed.reference_gain * (seen - x[_ATTITUDE])
             asked = x[_COMMAND]
-            x[_SENSE] = _command(x, body, k, axis, plant, law, feed, rate, dt)
+            x[_SENSE] = _command(x, body, k, axis, settings, rate, dt)
             drive = model.nozzle_gain * (x[_COMMAND] - asked) / dt
             x[_JERK_LAG] = lag_step(x[_JERK_LAG], drive, model.nozzle_time, dt)
             force = _force(x, body, k, axis, wind)
@@ -356,7 +386,7 @@ def fly_run(body, phase, plant, law, feed, model, spread, k0, k1, run, every, hi
             push, moved, angle, turned = x[_PUSH], x[_MOVEMENT], x[_ANGLE], x[_RATE]
             _move(x, body, k, axis, plant, wind, dt)
             turning = (body.rate[k + 1, axis] + x[_RATE] - before) / dt
-            _account(x, sums[axis], phase[k], turning, turning_bound, jerk, jerk_bound, error, rate_error)
+            _account(sums[axis, phase[k]], Reaction(turning, turning_bound, jerk, jerk_bound, error, rate_error))
             if k % every == 0:
                 row = history[k // every, axis]
                 row[NOZZLE], row[ASKED], row[MOVED] = push, x[_COMMAND], moved

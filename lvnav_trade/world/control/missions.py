@@ -77,20 +77,12 @@ def fly_missions(
     movement = np.empty((runs, 2))
     k0, k1 = seed_words(seed)
     envelope = loop.CommandedEnvelope(*(getattr(launch.envelope, name) for name in loop.CommandedEnvelope._fields))
-    settings = _plant(launch.rotation), _law(launch), _feed(launch, feedback), envelope
+    settings = loop.Settings(
+        _plant(launch.rotation), _law(launch), _feed(launch, feedback), envelope, launch.wind.spread
+    )
     for n in range(runs):
-        movement[n] = loop.fly_run(
-            launch.body,
-            launch.phase,
-            *settings,
-            launch.wind.spread,
-            k0,
-            k1,
-            np.uint64(first_run + n),
-            every,
-            history[n],
-            sums[n],
-        )
+        draws = loop.Draws(k0, k1, np.uint64(first_run + n))
+        movement[n] = loop.fly_run(launch.body, launch.phase, settings, draws, every, history[n], sums[n])
     return Missions(launch.body.t[:n_tick:every], history, movement, sums)
 
 
