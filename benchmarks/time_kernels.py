@@ -16,8 +16,9 @@ from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.covariance import N_NAV_ERROR, predict, update_scalar
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import aligned_zeros, view
+from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.random import normals
-from lvnav_trade.kernels.strapdown import J4, N_SUM, full_rate, mechanise
+from lvnav_trade.kernels.strapdown import J4, N_SUM, full_rate
 from lvnav_trade.kernels.vector import WIDTH
 
 REPEATS, TICKS = 2000, 20

@@ -22,17 +22,44 @@ from lvnav_trade.kernels.earth import (
 from lvnav_trade.records import Floats
 
 
-def reporting_axes(frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: float) -> Floats:
+def reporting_axes(
+    frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: float, pad_e: Floats | None = None
+) -> Floats:
     """Return the matrices (n, 3, 3) from frame i to the frame that errors are reported in, at the true state.
 
-    Velocity errors are errors of inertial velocity resolved in these axes.
+    Velocity errors are errors of inertial velocity resolved in these axes. pad_e (3,) m, frame e, of frame pad; None:
+    where the first of the times is.
     """
     if frame == "inertial":
         return np.tile(np.eye(3), (t.size, 1, 1))
     if frame == "orbital":
         return rotation_i_o(r_i, v_i)
     theta = earth_angle(theta0, t)
+    if frame == "pad":
+        r_e = ecef_from_eci(r_i, theta)
+        return rotation_e_pad(r_e, r_e[0] if pad_e is None else pad_e) @ rotation_i_e(theta)
     return rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
+
+
+_ABOVE = 1.0  # m; a vehicle that is less far over the ground has no azimuth from its pad
+
+
+def rotation_e_pad(r_e: Floats, pad_e: Floats) -> Floats:
+    """Return the matrices (n, 3, 3) from frame e to the directions of growing azimuth, slant range and elevation.
+
+    They are those of a station at the pad that sees the vehicle, r_e (n, 3) m; pad_e (3,) m. A vehicle straight above
+    the pad, or on it, is taken for one that rises from there towards the north: azimuth grows to the east.
+    """
+    latitude, longitude, _ = geodetic_from_ecef(pad_e)
+    _, east, down = rotation_e_n(latitude, longitude)
+    line = r_e - pad_e
+    level = line - (line @ down)[:, None] * down
+    away = np.linalg.norm(level, axis=1) > _ABOVE
+    outward = unit(np.where((np.linalg.norm(line, axis=1) > _ABOVE)[:, None], line, -down))
+    azimuth = unit(np.where(away[:, None], np.cross(level, -down), east))
+    # a direction straight up is exactly across the azimuth, one that is nearly so is made so
+    outward = unit(outward - np.sum(outward * azimuth, axis=1)[:, None] * azimuth)
+    return np.stack([azimuth, outward, np.cross(azimuth, outward)], axis=1)
 
 
 class Elements(NamedTuple):

@@ -203,6 +203,7 @@ AXES = {
     "ecef": ("x", "y", "z"),
     "inertial": ("x", "y", "z"),
     "orbital": ("radial", "along", "cross"),
+    "pad": ("azimuth", "range", "elevation"),
 }
 
 

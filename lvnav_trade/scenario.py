@@ -56,7 +56,11 @@ class Scenario(Card):
     faults: tuple[Fault, ...] = Field((), max_length=FAULTS)  # of satellites, receiver, IMU and sensors
     atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="what is true of the signals' delays")
     gravity: GravityCard | None = Field(None, description="what true gravity has beyond the model of the truth")
-    frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"  # axes in which errors are reported
+    frame: Literal["ned", "ecef", "inertial", "orbital", "pad"] = Field(
+        "ned",
+        description="axes in which errors are reported; orbital: radial, along, cross; pad: growing azimuth, slant "
+        "range and elevation from where the flight starts",
+    )
     diverged: Length = Field(100e3, gt=0.0, description="a run whose position error exceeds this counts as failed")
 
     @model_validator(mode="before")

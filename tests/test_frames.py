@@ -124,3 +124,31 @@ def test_quaternions_return_their_matrices_through_every_branch_with_a_continuou
     q = np.concatenate([np.cos(turn / 2)[:, None], np.sin(turn / 2)[:, None] * axis], axis=1)
     again = frames.quaternions(frames.matrices(q))
     assert np.allclose(again, np.sign(again[0] @ q[0]) * q, rtol=0.0, atol=1e-14)
+
+
+def test_pad_axes_are_the_growth_of_azimuth_range_and_elevation():
+    """Against differences of the three numbers themselves, as a station at the pad reckons them."""
+    pad, rng = frames.ecef_from_geodetic(-0.67, -1.08, 20.0), np.random.default_rng(3)
+    C = frames.rotation_e_n(-0.67, -1.08)
+
+    def reckoned(r_e):
+        north, east, down = C @ (r_e - pad)
+        slant = np.linalg.norm(r_e - pad)
+        return np.array([np.arctan2(east, north), slant, np.arcsin(-down / slant)])
+
+    for _ in range(5):
+        r_e = pad + C.T @ (1e5 * rng.normal(size=3))
+        axes = frames.rotation_e_pad(r_e[None], pad)[0]
+        _, slant, elevation = reckoned(r_e)
+        scale = np.array([slant * np.cos(elevation), 1.0, slant])
+        slope = np.stack([(reckoned(r_e + step) - reckoned(r_e - step)) / 0.2 for step in 0.1 * np.eye(3)], axis=1)
+        np.testing.assert_allclose(scale[:, None] * slope, axes, atol=1e-6)
+        np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+
+
+def test_on_the_pad_and_straight_above_it_the_range_is_up_and_azimuth_grows_to_the_east():
+    pad = frames.ecef_from_geodetic(0.5, 0.2, 0.0)
+    north, east, down = frames.rotation_e_n(0.5, 0.2)
+    for height in (0.0, 500.0):
+        axes = frames.rotation_e_pad((pad - height * down)[None], pad)[0]
+        np.testing.assert_allclose(axes, [east, -down, -north], atol=1e-9)

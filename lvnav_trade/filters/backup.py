@@ -9,7 +9,8 @@ from typing import NamedTuple
 from lvnav_trade.filters.ekf import predict_covariance
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import zeros_of
-from lvnav_trade.kernels.strapdown import N_SUM, mechanise
+from lvnav_trade.kernels.mechanisation import mechanise
+from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.records import Floats
 
 

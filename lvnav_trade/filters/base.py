@@ -184,10 +184,10 @@ class FilterCard(units.NamedCard):
         None, description="of the differences, such as G05, while it is in use; none: the highest"
     )
     strapdown: StrapdownCard = Field(StrapdownCard(), description="how increments are integrated")
-    mechanisation: Literal["inertial", "earth", "pad"] = Field(
+    mechanisation: Literal["inertial", "earth", "pad", "ned", "enu"] = Field(
         "inertial",
         description="frame of the strapdown's integration; earth: Earth-centred, Earth-fixed; pad: the same axes about "
-        "the start of the flight",
+        "the start of the flight; ned, enu: local geographic axes, with latitude, longitude and height",
     )
     covariance_rate: units.StepRate = 10.0  # of the covariance propagation
     update_rate: units.StepRate = 1.0  # of the epochs

@@ -6,7 +6,7 @@ from lvnav_trade.filters.delayed import correct_earlier
 from lvnav_trade.filters.ekf import correct_parameters, correct_receiver
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, zeros_of
-from lvnav_trade.kernels.strapdown import mechanise
+from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.transition import correct_motion
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector, fill_samples
 from lvnav_trade.records import Floats, Ints

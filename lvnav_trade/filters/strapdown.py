@@ -21,25 +21,29 @@ from pydantic import Field
 
 from lvnav_trade import units
 from lvnav_trade.kernels import strapdown
-from lvnav_trade.kernels.strapdown import Strapdown
+from lvnav_trade.kernels.local_level import ENU, NED
+from lvnav_trade.kernels.strapdown import Further, Strapdown
 from lvnav_trade.records import Floats
 
+LOCAL = {"ned": NED, "enu": ENU}
 GRAVITY = {"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}
 
 
 class StrapdownCard(units.Card):
     """How many increments of the unit make one step of the strapdown, and what compensates the motion within it."""
 
-    algorithm: Literal["summed", "two_sample", "optimised", "optimised_present"] = Field(
+    algorithm: Literal["summed", "two_sample", "optimised", "optimised_present", "recursive", "polynomial"] = Field(
         "two_sample",
         description="summed: none; two_sample: by the sums of the step before and of this one; optimised: by these and "
-        "every increment of this step; optimised_present: by those of this step alone",
+        "every increment of this step; optimised_present: by those of this step alone; recursive: increment by "
+        "increment at their own rate (Savage); polynomial: integral of rates through all increments of the step "
+        "(McKern)",
     )
     ratio: int = Field(1, ge=1, le=8, description="increments of the unit to a step")
 
     def _faults(self) -> Iterator[str]:
-        if self.algorithm == "optimised_present" and self.ratio == 1:
-            yield "optimised_present: a step of one increment has no other to compensate by; take a ratio of 2 or more"
+        if self.algorithm in {"optimised_present", "polynomial"} and self.ratio == 1:
+            yield f"{self.algorithm}: a step of one increment has no other to compensate by; take a ratio of 2 or more"
 
 
 def optimised_weights(subsamples: int, with_previous: bool) -> tuple[Floats, float]:
@@ -58,6 +62,38 @@ def optimised_weights(subsamples: int, with_previous: bool) -> tuple[Floats, flo
     found = [float(value) for value in _solved(rows)]
     across = found.pop() if with_previous else 0.0
     return np.array(found, dtype=float), across
+
+
+def recursive_weights(subsamples: int) -> Floats:
+    """Return the weights (subsamples, subsamples) of products of two increments by Savage's recursion: half of the sum
+    before, and a twelfth of the increment before, times each increment.
+    """
+    apart = np.subtract.outer(np.arange(subsamples), np.arange(subsamples))
+    return np.where(apart < 0, 0.5, 0.0) + np.where(apart == -1, 1.0 / 12.0, 0.0)
+
+
+def polynomial_weights(subsamples: int) -> Floats:
+    """Return the weights (subsamples, subsamples) of products of two increments by rates that are the polynomial of
+    degree subsamples - 1 through the increments: half of the integral of angle times rate.
+    """
+    n = subsamples
+    # the rate's coefficients of s^p that each increment gives: their integrals over every subsample are 0 or 1
+    powers = [[Fraction((k + 1) ** (p + 1) - k ** (p + 1), p + 1) for p in range(n)] for k in range(n)]
+    rates = [_solved([[*powers[k], Fraction(int(k == j))] for k in range(n)]) for j in range(n)]
+
+    def integral(j: int, k: int) -> Fraction:  # of the angle of increment j times the rate of increment k
+        terms = (
+            rates[j][p] / (p + 1) * rates[k][q] * Fraction(n ** (p + q + 2), p + q + 2)
+            for p in range(n)
+            for q in range(n)
+        )
+        return sum(terms, Fraction(0))
+
+    found = np.zeros((n, n))
+    for j in range(n):
+        for k in range(j + 1, n):
+            found[j, k] = float((integral(j, k) - integral(k, j)) / 2)
+    return found
 
 
 def _solved(rows: list[list[Fraction]]) -> list[Fraction]:
@@ -89,12 +125,16 @@ def strapdown_of(
     both at tick 0; turn: the largest rotation (rad) of a sample on the nominal flight.
     """
     general = card.algorithm != "two_sample" or card.ratio > 1
-    weights, across = np.zeros(0), 0.0
-    if card.algorithm == "two_sample":
+    weights, across, pairs = np.zeros(0), 0.0, np.zeros((0, 0))
+    if card.algorithm in {"two_sample", "recursive"}:
         across = 1.0 / 12.0
-    elif card.algorithm != "summed":
+    if card.algorithm == "recursive":
+        pairs = recursive_weights(card.ratio)
+    elif card.algorithm == "polynomial":
+        pairs = polynomial_weights(card.ratio)
+    elif card.algorithm.startswith("optimised"):
         weights, across = optimised_weights(card.ratio, card.algorithm == "optimised")
-    origin = np.zeros(3)
+    origin, local = np.zeros(3), LOCAL.get(mechanisation, 0)
     if mechanisation == "pad" and start is not None:
         c, s = np.cos(angle), np.sin(angle)
         origin = np.array([c * start[0] + s * start[1], c * start[1] - s * start[0], start[2]])
@@ -107,6 +147,7 @@ def strapdown_of(
         rotating=mechanisation != "inertial",
         angle=angle,
         origin=origin,
+        further=Further(local, pairs) if local or pairs.size else None,
         general=general,
         counted=general or turn > EXACT_TURN,
     )

@@ -31,7 +31,8 @@ from lvnav_trade.kernels.attitude import multiply
 from lvnav_trade.kernels.covariance import add_turned, finish_window
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, sqrt, where, zeros_of
-from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, mechanise
+from lvnav_trade.kernels.mechanisation import mechanise
+from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V
 from lvnav_trade.kernels.transition import ATT, POS, VEL, correct_motion
 from lvnav_trade.observables.base import H_ATT
 from lvnav_trade.records import Floats

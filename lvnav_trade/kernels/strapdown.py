@@ -1,4 +1,4 @@
-"""Strapdown over a window of IMU ticks: coning and sculling compensation, frames of mechanisation."""
+"""Strapdown over a window of IMU ticks: coning and sculling compensation, Earth-fixed axes."""
 
 import math
 from typing import NamedTuple
@@ -32,6 +32,19 @@ def gravity(kind, x, y, z):
     return gravity_j4(x, y, z)
 
 
+class Further(NamedTuple):
+    """What of an algorithm is beyond the products of sums and of the last increment, and beyond fixed axes.
+
+    local : Code of the local geographic axes that integration is in: NED or ENU; 0 for other axes.
+    pairs : (subsamples, subsamples). Weights of the product of two increments of a step, the earlier one's row; they
+        compensate coning and sculling in place of `weights`. Empty without. With them the product across steps is of
+        the last increment of one and the first of the other, and the whole series of the rotation turns the velocity.
+    """
+
+    local: int
+    pairs: Floats
+
+
 class Strapdown(NamedTuple):
     """Algorithm by which increments become attitude, velocity and position.
 
@@ -44,6 +57,7 @@ class Strapdown(NamedTuple):
     rotating : Whether integration is in Earth-fixed axes.
     angle : rad. Angle from frame i to the Earth-fixed axes at tick 0.
     origin : (3,) m. Origin of the Earth-fixed axes.
+    further : Local axes and products of pairs; None without, and then nothing of it is compiled.
     general : Whether the algorithm differs from `full_rate`.
     counted : Whether linear covariance includes the algorithm's error on the nominal flight.
     """
@@ -56,17 +70,18 @@ class Strapdown(NamedTuple):
     rotating: bool
     angle: float
     origin: Floats
+    further: Further | None
     general: bool
     counted: bool
 
 
 def full_rate(gravity: int) -> Strapdown:
     """Return the two-sample algorithm of every tick, in the inertial frame."""
-    return Strapdown(gravity, 1, np.zeros(0), 1.0 / 12.0, False, False, 0.0, np.zeros(3), False, False)
+    return Strapdown(gravity, 1, np.zeros(0), 1.0 / 12.0, False, False, 0.0, np.zeros(3), None, False, False)
 
 
 @inlined
-def _within(increments, first, how):
+def within(increments, first, how):
     """Return coning (3) and sculling (3) by the increments of a step, which begin at row `first`."""
     last = first + how.subsamples - 1
     px = py = pz = ux = uy = uz = like(increments[last, 0], 0.0)
@@ -82,7 +97,7 @@ def _within(increments, first, how):
 
 
 @inlined
-def _fictitious(x, y, vx, vy):
+def fictitious(x, y, vx, vy):
     """Return centrifugal and Coriolis acceleration (m/s^2) along the first two Earth-fixed axes; none is along the
     third.
     """
@@ -114,7 +129,7 @@ def to_inertial(nav, how, angle):
 
 
 @jit
-def _turn_sums(sums, angle):
+def turn_sums(sums, angle):
     """Turn the integral of the attitude and the velocity gained from Earth-fixed axes into frame i."""
     c, s = math.cos(angle), math.sin(angle)
     for i in range(3):
@@ -125,7 +140,7 @@ def _turn_sums(sums, angle):
 
 
 @inlined
-def _integrate(nav, sums, previous, increments, n_step, dt, how, general):
+def integrate(nav, sums, previous, increments, n_step, dt, how, general):
     """Integrate the steps of a window in the frame that nav is in; the parameters are those of `mechanise`.
 
     general : whether `how` may be other than `full_rate`. A caller states it as a constant, so that what it does not
@@ -157,7 +172,7 @@ def _integrate(nav, sums, previous, increments, n_step, dt, how, general):
         bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
         sx, sy, sz = across * (ax + bx), across * (ay + by), across * (az + bz)
         if general and how.weights.shape[0] > 0:
-            ix, iy, iz, jx, jy, jz = _within(increments, first, how)
+            ix, iy, iz, jx, jy, jz = within(increments, first, how)
             coning_x, coning_y, coning_z = coning_x + ix, coning_y + iy, coning_z + iz
             sx, sy, sz = sx + jx, sy + jy, sz + jz
         e0, e1, e2, e3 = from_rotation(wx + coning_x, wy + coning_y, wz + coning_z)
@@ -172,8 +187,8 @@ def _integrate(nav, sums, previous, increments, n_step, dt, how, general):
             sx, sy = sx + turned * sy, sy - turned * sx
             x, y = how.origin[0] + rx + half * vx, how.origin[1] + ry + half * vy
             gx, gy, gz = gravity(how.gravity, x, y, how.origin[2] + rz + half * vz)
-            kx, ky = _fictitious(x, y, vx, vy)
-            kx, ky = _fictitious(x, y, vx + 0.5 * (sx + dt * (gx + kx)), vy + 0.5 * (sy + dt * (gy + ky)))
+            kx, ky = fictitious(x, y, vx, vy)
+            kx, ky = fictitious(x, y, vx + 0.5 * (sx + dt * (gx + kx)), vy + 0.5 * (sy + dt * (gy + ky)))
             gx, gy = gx + kx, gy + ky
             q0, q1, q2, q3 = multiply(1.0 - 0.5 * turned * turned, 0.0, 0.0, -turned, q0, q1, q2, q3)
         else:
@@ -206,35 +221,6 @@ def _integrate(nav, sums, previous, increments, n_step, dt, how, general):
     sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2] = gained_x, gained_y, gained_z
     sums[SUM_TH], sums[SUM_TH + 1], sums[SUM_TH + 2] = th_x, th_y, th_z
     sums[SUM_F], sums[SUM_F + 1], sums[SUM_F + 2] = f_x, f_y, f_z
-
-
-@jit
-def mechanise(nav, sums, previous, increments, n_step, dt, how, seconds):
-    """Advance the navigation state over the first `n_step` steps of increments.
-
-    Coning and sculling compensation (Savage 1998, parts 1 and 2; Ignagni 1996) as `how` states; gravity at the middle
-    of each step. In rotating axes the state is turned into them, integrated with centrifugal and Coriolis acceleration,
-    and turned back.
-
-    Parameters
-    ----------
-    nav : (10,) quaternion b to i, velocity (m/s), position (m), frame i; updated
-    sums : (18,) set to the window's integral of C_b_i dt (9), velocity gained (3), angle (3) and specific-force (3)
-        increments summed
-    previous : (6,) increments of the step before, summed; updated
-    increments : (n, 6) compensated angle (rad) and velocity (m/s) increments, body frame; how.subsamples to a step
-    dt : seconds of a step; how : Strapdown; seconds : from tick 0 to the first step
-    """
-    if not how.general and not how.rotating:
-        _integrate(nav, sums, previous, increments, n_step, dt, how, False)
-        return
-    if how.rotating:
-        to_earth_fixed(nav, how, how.angle + OMEGA * seconds)
-    _integrate(nav, sums, previous, increments, n_step, dt, how, True)
-    if how.rotating:
-        end = how.angle + OMEGA * (seconds + n_step * dt)
-        to_inertial(nav, how, end)
-        _turn_sums(sums, end - OMEGA * 0.5 * n_step * dt)
 
 
 @jit

@@ -247,7 +247,7 @@ def test_every_other_value_belongs_to_a_field():
 
 
 @pytest.mark.parametrize(
-    "settings", [{"frame": "ecef"}, {"frame": "inertial"}, {"frame": "orbital"}, {"diverged": "1 m"}]
+    "settings", [{"frame": "ecef"}, {"frame": "inertial"}, {"frame": "orbital"}, {"frame": "pad"}, {"diverged": "1 m"}]
 )
 def test_a_field_of_the_scenario_itself_changes_a_result(settings):
     scenario = base("tight")

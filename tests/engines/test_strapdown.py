@@ -98,13 +98,15 @@ def test_a_slower_strapdown_errs_more_and_compensation_eases_it():
 def test_the_frame_of_mechanisation_changes_nothing_in_closed_loop():
     runs = {
         frame: run_block(ascent(MATCHED, f"base.filter.mechanisation={frame}"), 3, 0, 8).err
-        for frame in ("inertial", "earth", "pad")
+        for frame in ("inertial", "earth", "pad", "ned", "enu")
     }
-    for frame in ("earth", "pad"):
+    for frame in ("earth", "pad", "ned", "enu"):
         assert np.abs(runs[frame][..., 6:9] - runs["inertial"][..., 6:9]).max() < 1e-3  # m, over the ascent
         assert not np.array_equal(runs[frame], runs["inertial"])
 
 
 def test_linear_covariance_does_not_depend_on_the_frame():
-    inertial, earth = (covariance(ascent(MATCHED, f"base.filter.mechanisation={f}")) for f in ("inertial", "earth"))
-    np.testing.assert_allclose(earth.formal, inertial.formal, rtol=1e-5)
+    frames = ("inertial", "earth", "ned")
+    inertial, *others = (covariance(ascent(MATCHED, f"base.filter.mechanisation={frame}")) for frame in frames)
+    for other in others:
+        np.testing.assert_allclose(other.formal, inertial.formal, rtol=1e-5)

@@ -6,8 +6,11 @@ import pytest
 
 from lvnav_trade.export.code import exported
 from lvnav_trade.export.replay import LIMIT, flight_bytes, run_bytes
+from tests.building import prepare_hop, with_fields
+from tests.engines.combinations import scenario_of
 from tests.engines.covering import covering, refusal
-from tests.export.cases import build, compiled, prepared_of, replay, write
+from tests.engines.flown import flight
+from tests.export.cases import FIRST, build, compiled, prepared_of, replay, write
 from tests.export.translation.compiled import needs_compiler
 
 TIGHT = {"measurements": "ranges", "correction": "closed"}
@@ -57,5 +60,17 @@ def test_a_recording_has_what_varies_and_nothing_else():
 @pytest.mark.parametrize("number", FLOWN)
 def test_every_case_of_the_matrix_replays(tmp_path, number):
     code, table = compiled(tmp_path, covering()[number])
+    assert code == 0, table
+    assert table.difference.max() <= LIMIT
+
+
+@needs_compiler
+def test_a_strapdown_in_local_axes_with_savages_recursion_replays(tmp_path):
+    scenario, kind, _ = scenario_of(FIRST | TIGHT)
+    form = {"strapdown": {"algorithm": "recursive", "ratio": 2}, "mechanisation": "ned"}
+    prepared = prepare_hop(scenario.model_copy(update={"filter": with_fields(scenario.filter, **form)}), flight(kind))
+    write(tmp_path, prepared, exported(prepared, "Local axes."), 1)
+    build(tmp_path)
+    code, table = replay(tmp_path, 1)
     assert code == 0, table
     assert table.difference.max() <= LIMIT

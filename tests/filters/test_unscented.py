@@ -15,7 +15,7 @@ from lvnav_trade.filters.ekf import place_antenna
 from lvnav_trade.filters.linearise import fill_receiver_rows, propagate_estimate
 from lvnav_trade.filters.unscented import factorise, hold_window, rotation_between
 from lvnav_trade.kernels import processes
-from lvnav_trade.kernels.strapdown import mechanise
+from lvnav_trade.kernels.mechanisation import mechanise
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 
 RUNS, SEED = 24, 7

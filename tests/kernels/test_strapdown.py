@@ -10,20 +10,8 @@ from scipy.special import j1
 
 from lvnav_trade.kernels.attitude import matrix, small_rotation
 from lvnav_trade.kernels.earth import GM
-from lvnav_trade.kernels.strapdown import (
-    J4,
-    N_SUM,
-    POINT,
-    SUM_C,
-    SUM_F,
-    SUM_TH,
-    SUM_V,
-    Q,
-    R,
-    V,
-    full_rate,
-    mechanise,
-)
+from lvnav_trade.kernels.mechanisation import mechanise
+from lvnav_trade.kernels.strapdown import J4, N_SUM, POINT, SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V, full_rate
 
 DEG_H = math.pi / 180.0 / 3600.0
 FAR = 1e15  # m; gravitation is 4e-16 m/s^2 there

@@ -9,7 +9,8 @@ from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.earth import gravity_gradient
-from lvnav_trade.kernels.strapdown import J2, N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V, full_rate, mechanise
+from lvnav_trade.kernels.mechanisation import mechanise
+from lvnav_trade.kernels.strapdown import J2, N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V, full_rate
 from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, SQUARE, VEL, driver, fill
 from lvnav_trade.layout import ErrorTerm
 

@@ -21,7 +21,8 @@ from lvnav_trade.filters.ekf import channel_of, fill_receiver
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.covariance import apply_phi
-from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, full_rate, mechanise
+from lvnav_trade.kernels.mechanisation import mechanise
+from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, full_rate
 from lvnav_trade.records import CovHistory, Floats
 
 Windows = list[tuple[int, int, Floats]]

@@ -9,7 +9,7 @@ from lvnav_trade.engines.setup.inputs import Record, Report
 from lvnav_trade.engines.setup.receiver.solution import Chain
 from lvnav_trade.engines.setup.times import Times
 from lvnav_trade.filter_models import measured, reported, solves
-from lvnav_trade.frames import reporting_axes
+from lvnav_trade.frames import earth_angle, ecef_from_eci, reporting_axes
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout, backup_outputs, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
@@ -79,7 +79,9 @@ def _channel_names(scenario: Scenario, channels: Channels, report: Report | None
 def _record(scenario: Scenario, flight: Flight, times: Times) -> Record:
     ticks, ref = times.hist_tick, flight.reference
     t, r, v, q = (np.ascontiguousarray(a[ticks]) for a in (ref.t, ref.r_i, ref.v_i, ref.q_b_i))
-    shown = reporting_axes(scenario.frame, t, r, v, flight.trajectory.theta0)
+    theta0 = flight.trajectory.theta0
+    pad_e = ecef_from_eci(ref.r_i[:1], earth_angle(theta0, ref.t[:1]))[0]
+    shown = reporting_axes(scenario.frame, t, r, v, theta0, pad_e)
     marks = np.concatenate([[0], flight.epochs.tick])
     since = (ticks - marks[np.searchsorted(marks, ticks, side="right") - 1]) / scenario.imu.rate
     return Record(r, v, q, np.ascontiguousarray(shown), t, since, scenario.diverged)

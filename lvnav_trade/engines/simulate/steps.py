@@ -19,7 +19,7 @@ from lvnav_trade.filters.unscented import hold_window
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import sqrt
-from lvnav_trade.kernels.strapdown import mechanise
+from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.transition import linearise, linearised_sums
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 

@@ -12,7 +12,8 @@ from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.propagate import input_matrix, set_deviation
 from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.attitude import multiply, small_rotation
-from lvnav_trade.kernels.strapdown import J4, N_SUM, POINT, SUM_C, SUM_F, SUM_TH, SUM_V, full_rate, mechanise
+from lvnav_trade.kernels.mechanisation import mechanise
+from lvnav_trade.kernels.strapdown import J4, N_SUM, POINT, SUM_C, SUM_F, SUM_TH, SUM_V, full_rate
 from lvnav_trade.kernels.transition import fill
 from lvnav_trade.layout import ErrorTerm
 from lvnav_trade.world.sensors.imu import lag
