@@ -21,6 +21,7 @@ from lvnav_trade.api.measures import (
     cases_of,
     difference,
     evaluate,
+    marks,
     members,
     name_of,
     reacquisition_times,
@@ -73,7 +74,7 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         remarks.append(f"bound reached at {along} = {crossing}" if crossing else "")
         ours = next((v for v in (found.monte_carlo, found.true, found.formal) if v == v), np.nan)
         yield {
-            **{key: str(stated.get(key) or "") for key in ("id", "source", "item", "own")},
+            **_named(stated),
             "case": case_named(stated.get("case") or {}, levels),
             "metric": _name(stated),
             "unit": stated.get("unit") or "-",
@@ -86,9 +87,12 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             "remark": "; ".join(dict.fromkeys(remark for remark in remarks if remark)),
         }
     if not found_any:
-        named = {key: str(stated.get(key) or "") for key in ("id", "source", "item", "own")}
         missing = {"case": "", "metric": _name(stated), "unit": stated.get("unit") or "-", "in_band": False}
-        yield {**named, **missing, "verdict": NOT_FLOWN, "remark": "its cases are not among the results"}
+        yield {**_named(stated), **missing, "verdict": NOT_FLOWN, "remark": "its cases are not among the results"}
+
+
+def _named(stated: Mapping[str, Any]) -> dict[str, str]:
+    return {key: str(stated.get(key) or "") for key in ("id", "source", "item")} | marks(stated, "statement")
 
 
 def case_named(stated: Mapping[str, str], levels: Mapping[str, str]) -> str:

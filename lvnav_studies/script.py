@@ -16,7 +16,16 @@ from lvnav_studies.verdicts import further_rows, verdicts
 from lvnav_trade import api
 from lvnav_trade.api.input import Campaign, InputError, InputFile, Mistake, read_input
 from lvnav_trade.api.measures import COLUMNS, Metric, Tables, add_metrics
-from lvnav_trade.api.pages import Answered, Block, FigureEntry, Question, StudyFigure, StudyScript, published_rows
+from lvnav_trade.api.pages import (
+    Answered,
+    Block,
+    FigureEntry,
+    Question,
+    StudyFigure,
+    StudyScript,
+    published_rows,
+    recount,
+)
 
 STATEMENTS, STUDY = "statements", "study"
 """Folder of the statements, and the name of the file of those that belong to no campaign."""
@@ -93,6 +102,14 @@ class Publication(StudyScript):
         found: list[Mapping[str, Any]] = self.of(campaign).model_dump(mode="json")["references"]
         return found
 
+    def stated(self, campaign: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
+        """Return what the files of statements say of a campaign, by list; of no campaign where the name is empty."""
+        if campaign:
+            whole: dict[str, list[dict[str, Any]]] = self.of(campaign).model_dump(mode="json", exclude={"flown"})
+            return whole
+        apart = (*self.of_study.not_set_up, *self.of_study.elsewhere)
+        return {"statements": [one.model_dump(mode="json") for one in apart]}
+
     def rows(self, campaign: str, tables: Tables) -> list[dict[str, Any]]:
         """Return the rows of orders, statements on innovations, and expressions."""
         return claim_rows(tables, {"name": campaign, **self.of(campaign).model_dump(mode="json")})
@@ -160,9 +177,13 @@ def main(study: StudyScript, arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", metavar="FOLDER", help="folder of the results (results/NAME if absent)")
     parser.add_argument("--fresh", action="store_true", help="begin again instead of resuming")
     parser.add_argument("--only-page", action="store_true", help="make the report from existing results")
+    parser.add_argument("--recount", action="store_true", help="count the kept report anew, without results")
     parser.add_argument("--jobs", type=int, default=-1, help="worker processes, -1 for all cores")
     asked = parser.parse_args(arguments)
     try:
+        if asked.recount:
+            print(f"kept: {recount(study, asked.keep)}")
+            return api.MET
         found = api.study(
             study,
             asked.keep,

@@ -9,7 +9,7 @@ import pandas as pd
 from lvnav_studies.claims import Elsewhere, OfStudy, Statement
 from lvnav_studies.evaluate import NOT_FLOWN
 from lvnav_trade.api.input import Stated
-from lvnav_trade.api.measures import FAILS, HOLDS, NOT_SET_UP, UNDECIDED
+from lvnav_trade.api.measures import FAILS, HOLDS, NOT_SET_UP, UNDECIDED, marks
 from lvnav_trade.api.pages import Block, Text, table
 
 # Headings of the tables by verdict, in their order
@@ -44,7 +44,7 @@ def further_rows(study: OfStudy, unflown: Mapping[str, Sequence[Statement]]) -> 
 
 
 def _named(one: Stated) -> dict[str, str]:
-    return {"id": one.id, "source": one.source, "item": one.item, "own": one.own}
+    return {"id": one.id, "source": one.source, "item": one.item, **marks(one.model_dump(), "statement")}
 
 
 def _of_number(one: Elsewhere) -> dict[str, Any]:

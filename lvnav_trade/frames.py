@@ -52,10 +52,10 @@ def rotation_e_pad(r_e: Floats, pad_e: Floats) -> Floats:
     """
     latitude, longitude, _ = geodetic_from_ecef(pad_e)
     _, east, down = rotation_e_n(latitude, longitude)
-    line = r_e - pad_e
-    level = line - (line @ down)[:, None] * down
+    from_pad = r_e - pad_e
+    level = from_pad - (from_pad @ down)[:, None] * down
     away = np.linalg.norm(level, axis=1) > _ABOVE
-    outward = unit(np.where((np.linalg.norm(line, axis=1) > _ABOVE)[:, None], line, -down))
+    outward = unit(np.where((np.linalg.norm(from_pad, axis=1) > _ABOVE)[:, None], from_pad, -down))
     azimuth = unit(np.where(away[:, None], np.cross(level, -down), east))
     # a direction straight up is exactly across the azimuth, one that is nearly so is made so
     outward = unit(outward - np.sum(outward * azimuth, axis=1)[:, None] * azimuth)

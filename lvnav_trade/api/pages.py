@@ -1,6 +1,6 @@
 """What scripts add to the report of a study: paragraphs, tables and figures, by a `StudyScript`."""
 
-from lvnav_trade.api.studies import load_script
+from lvnav_trade.api.studies import load_script, recount
 from lvnav_trade.campaign.reading.study import Figure as FigureEntry
 from lvnav_trade.campaign.reading.study import Part, Question
 from lvnav_trade.report.blocks import Block, Picture, Text, number, shown, table, words
@@ -19,6 +19,7 @@ __all__ = [
     "load_script",
     "number",
     "published_rows",
+    "recount",
     "shown",
     "table",
     "words",

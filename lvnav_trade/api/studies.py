@@ -95,6 +95,36 @@ def study(
     return Study(build(found, answered, Path(keep), unflown, script), counts, stated, hold, failures)
 
 
+def recount(folder: str | Path | StudyScript, keep: str | Path) -> Path:
+    """Count a kept report of a study anew: items and marks of rows as its folder states them now, numbers as they are.
+
+    Parameters
+    ----------
+    folder : str, Path or StudyScript
+        As of `study`.
+    keep : str or Path
+        Where the report is kept; references.csv, the answer of report.md and its figure are written anew.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    InputError
+        A mistake in the folder; no report there; or a row of which nothing is stated any more.
+    """
+    from lvnav_trade.campaign.reading.study import load_study
+    from lvnav_trade.report.recount import recount as written
+    from lvnav_trade.report.script import StudyScript
+
+    script = folder if isinstance(folder, StudyScript) else script_of(folder)
+    found, questions = load_study(script.folder, None, script.figures)
+    refuse_all(list(script.mistakes(questions)))
+    return written(found, [one.campaign for one in questions], keep, script)
+
+
 def script_of(folder: str | Path) -> StudyScript:
     """Return what the script of a study adds; of one that comes with the tool it is run, of any other it is not.
 

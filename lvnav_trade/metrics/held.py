@@ -5,18 +5,23 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from lvnav_trade.metrics.published import MARKS
+from lvnav_trade.metrics.verdicts import HOLDS
+
 EDGES = (1.0, 99.0)
 """Points (%) of our runs beyond which a published single flight is none of them."""
 
 
 def evidence(rows: pd.DataFrame) -> pd.Series:
-    """Whether each row of `metrics.published.references` says something published that no input decides."""
-    return (rows.repeats.astype(object).fillna("") == "") & ~own(rows)  # numbers where no row has a text
+    """Whether each row of `metrics.published.references` is counted: it is published, no input decides it, it can fail,
+    and it is not the second reading of a row.
+    """
+    return ~rows.counts_as.isin(MARKS)
 
 
 def own(rows: pd.DataFrame) -> pd.Series:
     """Whether the statement of each row, or its bound, is not published."""
-    return rows.own.astype(object).fillna("") != ""
+    return rows.counts_as == "own"
 
 
 def fitted(rows: pd.DataFrame) -> pd.Series:
@@ -30,8 +35,8 @@ def at_an_edge(rows: pd.DataFrame) -> pd.Series:
 
 
 def held(rows: pd.DataFrame) -> pd.Series:
-    """Whether each row lies in its band, and its single flight, where it is of one, among ours."""
-    return rows.in_band.astype(bool) & ~at_an_edge(rows)
+    """Whether each row holds: its number, with the interval of our runs, keeps its band."""
+    return rows.verdict == HOLDS
 
 
 def most_important(rows: pd.DataFrame, order: Sequence[str], n: int = 3) -> pd.DataFrame:

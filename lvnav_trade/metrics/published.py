@@ -16,8 +16,8 @@ from lvnav_trade.store.read import Tables
 
 COLUMNS = [
     "id", "source", "item", "case", "metric", "unit", "published", "formal", "true", "monte_carlo", "low", "high",
-    "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "repeats", "fitted", "own", "verdict",
-    "remark",
+    "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "repeats", "fitted", "own", "again",
+    "verification", "counts_as", "verdict", "remark",
 ]  # fmt: skip
 
 
@@ -30,7 +30,8 @@ def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.Da
     Columns: formal, true, monte_carlo: the same by formal sigma, by the true error of linear covariance, and by the
     runs, whose 95 % interval is low to high. in_band: whether ours / published lies in the band. verdict: whether the
     number with its interval does. percentile: part of our runs below a published single run, in percent. repeats: the
-    input that decides a number. fitted: whether settings were searched for by it. own: what of it is not published.
+    input that decides a row. fitted: whether settings were searched for by it. own: what of it is not published. again:
+    the row of which it is a second reading. verification: why it cannot fail. counts_as: see `marks`.
     """
     return pd.DataFrame(reference_rows(tables, stated), columns=COLUMNS)
 
@@ -84,7 +85,7 @@ def published_row(
     return {
         "source": stated["source"],
         "item": stated.get("item") or "",
-        "own": str(stated.get("own") or ""),
+        **marks(stated, "number" if "published" in cells else "order"),
         "unit": "-",
         **({key: getattr(found, key) for key in (*NUMBERS, "low", "high")} if found is not None else {}),
         "verdict": word if np.isfinite(tested) else NOT_SET_UP,
@@ -94,6 +95,19 @@ def published_row(
         "in_band": bool(band[0] <= tested <= band[1]),
         "remark": "; ".join(remark for remark in (str(stated.get("remark") or ""), *remarks) if remark),
     }
+
+
+MARKS = ("repeats", "verification", "own", "again")
+"""Why a row is not counted, the first of them that it has."""
+
+
+def marks(stated: Mapping[str, Any], kind: str) -> dict[str, str]:
+    """Return what decides whether a row is counted, by column, and what it counts as.
+
+    kind : number, order or statement; it counts as that unless it has a mark
+    """
+    found = {name: str(stated.get(name) or "") for name in MARKS}
+    return {**found, "counts_as": next((name for name in MARKS if found[name]), kind)}
 
 
 def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
@@ -117,7 +131,6 @@ def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> d
         _three(tables, case, published),
         value,
         percentile=_below_published(published, found),
-        repeats=str(published.get("repeats") or ""),
         fitted=bool(published.get("fitted")),
         case=label_of(tables, case, axes_of(published)) if case is not None else "",
         metric=name_of(published) + words,

@@ -1,14 +1,60 @@
 """Summary of a study: how many published numbers are evidence, how many are reproduced, and the rest with reasons."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import pandas as pd
 
-from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, fitted, held, most_important, own
-from lvnav_trade.metrics.verdicts import FAILS
+from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, fitted, held, most_important
+from lvnav_trade.metrics.verdicts import FAILS, HOLDS
 from lvnav_trade.report.blocks import Block, Text, stated
 
 _EXPRESSION = r"^[^:]*[-+*/(][^:]*: "  # a metric of a statement: the expression, and what its terms are
+
+
+_KINDS = {"number": "numbers", "order": "orders and statements on innovations"}
+_NOT_COUNTED = {
+    "repeats": "results fixed by our inputs",
+    "own": "results whose statement or bound is ours",
+    "again": "second readings of a published number",
+    "verification": "results that cannot fail here and verify the tool",
+}
+
+
+_TABLES = {"repeats": "repeated", "own": "own", "again": "again", "verification": "verification"}
+
+
+class Counted(NamedTuple):
+    """How rows of one kind fare: all of them, those that hold, those that do not, those that runs do not decide."""
+
+    total: int
+    hold: int
+    fail: int
+    undecided: int
+
+
+def counted(rows: pd.DataFrame) -> dict[str, Counted]:
+    """Return how the rows that are counted fare, by kind (number, order, statement), as `references.csv` has it:
+    `counts_as` is the kind, `verdict` the outcome.
+    """
+    found = {}
+    for kind in (*_KINDS, "statement"):
+        words = rows.verdict[rows.counts_as == kind]
+        if len(words):
+            hold, fail = int((words == HOLDS).sum()), int((words == FAILS).sum())
+            found[kind] = Counted(len(words), hold, fail, len(words) - hold - fail)
+    return found
+
+
+def said(rows: pd.DataFrame, kinds: Mapping[str, Counted]) -> str:
+    """Return the counts of numbers and orders as a sentence without its stop."""
+    each = []
+    for kind, words in _KINDS.items():
+        if kind in kinds:
+            one = kinds[kind]
+            rest = f", {one.undecided} are undecided" if one.undecided else ""
+            each.append(f"{one.hold} of {one.total} {words} are reproduced, {one.fail} are not{rest}")
+    return f"Of {len(rows)} published results that count, {int(held(rows).sum())} are reproduced: {'; '.join(each)}"
 
 
 def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataFrame | None = None) -> list[Block]:
@@ -18,35 +64,29 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
     if frame.empty:
         return []
     rows = frame[evidence(frame)]
-    kinds = (
-        (rows.published.notna(), "numbers are within their band (single runs: among ours)"),
-        (rows.published.isna(), "orders and statements on innovations are as published"),
-    )
-    each = [f"{int(held(rows[kind]).sum())} of {int(kind.sum())} {what}" for kind, what in kinds if kind.any()]
-    lines = [
-        f"Of {len(rows)} published results that are not fixed by our inputs, {int(held(rows).sum())} are reproduced: "
-        f"{'; '.join(each)}."
-    ]
+    lines = [f"{said(rows, counted(rows))}."] if len(rows) else []
     if (by := fitted(rows)).any():
         withheld = rows[~by & rows.published.notna()]
         lines.append(
             f"Settings were fitted to {int(by.sum())} of the numbers; {int(held(rows[by]).sum())} of these are "
             f"reproduced, and {int(held(withheld).sum())} of the {len(withheld)} numbers withheld from the fit."
         )
-    edge = int((rows.in_band.astype(bool) & at_an_edge(rows)).sum())
-    if edge:
-        points = " % or ".join(f"{point:g}" for point in EDGES)
+    single = rows[rows.percentile.notna() & rows.in_band.astype(bool)]
+    if len(single):
+        points = " % and ".join(f"{point:g}" for point in EDGES)
+        among = int((~at_an_edge(single)).sum())
         lines.append(
-            f"Results within their band whose published run is at or beyond the {points} % quantile of ours: {edge}."
+            f"Separately, of {len(single)} numbers within their band that are of one published run, {among} lie "
+            f"between the {points} % quantiles of our runs."
         )
-    mine = frame[own(frame)]
-    if repeated := len(frame) - len(rows) - len(mine):
-        lines.append(f"Results that repeat an input and are not counted: {repeated}.")
-    if len(mine):
-        lines.append(
-            f"Results without a published statement or bound, which are not counted: {len(mine)}; "
-            f"{int(held(mine).sum())} of them hold."
-        )
+    every = frame if statements is None else pd.concat([frame, statements], ignore_index=True)
+    apart = [
+        f"{len(mine)} {words} ({int(held(mine).sum())} hold)"
+        for mark, words in _NOT_COUNTED.items()
+        if len(mine := every[every.counts_as == mark])
+    ]
+    if apart:
+        lines.append(f"Not counted: {'; '.join(apart)}.")
     failing = rows[~held(rows)]
     if statements is not None:
         failing = pd.concat([failing, statements[statements.verdict == FAILS]], ignore_index=True)
@@ -70,11 +110,11 @@ def _short(rows: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
 
 
 def those_that_fail(frame: pd.DataFrame) -> list[Block]:
-    """Return the rows that do not hold, those that repeat an input, and those that are not published."""
-    counted, mine = evidence(frame), own(frame)
+    """Return the rows that do not hold, and those that are not counted: repeated, not published, read again, and of the
+    tool.
+    """
     groups = (
-        ("out_of_band", frame[counted & ~held(frame)]),
-        ("repeated", frame[~counted & ~mine]),
-        ("own", frame[mine]),
+        ("out_of_band", frame[evidence(frame) & ~held(frame)]),
+        *((name, frame[frame.counts_as == mark]) for mark, name in _TABLES.items()),
     )
     return [stated(name, rows) for name, rows in groups if len(rows)]

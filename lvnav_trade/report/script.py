@@ -72,6 +72,10 @@ class StudyScript:
         """Return further published numbers of a campaign (its name), as entries of its `references`."""
         return ()
 
+    def stated(self, campaign: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
+        """Return the entries that rows of a campaign (its name) are made of, by list; those of no campaign for ""."""
+        return {"references": self.references(campaign)} if campaign else {}
+
     def rows(self, campaign: str, tables: Tables) -> list[dict[str, Any]]:
         """Return further rows (values by column) of the table of published numbers from a campaign (its name)."""
         return []

@@ -15,7 +15,7 @@ from lvnav_trade.metrics.basics.select import in_units
 from lvnav_trade.metrics.errors.covariances import agreement, by_case
 from lvnav_trade.metrics.errors.coverage import coverage
 from lvnav_trade.metrics.errors.rms import paired_levels
-from lvnav_trade.metrics.held import evidence, held, own
+from lvnav_trade.metrics.held import evidence, held
 from lvnav_trade.metrics.pooled import cases_of
 from lvnav_trade.metrics.published import COLUMNS
 from lvnav_trade.metrics.requirements.requirements import in_words
@@ -64,7 +64,7 @@ def build(
     agreed = _together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
     assumptions: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
     sections = [
-        _answer(study, answered, published, script),
+        answer(study, published, script, [_line(one, published) for one in answered]),
         *([Section("assumptions", "Assumptions", assumptions)] if assumptions else []),
         *(_campaign(one, _frame(mine), script) for one, mine in zip(answered, rows, strict=True)),
         _agreements(answered),
@@ -102,14 +102,19 @@ def _named(one: Answered, frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(case=[f"{one.part.campaign}: {case}" for case in frame["case"]])
 
 
-def _answer(study: Study, answered: Sequence[Answered], every: pd.DataFrame, script: StudyScript) -> Section:
-    numbered = script.is_statement(every) & ~own(every)
+def answer(study: Study, every: pd.DataFrame, script: StudyScript, campaigns: Sequence[Mapping[str, Any]]) -> Section:
+    """Return the answer of a study.
+
+    every : Rows of all campaigns, as `metrics.published.references`.
+    campaigns : What each campaign has run, a line of the table each.
+    """
+    numbered = script.is_statement(every) & evidence(every)
     frame = every[~numbered]
     blocks = [*headline(frame, study.important, every[numbered]), *script.verdicts(every[numbered])]
-    blocks.append(table(pd.DataFrame([_line(one, every) for one in answered]), "The campaigns of this study."))
+    blocks.append(table(pd.DataFrame(campaigns), "The campaigns of this study."))
     numbers = frame[frame.published.notna() & evidence(frame)]
     if len(numbers):
-        blocks.append(Picture("ratios", ratios(numbers), "All published numbers that are not fixed by our inputs."))
+        blocks.append(Picture("ratios", ratios(numbers), "All published numbers that are counted, at once."))
     return Section("answer", "Answer", [*blocks, *those_that_fail(frame)])
 
 

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.metrics.held import at_an_edge, evidence, held, most_important, own
+from lvnav_trade.metrics.published import marks
 
 ROWS = pd.DataFrame(
     {
@@ -17,15 +18,15 @@ ROWS = pd.DataFrame(
         "ours": [1.0, 1.5, 2.5, 20.0, 1.2, np.nan],
         "band_low": [0.5, 0.5, 0.5, 0.5, 0.0, 0.5],
         "band_high": [2.0, 2.0, 2.0, 2.0, 1.0, 2.0],
-        "repeats": ["", "", None, "", "the noise", ""],
-        "own": ["", None, "", "", "", ""],
+        "verdict": ["holds", "holds", "does not hold here", "undecided", "holds", "does not hold here"],
+        "counts_as": ["number", "number", "order", "statement", "repeats", "number"],
     }
 )
 
 
-def test_a_flight_at_an_edge_of_ours_does_not_hold() -> None:
+def test_what_holds_is_decided_by_the_verdict_and_a_flight_at_an_edge_is_told_apart() -> None:
     assert list(at_an_edge(ROWS)) == [False, True, False, False, False, False]
-    assert list(held(ROWS)) == [True, False, False, False, False, False]
+    assert list(held(ROWS)) == [True, True, False, False, True, False]
 
 
 @pytest.mark.parametrize("percentile", [0.0, 1.0, 99.0, 100.0])
@@ -37,14 +38,27 @@ def test_a_number_that_an_input_decides_is_no_evidence() -> None:
     assert list(evidence(ROWS)) == [True, True, True, True, False, True]
 
 
-def test_a_statement_or_bound_that_is_not_published_is_no_evidence() -> None:
-    rows = ROWS.assign(own=["", None, "the bound", "", "", ""])
-    assert list(own(rows)) == [False, False, True, False, False, False]
+@pytest.mark.parametrize("mark", ["own", "again", "verification"])
+def test_a_row_with_a_mark_is_no_evidence(mark: str) -> None:
+    rows = ROWS.assign(counts_as=["number", "order", mark, "statement", "repeats", "number"])
     assert list(evidence(rows)) == [True, True, False, True, False, True]
+    assert list(own(rows)) == [False, False, mark == "own", False, False, False]
+
+
+def test_the_first_mark_of_a_row_is_what_it_counts_as() -> None:
+    assert marks({}, "order")["counts_as"] == "order"
+    both = marks({"own": "the bound", "repeats": "the latency"}, "number")
+    assert both == {
+        "repeats": "the latency",
+        "verification": "",
+        "own": "the bound",
+        "again": "",
+        "counts_as": "repeats",
+    }
 
 
 def test_what_a_study_calls_important_comes_first_then_the_furthest_from_its_band_once_an_item() -> None:
-    failing = ROWS[~held(ROWS)]
+    failing = ROWS[1:]
     assert list(most_important(failing, ("d", "nothing"))["item"]) == ["d", "e", "c"]  # e: no number at all
     found = most_important(failing, (), 9)
     assert list(found["item"]) == ["e", "c", "b", "d"]
@@ -53,7 +67,7 @@ def test_what_a_study_calls_important_comes_first_then_the_furthest_from_its_ban
 
 
 def test_each_beginning_of_an_item_names_one_row_the_furthest_that_begins_so() -> None:
-    failing = ROWS[~held(ROWS)].assign(item=["table, x", "table, x", "table, y", "order", "table, z"])
+    failing = ROWS[1:].assign(item=["table, x", "table, x", "table, y", "order", "table, z"])
     assert list(most_important(failing, ("table", "order"))["item"]) == ["table, z", "order", "table, y"]
 
 

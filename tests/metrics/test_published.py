@@ -13,8 +13,8 @@ def test_references_are_held_against_their_band_in_their_own_unit(good):
     found = METRICS["references"](good)
     assert list(found.columns) == [
         "id", "source", "item", "case", "metric", "unit", "published", "formal", "true", "monte_carlo", "low", "high",
-        "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "repeats", "fitted", "own", "verdict",
-        "remark",
+        "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "repeats", "fitted", "own", "again",
+        "verification", "counts_as", "verdict", "remark",
     ]  # fmt: skip
     rms = METRICS["rms"](good).set_index(["case", "phase_or_event", "metric", "axis"]).rms
     assert found.ours.iloc[0] == pytest.approx(100 * rms.loc[("imu=fine", "injection", "velocity_error", "3d")])

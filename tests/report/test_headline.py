@@ -5,17 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.published import COLUMNS
-from lvnav_trade.metrics.verdicts import FAILS, HOLDS
+from lvnav_trade.metrics.published import COLUMNS, marks
+from lvnav_trade.metrics.verdicts import FAILS, HOLDS, UNDECIDED
 from lvnav_trade.report.blocks import Table, Text
-from lvnav_trade.report.headline import headline, those_that_fail
+from lvnav_trade.report.headline import counted, headline, those_that_fail
 
 
 def _row(item: str, ratio: float, percentile: float = np.nan, published: float = 1.0, **cells: object) -> dict:
     row = dict.fromkeys(COLUMNS, "") | {"formal": np.nan, "true": np.nan, "monte_carlo": ratio, "low": 1.0, "high": 1.0}
     bounds = {"band_low": 0.5, "band_high": 2.0, "in_band": 0.5 <= ratio <= 2.0}
-    return row | bounds | {"item": item, "ratio": ratio, "ours": ratio, "percentile": percentile} | {
-        "published": published, "case": "x: y", "remark": f"why {item}", **cells,
+    said = marks(cells, "number" if np.isfinite(published) else "order")
+    return row | bounds | {"item": item, "ratio": ratio, "ours": ratio, "percentile": percentile} | said | {
+        "published": published, "case": "x: y", "remark": f"why {item}",
+        "verdict": HOLDS if bounds["in_band"] else FAILS, **cells,
     }  # fmt: skip
 
 
@@ -33,10 +35,10 @@ def test_the_first_lines_count_evidence_edges_and_inputs() -> None:
     assert isinstance(text, Text)
     assert isinstance(important, Table)
     assert text.text == (
-        "Of 6 published results that are not fixed by our inputs, 2 are reproduced: 1 of 5 numbers are within their "
-        "band (single runs: among ours); 1 of 1 orders and statements on innovations are as published. Results within "
-        "their band whose published run is at or beyond the 1 % or 99 % quantile of ours: 1. Results that repeat an "
-        "input and are not counted: 1."
+        "Of 6 published results that count, 3 are reproduced: 2 of 5 numbers are reproduced, 3 are not; 1 of 1 orders "
+        "and statements on innovations are reproduced, 0 are not. Separately, of 2 numbers within their band that are "
+        "of one published run, 1 lie between the 1 % and 99 % quantiles of our runs. Not counted: 1 results fixed by our inputs "
+        "(1 hold)."
     )
     assert [row[0] for row in important.rows] == ["main", "far", "out"]
     assert [row[-1] for row in important.rows] == ["why main", "why far", "why out"]
@@ -68,9 +70,10 @@ def test_rows_that_are_not_published_are_counted_apart_and_have_a_table() -> Non
     rows = pd.concat([ROWS, pd.DataFrame(mine, columns=COLUMNS)], ignore_index=True)
     text = headline(rows, ("limit of ours",))[0]
     assert isinstance(text, Text)
-    assert text.text.startswith("Of 6 published results that are not fixed by our inputs, 2 are reproduced")
-    assert "Results that repeat an input and are not counted: 1." in text.text
-    assert text.text.endswith("which are not counted: 2; 1 of them hold.")
+    assert text.text.startswith("Of 6 published results that count, 3 are reproduced")
+    assert text.text.endswith(
+        "Not counted: 1 results fixed by our inputs (1 hold); 2 results whose statement or bound is ours (1 hold)."
+    )
     assert [row[0] for row in headline(rows, ("limit of ours",))[1].rows] == ["far", "out", "main"]
     tables = those_that_fail(rows)
     assert [[row[0] for row in one.rows] for one in tables[1:]] == [["input"], ["bound of ours", "limit of ours"]]
@@ -81,9 +84,31 @@ def test_every_row_that_fails_and_every_input_stands_in_a_table_of_its_own() -> 
     failing, repeated = those_that_fail(ROWS)
     assert isinstance(failing, Table)
     assert isinstance(repeated, Table)
-    assert [row[0] for row in failing.rows] == ["edge", "out", "far", "main"]
+    assert [row[0] for row in failing.rows] == ["out", "far", "main"]
     assert [row[0] for row in repeated.rows] == ["input"]
     assert "the noise" in repeated.rows[0]
+
+
+def test_rows_that_runs_do_not_decide_are_counted_as_such() -> None:
+    rows = pd.DataFrame([_row("a", 1.0), _row("b", 0.5, verdict=UNDECIDED)], columns=COLUMNS)
+    assert counted(rows) == {"number": (2, 1, 0, 1)}
+    text = headline(rows, ())[0]
+    assert isinstance(text, Text)
+    assert text.text.startswith(
+        "Of 2 published results that count, 1 are reproduced: 1 of 2 numbers are reproduced, 0 are not, 1"
+    )
+
+
+def test_second_readings_and_verifications_have_tables_of_their_own() -> None:
+    rows = pd.DataFrame([_row("a", 9.0, again="table 2"), _row("b", 1.0, verification="one motion")], columns=COLUMNS)
+    tables = those_that_fail(rows)
+    assert [[row[0] for row in one.rows] for one in tables] == [["a"], ["b"]]
+    assert ["table 2" in tables[0].rows[0], "one motion" in tables[1].rows[0]] == [True, True]
+    text = headline(rows, ())[0]
+    assert isinstance(text, Text)
+    assert text.text.startswith(
+        "Not counted: 1 second readings of a published number (0 hold); 1 results that cannot fail"
+    )
 
 
 def test_nothing_is_said_without_rows_and_no_table_where_all_hold() -> None:

@@ -79,7 +79,7 @@ def test_the_page_says_first_which_statements_hold_and_which_do_not(folder: Path
     )
     assert holds < fails < missing
     assert "there is no such sensor" in answer
-    assert "1 of 1 orders and statements on innovations are as published." in text
+    assert "1 of 1 orders and statements on innovations are reproduced, 0 are not." in text
     assert text.count("#1 three times") == 1  # not again with its campaign
     assert Path("kept/figures/synthetic-1-bound.png").is_file()
     found = pd.read_csv("kept/references.csv", keep_default_na=False)
@@ -87,6 +87,23 @@ def test_the_page_says_first_which_statements_hold_and_which_do_not(folder: Path
     table = Publication(folder).table(api.load("results/papers/synthetic"))
     assert list(table.id) == ["synthetic references 1", "synthetic references 2", "synthetic orderings 1",
                               "synthetic statements 1", "s2"]  # fmt: skip
+
+
+def test_a_kept_page_is_counted_anew_with_the_marks_that_its_folder_has_by_now(folder: Path) -> None:
+    study = ["--keep", "kept", "--only-page"]
+    assert main(Publication(folder), study) == 0
+    before, first = Path("kept/report.md").read_text(), pd.read_csv("kept/references.csv", keep_default_na=False)
+    assert main(Publication(folder), ["--keep", "kept", "--recount"]) == 0
+    assert Path("kept/report.md").read_text() == before
+    pd.testing.assert_frame_equal(pd.read_csv("kept/references.csv", keep_default_na=False), first)
+    first_one, small = CLAIMS["statements"]
+    write(folder / "statements" / "synthetic.yaml", CLAIMS | {"statements": [first_one, small | {"own": "the bound"}]})
+    assert main(Publication(folder), ["--keep", "kept", "--recount"]) == 0
+    rows = pd.read_csv("kept/references.csv", keep_default_na=False).set_index("id")
+    assert (rows.counts_as["s2"], rows.own["s2"]) == ("own", "the bound")
+    page = Path("kept/report.md").read_text()
+    assert "1 results whose statement or bound is ours" in page
+    assert page.partition("\n## Ass")[2] == before.partition("\n## Ass")[2]
 
 
 def test_statements_of_campaigns_without_results_are_listed_as_not_flown(folder: Path) -> None:

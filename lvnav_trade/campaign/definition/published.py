@@ -85,7 +85,18 @@ class Stated(Card):
     own: str = Field(
         "",
         max_length=200,
-        description="what of it is not published: the statement, or its bound, and why; a study counts it apart",
+        description="what of it is not published: the statement, or its bound, and why; a study does not count it",
+    )
+    repeats: str = Field(
+        "",
+        max_length=200,
+        description="the input that decides it: a study lists it apart and does not count it",
+    )
+    again: str = Field(
+        "", max_length=200, description="the row of which it is a second reading: a published number counts once"
+    )
+    verification: str = Field(
+        "", max_length=200, description="why it cannot fail: it checks the tool, and a study does not count it"
     )
 
 
@@ -191,11 +202,6 @@ class Published(Measured, Stated):
     band: tuple[float, float] = Field((0.5, 2.0), description="of ours / published")
     single: bool = Field(
         False, description="of a single run: the page shows where it lies among our runs, each by itself"
-    )
-    repeats: str = Field(
-        "",
-        max_length=200,
-        description="the input that decides the number: a study lists it apart and does not count it",
     )
     fitted: bool = Field(
         False, description="settings were searched for by this number: a study counts it apart from those withheld"

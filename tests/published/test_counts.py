@@ -1,0 +1,43 @@
+"""What documentation and pages say of studies is what the two columns of the kept CSV say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from lvnav_trade.metrics.held import evidence
+from lvnav_trade.report.headline import counted, said
+
+PAGES = {"conae": "docs/conae.md", "gains": "docs/gains.md", "drdc": "docs/modelling_the_vehicle.md"}
+
+
+def kept(root: Path, study: str) -> pd.DataFrame:
+    return pd.read_csv(root / f"reports/{study}/references.csv", keep_default_na=False)
+
+
+@pytest.mark.parametrize("study", PAGES)
+def test_page_and_documentation_say_what_the_kept_rows_say(root: Path, study: str) -> None:
+    rows = kept(root, study)
+    rows = rows[evidence(rows) & (rows.counts_as != "statement")]
+    sentence = said(rows, counted(rows))
+    assert sentence in (root / f"reports/{study}/report.md").read_text()
+    assert sentence in (root / PAGES[study]).read_text()
+
+
+def test_the_statements_of_dlr_are_counted_by_their_numbers(root: Path) -> None:
+    rows = kept(root, "dlr")
+    rows = rows[evidence(rows)]
+    verdicts = rows.groupby(rows["item"].str.split(" ").str[0]).verdict.agg(frozenset)
+    holds, fails = (int((verdicts == frozenset([word])).sum()) for word in ("holds", "does not hold here"))
+    sentence = f"Of {len(verdicts)} statements {holds} hold in every reading, {fails} do not hold here"
+    assert sentence in (root / "reports/dlr/report.md").read_text()
+    assert sentence in (root / "docs/dlr.md").read_text()
+
+
+def test_no_row_whose_bound_is_ours_is_counted_as_published(root: Path) -> None:
+    for study in ("conae", "drdc", "gains"):
+        rows = kept(root, study)
+        assert not rows["item"].str.contains("bound ours").any()
+        assert ((rows.own == "") | ~evidence(rows)).all()
