@@ -37,8 +37,8 @@ def test_the_first_lines_count_evidence_edges_and_inputs() -> None:
     assert text.text == (
         "Of 6 published results that count, 3 are reproduced: 2 of 5 numbers are reproduced, 3 are not; 1 of 1 orders "
         "and statements on innovations are reproduced, 0 are not. Separately, of 2 numbers within their band that are "
-        "of one published run, 1 lie between the 1 % and 99 % quantiles of our runs. Not counted: 1 results fixed by our inputs "
-        "(1 hold)."
+        "of one published run, 1 lie between the 1 % and 99 % quantiles of our runs. Not counted: 1 results fixed by "
+        "our inputs (1 hold)."
     )
     assert [row[0] for row in important.rows] == ["main", "far", "out"]
     assert [row[-1] for row in important.rows] == ["why main", "why far", "why out"]
