@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,9 +81,9 @@ def test_a_record_within_a_record_reaches_whoever_reads_it(last: Any) -> None:
 
 def test_a_part_takes_one_address_for_a_record_however_many_fields_it_has() -> None:
     change(Outer(np.zeros(3), Inner(np.ones(3), 2.0), None), 2)
-    (found,) = _change.inner.overloads.values()
-    (function,) = (one for one in found.library.get_defined_functions() if "_change" in one.name)
-    assert len(list(function.arguments)) == 4  # place of the result, of an error; the record, the index
+    for found in _change.inner.overloads.values():
+        (function,) = (one for one in found.library.get_defined_functions() if "_change" in one.name)
+        assert len(list(function.arguments)) == 4  # place of the result, of an error; the record, the index
 
 
 @jit
@@ -178,3 +179,34 @@ def branches(x):
 def test_variables_set_at_one_place_keep_their_arrays_alive(x: float) -> None:
     for _ in range(100):
         np.testing.assert_array_equal(branches(x), branches.py_func(x))
+
+
+@making_arrays
+def _slope(y, record):
+    out = np.zeros(y.size)
+    for i in range(y.size):
+        out[i] = record.inner.gain * y[i] + record.first[i]
+    return out
+
+
+@making_arrays
+def _step(y, record):
+    slope = _slope(y, record)
+    return y + 0.5 * (slope + _slope(y + slope, record))
+
+
+@making_arrays
+def stepped(y, n, record):
+    for _ in range(n):
+        y = _step(y, record)
+    return y
+
+
+def test_arrays_that_are_replaced_in_a_loop_are_given_back_once() -> None:
+    y, record = np.ones(3), Outer(np.arange(3.0), Inner(np.arange(3.0), -0.5), None)
+    held = (y, record.first, record.inner.values)
+    before = [sys.getrefcount(array) for array in held]
+    for _ in range(20):
+        stepped(y, 3, record)
+    assert [sys.getrefcount(array) for array in held] == before
+    np.testing.assert_array_equal(stepped(y, 2, record), stepped.py_func(y, 2, record))
