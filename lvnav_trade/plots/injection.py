@@ -4,7 +4,7 @@ import numpy as np
 
 from lvnav_trade.metrics.basics.case import Injections
 from lvnav_trade.metrics.basics.case_tables import CaseTables
-from lvnav_trade.metrics.mechanics.injection import APSIDES, apsis_errors, near_circular, why_no_law
+from lvnav_trade.metrics.mechanics.injection import APSIDES, apsis_errors, is_curved, why_no_law
 from lvnav_trade.metrics.mission.injection import LABELS, injections_of
 from lvnav_trade.plots.figure import GREY, Figure, Panel, canvas
 from lvnav_trade.plots.style import PALETTE, drawing, message
@@ -54,7 +54,7 @@ def _ellipse(ax: Panel, law: InjectionLaw | None, quantities: tuple[str, str], f
     """
     if law is None or why_no_law(law, quantities):
         return
-    if quantities[0] in APSIDES and near_circular(law):
+    if quantities[0] in APSIDES and is_curved(law, quantities[0]):
         x, y = (apsis_errors(law, name, _CLOUD) * factor for name, factor in zip(quantities, factors, strict=True))
         ax.plot(x, y, ls="none", marker=".", ms=1.0, color=GREY, label="LinCov, drawn")
         return

@@ -13,7 +13,7 @@ from lvnav_trade.metrics.basics.case import Distribution, Errors, Gaussian, Inje
 from lvnav_trade.metrics.mechanics.injection import (
     APSIDES,
     apsis_errors,
-    near_circular,
+    is_curved,
     share_depleted,
     why_no_law,
 )
@@ -128,7 +128,7 @@ class InjectionError(_OfInjection):
         return Distribution(gaussian, self.unit, self.label_unit, self.label_factor, "injection")
 
     def _is_drawn(self, law: InjectionLaw) -> bool:
-        return self.quantities[0] in APSIDES and near_circular(law)
+        return self.quantities[0] in APSIDES and is_curved(law, self.quantities[0])
 
     def _root_mean_square(self, law: InjectionLaw) -> float:
         if self._is_drawn(law):
@@ -164,7 +164,7 @@ class Depletion(_OfInjection):
         if found is None:
             return None
         size = np.where(found.injected, 0.0, np.where(found.outcome == OUTCOMES[1], 1.0, np.inf))
-        return Errors(size, self.unit, "-", 1.0)
+        return Errors(size, self.unit, "%", 100.0)
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the share of the runs that deplete, and what linear covariance expects of it."""
@@ -185,7 +185,7 @@ class Depletion(_OfInjection):
         """Return zeros and ones in the share that linear covariance expects of empty stages."""
         size = np.zeros(_GRID)
         size[: round(share_depleted(law) * _GRID)] = 1.0
-        return self.single_law(size, self.unit, "-", 1.0)
+        return self.single_law(size, self.unit, "%", 100.0)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ DEPLETED_AT_MOST = 1e-3
 SECOND_ORDER_AT_MOST = 0.3
 """Share of sigma up to which the second order of the vehicle's spreads is left out."""
 _CIRCULAR_SIGMAS = 3.0
+_CURVED = 0.1  # share of sigma, of the second order of perigee or apogee, from which both are drawn
 _LEFT = INJECTION.index("propellant_left")
 _BASE = [INJECTION.index(name) for name in ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node")]
 APSIDES = {"perigee": -1.0, "apogee": 1.0}
@@ -43,12 +44,21 @@ def why_no_law(law: InjectionLaw, quantities: Sequence[str]) -> str:
     return f"spreads of the vehicle act to second order, {share:.2g} times their sigma to the first"
 
 
-def near_circular(law: InjectionLaw) -> bool:
-    """Whether the orbit is circular to within three sigma, so that perigee and apogee are no linear functions of it."""
+def is_curved(law: InjectionLaw, quantity: str) -> bool:
+    """Whether perigee or apogee is no linear function of axis and eccentricity vector.
+
+    An error of the vector across its direction lengthens it to second order alone. That counts where the orbit is
+    nearly circular, and where the first order nearly vanishes, as of the perigee of an injection at perigee.
+    """
     vector = _BASE[1:]
-    spread = np.linalg.eigvalsh(law.covariance[:, vector][:, :, vector].sum(axis=0))[-1]
     reached = law.target[vector] + law.mean[vector]
-    return bool(np.linalg.norm(reached) < _CIRCULAR_SIGMAS * np.sqrt(max(0.0, float(spread))))
+    e, spread = float(np.linalg.norm(reached)), law.covariance[:, vector][:, :, vector].sum(axis=0)
+    if e < _CIRCULAR_SIGMAS * np.sqrt(max(0.0, float(np.linalg.eigvalsh(spread)[-1]))):
+        return True
+    across = np.array([-reached[1], reached[0]]) / e
+    second = law.target[_BASE[0]] * float(across @ spread @ across) / (np.sqrt(2.0) * e)
+    place = INJECTION.index(quantity)
+    return bool(second > _CURVED * np.sqrt(law.covariance[:, place, place].sum()))
 
 
 def apsis_errors(law: InjectionLaw, quantity: str, count: int = QUANTILE_DRAWS) -> Floats:

@@ -6,7 +6,7 @@ import pandas as pd
 from lvnav_trade.metrics.basics.case import Injections
 from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.basics.probability import success_bounds
-from lvnav_trade.metrics.mechanics.injection import APSIDES, apsis_errors, near_circular, share_depleted, why_no_law
+from lvnav_trade.metrics.mechanics.injection import APSIDES, apsis_errors, is_curved, share_depleted, why_no_law
 from lvnav_trade.records import INJECTION as NUMBERS
 from lvnav_trade.records import ORBIT, OUTCOMES, Floats, InjectionLaw
 from lvnav_trade.store.lookup import pick
@@ -99,7 +99,7 @@ def _expected(law: InjectionLaw | None, quantity: str, factor: float) -> tuple[f
         return *[np.nan] * 4, reason
     k = ORBIT.index(quantity)
     parts = [float(np.sqrt(part[:, k].sum())) * factor for part in (law.knowledge, law.execution)]
-    if quantity in APSIDES and near_circular(law):
+    if quantity in APSIDES and is_curved(law, quantity):
         drawn = apsis_errors(law, quantity) * factor
         return float(drawn.mean()), float(drawn.std()), np.nan, np.nan, ""
     return float(law.mean[k]) * factor, float(np.sqrt(law.covariance[:, k, k].sum())) * factor, *parts, ""

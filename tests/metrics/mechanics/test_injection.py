@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from lvnav_trade.metrics.mechanics.injection import apsis_errors, near_circular, share_depleted, why_no_law
+from lvnav_trade.metrics.mechanics.injection import apsis_errors, is_curved, share_depleted, why_no_law
+from lvnav_trade.records import INJECTION
 from tests.injections import REFERENCE, SIZES, SOURCES, law
 
 SHARE = np.linalg.norm(list(SOURCES.values()))
@@ -23,7 +24,7 @@ def _circular():
 def test_apsides_near_a_circle_are_drawn_through_the_map_itself(quantity, sign):
     """Both components of the eccentricity vector have one sigma: its length is a Rayleigh variable."""
     found, size = _circular(), 6.9e6 * SIZES[3] * SHARE
-    assert near_circular(found)
+    assert is_curved(found, quantity)
     drawn = sign * apsis_errors(found, quantity)
     for share in (0.5, 0.9, 0.997):
         assert np.quantile(drawn, share) == pytest.approx(size * np.sqrt(-2.0 * np.log(1.0 - share)), rel=0.02)
@@ -31,11 +32,20 @@ def test_apsides_near_a_circle_are_drawn_through_the_map_itself(quantity, sign):
 
 def test_far_from_a_circle_draws_are_those_of_the_gaussian():
     found = law()
-    assert not near_circular(found)
+    assert not is_curved(found, "perigee")
     # perigee = a (1 - e), to first order in the three independent numbers
     e = np.hypot(0.01, 0.015)
     slope = np.array([1.0 - e, -6.9e6 * 0.01 / e, -6.9e6 * 0.015 / e]) * SIZES[[0, 3, 4]] * SHARE
     assert apsis_errors(found, "perigee").std() == pytest.approx(np.linalg.norm(slope), rel=0.02)
+
+
+def test_a_perigee_that_vanishes_to_first_order_is_curved_far_from_a_circle_too():
+    """An injection at perigee: axis and eccentricity change together so that the perigee stays."""
+    found = law()
+    place = INJECTION.index("perigee")
+    covariance = found.covariance.copy()
+    covariance[:, place, place] *= 1e-6
+    assert is_curved(found._replace(covariance=covariance), "perigee")
 
 
 def test_the_share_of_empty_stages_is_that_of_the_gaussian():
