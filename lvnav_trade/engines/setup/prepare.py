@@ -18,6 +18,11 @@ from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.flight.trajectory import Trajectory
 from lvnav_trade.world.guided.reference import Plan, plan_of
 
+GUIDED_HISTORY = 1.0
+"""Longest step (s) between history times of a guided ascent: guidance, which has a pass a second, reads the navigation
+errors there.
+"""
+
 
 def prepare(
     scenario: Scenario,
@@ -39,6 +44,8 @@ def prepare(
     """
     flight = flight_of(scenario, flown)
     layout = layout_of(scenario, flight)
+    if _is_guided(scenario):
+        history = min(history, GUIDED_HISTORY)
     times = times_of(scenario, flight, layout, history, every_step_beside)
     filtering = filtering_of(scenario, flight, layout, times)
     measured = measurements_of(scenario, flight, filtering)
@@ -77,10 +84,16 @@ def prepare(
     )
 
 
+def _is_guided(scenario: Scenario) -> bool:
+    """Whether guidance steers every run by its navigation errors."""
+    card = scenario.trajectory
+    return isinstance(card, VehicleAscent) and card.guidance != "nominal"
+
+
 def _plan(scenario: Scenario) -> Plan | None:
     """Return what guidance knows before lift-off; None where every run flies the nominal ascent."""
     card = scenario.trajectory
-    return plan_of(card) if isinstance(card, VehicleAscent) and card.guidance != "nominal" else None
+    return plan_of(card) if isinstance(card, VehicleAscent) and _is_guided(scenario) else None
 
 
 def _options(

@@ -149,6 +149,13 @@ def test_a_variance_of_sums_gives_back_a_covariance_that_is_known():
     )  # fmt: skip
 
 
+def test_the_injection_does_not_depend_on_how_often_the_history_is_kept():
+    """Searches and trade spaces keep a history time a minute; guidance reads the errors every second all the same."""
+    prepared, history, _ = case()
+    seldom = covariance(prepare(prepared.scenario, 60.0)).injection
+    np.testing.assert_allclose(seldom.covariance, history.injection.covariance, rtol=1e-9)
+
+
 def test_without_guidance_there_is_no_injection():
     prepared, history, block = case()
     assert covariance(prepared._replace(plan=None)).injection is None
