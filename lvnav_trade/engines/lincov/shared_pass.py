@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.lincov.expected import false_rejection
-from lvnav_trade.records import CovHistory, Floats
+from lvnav_trade.records import CovHistory, Floats, InjectionLaw
 
 TOLERANCE = 1e-9
 """Largest difference of a predicted covariance, as a share of its sigmas, that still counts as the same."""
@@ -19,6 +19,8 @@ _LINEAR = ("true_cov", "budget", "expected_nees", "expected_nis", "row_ratio")
 """Fields that are sums over the sources, beside a part that is the same in every case."""
 _SAME = ("formal_cov", "mean", "n_row", "t", "t_epoch", "decisions")
 """Fields that true sigmas do not enter."""
+_OF_INJECTION = ("covariance", "knowledge", "execution")
+"""Fields of the injection of a guided ascent that are sums over the sources."""
 
 
 class SharedPass(NamedTuple):
@@ -29,6 +31,7 @@ class SharedPass(NamedTuple):
     largest : Largest value, (n_axis,).
     base : Linear covariance with all sigmas at their smallest value.
     added : What each sigma adds at its largest value: for each axis the fields of `_LINEAR`.
+    injected : The same of the fields of `_OF_INJECTION`; empty for each axis without guidance.
     """
 
     gate_squared: float
@@ -36,6 +39,7 @@ class SharedPass(NamedTuple):
     largest: Floats
     base: CovHistory
     added: tuple[tuple[Floats, ...], ...]
+    injected: tuple[tuple[Floats, ...], ...]
 
 
 def shared_pass(
@@ -55,7 +59,18 @@ def shared_pass(
     added = tuple(
         tuple(getattr(one, name) - getattr(base, name) for name in _LINEAR) for one in raised
     )  # by axis, then by field
-    return SharedPass(gate_squared, np.asarray(least, dtype=float), np.asarray(largest, dtype=float), base, added)
+    injected = tuple(_added_injection(base.injection, one.injection) for one in raised)
+    first, last = np.asarray(least, dtype=float), np.asarray(largest, dtype=float)
+    return SharedPass(gate_squared, first, last, base, added, injected)
+
+
+def _added_injection(base: InjectionLaw | None, raised: InjectionLaw | None) -> tuple[Floats, ...]:
+    """Return what a raised sigma adds to the fields of `_OF_INJECTION`; ValueError where the two have other sources."""
+    if base is None or raised is None:
+        return ()
+    if base.why != raised.why or base.sources != raised.sources:
+        raise ValueError("the injection is not that of the same sources")
+    return tuple(getattr(raised, name) - getattr(base, name) for name in _OF_INJECTION)
 
 
 def is_same_filter(one: CovHistory, other: CovHistory) -> bool:
@@ -73,11 +88,20 @@ def covariance_of(shared: SharedPass, sigmas: Sequence[float]) -> CovHistory:
         for share, added in zip(part, shared.added, strict=True):
             total += share * added[place]
         found[name] = total
+    law = shared.base.injection
+    if law is not None:
+        sums = {
+            name: getattr(law, name)
+            + sum(share * added[place] for share, added in zip(part, shared.injected, strict=True))
+            for place, name in enumerate(_OF_INJECTION)
+        }
+        law = law._replace(**sums)
     diagonal = np.diagonal(found["true_cov"], axis1=1, axis2=2)
     return shared.base._replace(
         **found,
         true_sigma=np.sqrt(np.maximum(0.0, diagonal)),
         false_rejection=false_rejection(shared.gate_squared, found["row_ratio"]),
+        injection=law,
     )
 
 
@@ -94,4 +118,8 @@ def largest_difference(found: CovHistory, computed: CovHistory) -> float:
         apart.append(float(np.max(np.abs(a[known] / b[known] - 1.0), initial=0.0)))
         if not np.array_equal(np.isnan(a), np.isnan(b)):
             return float("inf")
+    if found.injection is not None and computed.injection is not None and not computed.injection.why:
+        totals = [np.diagonal(one.covariance.sum(axis=0)) for one in (found.injection, computed.injection)]
+        known = np.isfinite(totals[1]) & (totals[1] > 0.0)
+        apart.append(float(np.max(np.abs(totals[0][known] / totals[1][known] - 1.0), initial=0.0)))
     return max(apart)

@@ -72,6 +72,30 @@ def test_a_shared_pass_equals_a_pass_of_its_own(base, record_property) -> None:
     assert worst < 1e-11
 
 
+def test_guided_ascents_share_their_injection() -> None:
+    """A guided ascent whose gyro bias varies: the injection's covariance is shared, its other sources stay."""
+    guidance = "{card: trajectories/electron_leo, guidance: explicit, dispersion: {draw: [thrust]}}"
+    found = cases(load("smoke", (f"base.trajectory={guidance}",)))[0].scenario
+    guided = with_filter(found, frozen(found))
+
+    def flown(sigma: float) -> CovHistory:
+        data = put(guided.model_dump(mode="json"), ["imu", "gyro", "bias_repeatability"], f"{sigma!r} rad/s")
+        return covariance(prepare(with_filter(Scenario.model_validate(data), guided.filter), 60.0))
+
+    shared = shared_pass(np.inf, [1e-7], [1e-4], flown(1e-7), [flown(1e-4)])
+    mixed, alone = covariance_of(shared, [3e-5]).injection, flown(3e-5).injection
+    assert mixed is not None
+    assert alone is not None
+    assert mixed.sources == alone.sources
+    sizes = np.sqrt(np.diagonal(alone.covariance.sum(axis=0)))
+    known = np.flatnonzero(np.isfinite(sizes) & (sizes > 0.0))
+    scale = np.outer(sizes[known], sizes[known])
+    difference = mixed.covariance.sum(axis=0) - alone.covariance.sum(axis=0)
+    np.testing.assert_allclose(difference[np.ix_(known, known)] / scale, 0.0, atol=1e-9)
+    np.testing.assert_allclose(mixed.knowledge.sum(axis=0), alone.knowledge.sum(axis=0), rtol=1e-9)
+    assert not np.allclose(alone.knowledge.sum(axis=0), shared.base.injection.knowledge.sum(axis=0), rtol=1e-3)
+
+
 def test_a_filter_that_follows_the_truth_is_another_filter(base) -> None:
     followed = cases(load("smoke"))[0].scenario
     least, more = (passed(followed, sigmas) for sigmas in (LEAST, (LARGEST[0], *LEAST[1:])))
