@@ -11,7 +11,7 @@ from lvnav_trade.plots.style import PALETTE, drawing, scale_up
 from lvnav_trade.store.read import Tables
 
 _ACROSS = 3
-_ROOM = 1.3  # of the range of errors: what the names of levels need at its end
+_ROOM = 1.35  # of the range of errors: what the names of levels need at its end
 _BEYOND = 0.06  # of the range of a share: what a dot at one of its ends needs
 _SHARES = [(share, f"{share:g}") for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
 

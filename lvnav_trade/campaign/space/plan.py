@@ -22,6 +22,7 @@ _DESIGN_S, _DESIGN_BYTES = 0.035, 6e3
 # Bytes of a design on disk: table and CSV table, the page, and until the end the part that it was evaluated in
 _ROW_BYTES, _PAGE_BYTES, _PART_BYTES = 1020.0, 150.0, 1160.0
 _EVENT_BYTES, _EVENT_PART_BYTES = 27.0, 8.0  # the same of one more number
+_CASE_TABLES = 2.0  # of the tables of designs that are analysed whole: what tables of single ones take until the end
 
 
 class DesignsPlan(NamedTuple):
@@ -33,7 +34,7 @@ class DesignsPlan(NamedTuple):
     runs : How many runs these have together at most.
     seconds : Time (s) of one core, without compilation.
     disk_mb : Size (MB) of the results.
-    most_mb : Disk (MB) that is taken at most, before parts and blocks of runs are removed.
+    most_mb : Disk (MB) that is taken at most, before parts, blocks of runs and tables of single designs are removed.
     memory_mb : Memory (MB) of the process that deals the designs out.
     seconds_of_designs : Part of `seconds` for the rows.
     """
@@ -65,8 +66,10 @@ def planned(campaign: Campaign, folder: Path, flights: Mapping[str, Mapping[str,
     alone = estimate(single, folder, {case.id: duration for case in cases(single)})
     further = _further_numbers(campaign, flights)
     disk = len(designs) * (_ROW_BYTES + _PAGE_BYTES + further * _EVENT_BYTES)
-    disk += whole * 1e6 * (alone.disk_mb - alone.blocks_mb)
-    beside = len(designs) * (_PART_BYTES + further * _EVENT_PART_BYTES) + whole * 1e6 * alone.blocks_mb
+    tables = whole * 1e6 * (alone.disk_mb - alone.blocks_mb)
+    disk += tables
+    beside = len(designs) * (_PART_BYTES + further * _EVENT_PART_BYTES)
+    beside += whole * 1e6 * alone.blocks_mb + _CASE_TABLES * tables
     return DesignsPlan(
         str(campaign.store),
         len(designs),
