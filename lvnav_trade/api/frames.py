@@ -94,6 +94,9 @@ class Frames:
     injection: pd.DataFrame  # injection accuracy of guided ascents: achieved orbit against target
     injection_sources: pd.DataFrame  # budget of the achieved orbit: navigation and sources of the vehicle
     cutoff: pd.DataFrame  # how guided ascents end: depletion, time, propellant left
+    lost: (
+        pd.DataFrame
+    )  # the runs of guided ascents that do not reach their cut-off, with the largest draws of their vehicles
     impact: pd.DataFrame  # point of impact over the flight with its error
     exclusions: pd.DataFrame  # IMUs that are excluded by their test
     worth: pd.DataFrame  # what filtered rate gains a controller
