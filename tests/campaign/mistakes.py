@@ -160,7 +160,7 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "campaign.yaml",
         "  imu: imu/good",
         "  imu: imu/good\n  frame: nde",
-        "campaign.yaml:6:10: base.frame: 'nde' is not one of ned, ecef, inertial, orbital (did you mean 'ned'?)",
+        "campaign.yaml:6:10: base.frame: 'nde' is not one of ned, ecef, inertial, orbital, pad (did you mean 'ned'?)",
     ),
     "zero_runs_are_refused": (
         "campaign.yaml",

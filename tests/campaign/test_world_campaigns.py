@@ -92,7 +92,7 @@ def test_every_model_of_the_world_has_its_campaign() -> None:
     shipped = {path.stem for path in (FOLDER.parent / "configs" / "trajectories").glob("*.yaml")}
     assert flown == shipped
     corrected = {case.scenario.filter.corrections.troposphere.kind for case in cases(reported["troposphere"])}
-    assert corrected == {"none", "any_elevation", "spilker", "saastamoinen", "niell", "matched", "ray_traced"}
+    assert corrected == {"none", "any_elevation", "spilker", "saastamoinen", "niell", "matched", "ray_traced", "stanag"}
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.earth import J2, SEMI_MAJOR
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Angle, AngularRate, Card, Epoch, Length, LengthSigma, NamedCard, TimeConstant
+from lvnav_trade.units import Angle, AngularRate, Card, Epoch, Length, LengthSigma, NamedCard, Share, TimeConstant
 from lvnav_trade.world.sky.almanac import AlmanacRecord, read_almanac, read_yuma
 from lvnav_trade.world.sky.gps_time import gps_seconds, resolve_beidou_week, resolve_week
 
@@ -27,7 +27,7 @@ EARTH_RATE_BEIDOU = 7.2921150e-5  # rad/s
 RELATIVITY_BEIDOU = -4.442807309e-10  # s/m^0.5: -2 sqrt(GM) / c^2
 
 
-Eccentricity = Annotated[float, Field(ge=0.0, le=0.1)]
+Eccentricity = Annotated[Share, Field(ge=0.0, le=0.1)]
 
 
 class Slot(Card):

@@ -18,7 +18,7 @@ def test_every_metric_of_a_requirement_has_a_unit() -> None:
     found = {name: unit_of(name) for name in required_metrics()}
     assert found["velocity_error_3d"] == "m/s"
     assert found["attitude_error_roll"] == "rad"
-    assert set(found.values()) == {"m", "m/s", "rad", "dimensionless", "sigma"}
+    assert set(found.values()) == {"m", "m/s", "rad", "dimensionless", "sigma", "kg"}
 
 
 def test_a_bound_is_held_in_si_and_written_with_its_unit(study) -> None:

@@ -146,6 +146,6 @@ def test_a_first_run_says_what_is_compiled_and_how_long_that_takes(study, fakes,
     watch = Heard()
     monkeypatch.setattr(execute, "is_filled", lambda: filled)
     execute.run(
-        load(study.path), Path("results"), jobs=1, engine=fakes.Fake().engine(), keep=fakes.store(None), watch=watch
+        load(study.path), Path("results"), jobs=1, engine=fakes.Fake().engine(), keep=fakes.store(None), progress=watch
     )
     assert [line for line in watch.lines if "usually takes" in line] == ([] if filled else [execute.COMPILING])
