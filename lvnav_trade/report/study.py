@@ -21,7 +21,7 @@ from lvnav_trade.metrics.published import COLUMNS
 from lvnav_trade.metrics.requirements.requirements import in_words
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.figure import Figure as Drawing
-from lvnav_trade.plots.published import ratios
+from lvnav_trade.plots.published import Published, ratios
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, of, percent, stated, table
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.diagnostics import error_bound
@@ -170,13 +170,13 @@ def _draw(one: Answered, figure: Figure, script: StudyScript) -> Drawing | None:
         _cases(one, asked)
     over = (quantity, many, figure.axis, figure.during)
     metric = figure.model_dump(include={"metric", "at", "during", "statistic"})
-    band = figure.band or (0.5, 2.0)
+    published = None if figure.published is None else Published(figure.published, figure.band or (0.5, 2.0))
     arguments: dict[str, tuple[Any, ...]] = {
         "spread": ([*one.campaign.model_dump(mode="json")["references"], *script.references(one.campaign.name)],),
         "errors": over,
         "relative": over,
         "autocorrelation": (many, figure.channels),
-        "locus": (figure.axis, metric, figure.unit, figure.published, band, many, figure.varied, figure.flown),
+        "locus": (figure.axis, metric, figure.unit, published, many, figure.varied, figure.flown),
         "sweep": (figure.band,),
         "envelope": (case, quantity),
         "budget": (case, quantity),

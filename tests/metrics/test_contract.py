@@ -15,4 +15,4 @@ def test_every_metric_gives_a_tidy_frame(name, which, request):
     assert isinstance(frame, pd.DataFrame)
     assert frame.columns.is_unique
     assert list(frame.index) == list(range(len(frame))) or name not in CSV
-    assert "case" in frame.columns or name in ("effects", "regions")  # of all cases together
+    assert "case" in frame.columns or name in ("effects", "regions", "swings")  # of all cases together

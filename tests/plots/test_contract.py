@@ -34,6 +34,7 @@ ELSEWHERE = (
     "worst_run",
     "effects",
     "regions",
+    "swings",
 )
 # of a grid of two axes, see test_validity; of a vehicle, see test_vehicle; of an IMU, see test_inertial; of levels, see
 # test_protection; of numeric axes, see test_curves; of costs, see test_resources; of many designs, see test_space; of a

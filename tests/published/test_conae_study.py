@@ -72,9 +72,13 @@ HOLD = {
 """Beginnings of the items that hold with eight runs too."""
 
 
+BESIDE = {"adaptation", "hil_causes"}
+"""Campaigns that look for causes of what the study misses, and hold nothing against a published number."""
+
+
 def test_every_campaign_of_the_folder_is_in_the_study_and_has_a_small_version() -> None:
     study, questions = load_study(FOLDER, None, STUDY.figures)
-    files = {path.stem for path in FOLDER.glob("*.yaml")} - {"study"}
+    files = {path.stem for path in FOLDER.glob("*.yaml")} - {"study", *BESIDE}
     assert files == {one.campaign.name for one in questions} == set(RUNS) | set(LOCI)
     assert study.assumptions
 
