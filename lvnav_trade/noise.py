@@ -14,28 +14,48 @@ NOISY: tuple[Noisy, ...] = get_args(Noisy)
 QUANTITIES = ("altitude", "specific_force", "jerk")
 
 
-class NoiseFactor(Card):
-    """A factor on the sigma of white noise over one quantity of the nominal flight.
+class OverFlight(Card):
+    """Numbers over one quantity of the nominal flight.
 
-    Straight lines join the entries, and the first and last value hold beyond them, so that two entries are a proportion
-    with a least and a greatest noise. Factors of several tables multiply.
+    Straight lines join the entries, and the first and last value hold beyond them.
     """
 
     altitude: tuple[Length, ...] = Field((), description="above the ellipsoid, rising; one of three quantities")
     specific_force: tuple[AccelerationSigma, ...] = Field((), description="its size, rising")
     jerk: tuple[JerkSigma, ...] = Field((), description="size of the change of specific force over 0.1 s, rising")
-    factor: tuple[Annotated[float, Field(gt=0.0)], ...] = Field(min_length=2, description="on sigma, at these values")
-    of: tuple[Noisy, ...] = Field(NOISY, min_length=1, description="measurements whose noise it is")
+
+    @property
+    def over(self) -> str:
+        """The quantity that they are over."""
+        return next(name for name in QUANTITIES if getattr(self, name))
 
     def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
         stated = [name for name in QUANTITIES if getattr(self, name)]
         if len(stated) != 1:
             yield f"one of {', '.join(QUANTITIES)} is stated, not {' and '.join(stated) or 'none'}"
             return
-        values = getattr(self, stated[0])
+        values = getattr(self, self.over)
+        require_rising(self.over, values)
+        yield from self._unlike(values)
+
+    def _unlike(self, values: tuple[float, ...]) -> Iterator[str]:
+        """Yield what does not fit the values (n,) of the quantity."""
+        return iter(())
+
+
+class NoiseFactor(OverFlight):
+    """A factor on the sigma of white noise over one quantity of the nominal flight.
+
+    Two entries are a proportion with a least and a greatest noise. Factors of several tables multiply.
+    """
+
+    factor: tuple[Annotated[float, Field(gt=0.0)], ...] = Field(min_length=2, description="on sigma, at these values")
+    of: tuple[Noisy, ...] = Field(NOISY, min_length=1, description="measurements whose noise it is")
+
+    def _unlike(self, values: tuple[float, ...]) -> Iterator[str]:
         if len(values) != len(self.factor):
-            yield f"{len(values)} values of {stated[0]} but {len(self.factor)} factors"
-        require_rising(stated[0], values)
+            yield f"{len(values)} values of {self.over} but {len(self.factor)} factors"
 
 
 NoiseBy = Annotated[

@@ -7,23 +7,19 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from lvnav_trade.noise import QUANTITIES
+from lvnav_trade.noise import OverFlight
 from lvnav_trade.observables.sensors import MEASUREMENTS
 from lvnav_trade.units import (
     AccelerationSigma,
     AngleRandomWalk,
     AngleSigma,
     AngularRateSigma,
-    Card,
     Fraction,
     GSensitivity,
-    JerkSigma,
-    Length,
     LengthSigma,
     PositionRandomWalk,
     SpeedSigma,
     VelocityRandomWalk,
-    require_rising,
 )
 from lvnav_trade.world.conditions import Conditions
 
@@ -85,35 +81,20 @@ class RegionNoiseCard(Conditions):
 DRIVEN = ("attitude", "velocity", "position")
 
 
-class ProcessNoiseTable(Card):
+class ProcessNoiseTable(OverFlight):
     """Process noise over one quantity of the nominal flight, beyond that of the card: a covariance that is adapted.
 
-    Straight lines join the entries, and the first and last value hold beyond them: two entries from zero are a density
-    in proportion to the quantity. Variances of several tables add.
+    Two entries from zero are a density in proportion to the quantity. Variances of several tables add.
     """
 
-    altitude: tuple[Length, ...] = Field((), description="above the ellipsoid, rising; one of three quantities")
-    specific_force: tuple[AccelerationSigma, ...] = Field((), description="its size, rising")
-    jerk: tuple[JerkSigma, ...] = Field((), description="size of the change of specific force over 0.1 s, rising")
     attitude: tuple[AngleRandomWalk, ...] = Field((), description="root PSD per axis, at these values")
     velocity: tuple[VelocityRandomWalk, ...] = Field((), description="root PSD per axis, at these values")
     position: tuple[PositionRandomWalk, ...] = Field((), description="root PSD per axis, at these values")
 
-    @property
-    def over(self) -> str:
-        """The quantity that it is over."""
-        return next(name for name in QUANTITIES if getattr(self, name))
-
-    def _faults(self) -> Iterator[str]:
-        stated = [name for name in QUANTITIES if getattr(self, name)]
-        if len(stated) != 1:
-            yield f"one of {', '.join(QUANTITIES)} is stated, not {' and '.join(stated) or 'none'}"
-            return
-        values = getattr(self, stated[0])
-        require_rising(stated[0], values)
+    def _unlike(self, values: tuple[float, ...]) -> Iterator[str]:
         if not any(any(getattr(self, name)) for name in DRIVEN):
             yield f"no noise: one of {', '.join(DRIVEN)} is above zero somewhere"
         for name in DRIVEN:
             count = len(getattr(self, name))
             if count not in (0, len(values)):
-                yield f"{len(values)} values of {stated[0]} but {count} of {name}"
+                yield f"{len(values)} values of {self.over} but {count} of {name}"

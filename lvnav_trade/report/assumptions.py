@@ -15,6 +15,7 @@ _RESOURCES = r"(?:^|\.)resources\."
 _ORDER = "The errors and the order of the cases are no better than these numbers."
 _COST_ALONE = "Only the section Cost and performance uses them; errors and margins do not."
 _SPREADS = "vehicle.dispersions"
+_SOURCE = {"wind_length": "wind"}  # fields of the spreads that are no source by themselves
 _ALONG = "Navigation errors are those along the nominal flight. See Assumptions."
 _NAMES = {"imu": "IMU", "receiver": "Receiver"}
 
@@ -64,6 +65,9 @@ def placed_by_assumptions(tables: Tables) -> list[Block]:
     """Return a warning where guided ascents draw spreads of the vehicle that are assumed or second hand."""
     frame, guided = METRICS["assumptions"](tables), set(METRICS["injection"](tables).case)
     rows = frame[frame.place.str.endswith(_SPREADS) & frame.case.isin(guided)]
+    drawn = set(tables.injection_joint.source[tables.injection_joint.part == "vehicle"])
+    if drawn and drawn != {"vehicle"}:  # without an error budget they are one source
+        rows = rows[[_SOURCE.get(field, field.replace("_", " ")) in drawn for field in rows.field]]
     if rows.empty:
         return []
     text = f"{_fields(list(rows.field))}. Errors of the achieved orbit are no better than these numbers. {_ALONG}"

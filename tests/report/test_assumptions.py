@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import pandas as pd
 import pytest
 
+from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.assumptions import compared_by
-from lvnav_trade.report.assumptions import assumptions, cases_in_words, ranked_by_assumptions
+from lvnav_trade.report.assumptions import assumptions, cases_in_words, placed_by_assumptions, ranked_by_assumptions
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.build import make
 from lvnav_trade.report.summary import summary
 from lvnav_trade.store.read import load
 from tests import synthetic
+from tests.injections import with_injections
 from tests.metrics.test_assumptions import BASE
 
 
@@ -69,3 +72,15 @@ def test_without_marks_there_is_neither_sentence_nor_section_nor_table(tmp_path)
 def test_cases_are_named_by_what_they_have_in_common(tables) -> None:
     assert cases_in_words(tables, tables.labels.values()) == "all"
     assert cases_in_words(tables, ["imu=coarse"]) == "imu=coarse"
+
+
+def test_the_first_screen_names_the_assumed_spreads_that_are_drawn_and_no_others(tables, monkeypatch) -> None:
+    """Of linear covariance the vehicle has the sources thrust and dry mass; the wind of its card is not drawn."""
+    fields = ("thrust", "dry_mass", "wind", "wind_length", "thrust_misalignment")
+    place, case = "trajectory.vehicle.dispersions", next(iter(tables.labels.values()))
+    frame = pd.DataFrame({"case": case, "place": place, "field": fields, "mark": "assumed"})
+    monkeypatch.setitem(METRICS, "assumptions", lambda _: frame)
+    (warning,) = placed_by_assumptions(with_injections(tables))
+    assert warning.text.startswith("Thrust, dry mass. Errors of the achieved orbit are no better")
+    assert warning.lead == "The achieved orbit rests on assumed spreads of the vehicle."
+    assert placed_by_assumptions(tables) == []

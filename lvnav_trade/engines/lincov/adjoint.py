@@ -33,8 +33,10 @@ class Backward(NamedTuple):
 
 
 class Entering(NamedTuple):
-    """Where a metric reads the errors: at one history time, or as a sum over several. place (n_hist,) of a time among
-    them, -1 none; rows (n_sum, n_metric, N) by the joint states.
+    """Where a metric reads the errors: at one history time, or as a sum over several.
+
+    place : (n_hist,). Number of the history time among those that are summed, -1 for one that is not.
+    rows : (n_sum, n_metric, N). Multipliers of the joint states at each of them.
     """
 
     place: Ints

@@ -75,7 +75,8 @@ def stanag(elevation: ArrayLike, height: ArrayLike, surface: float = 324.8) -> F
     """Return the delay (...,) m of NATO STANAG 4294: integral of its refractivity upwards, times its mapping function.
 
     elevation (...,) rad, zero or above; height (...,) m; surface: refractivity at sea level, (n - 1) x 1e6. The mapping
-    function is 1 / (sin E + 0.00143 / (tan E + 0.0455)).
+    function is 1 / (sin E + 0.00143 / (tan E + 0.0455)); its two constants are second hand, the agreement itself was
+    not at hand.
     """
     el, h = (np.asarray(value, dtype=float) for value in (elevation, height))
     slope = -7.32e-3 * np.exp(0.005577 * surface)

@@ -194,6 +194,8 @@ class ExtraPropellant(_OfInjection):
     empty before the cut-off.
     """
 
+    average: ClassVar[str] = MEAN
+
     @property
     def bounded_as(self) -> str:
         """It has no sign."""

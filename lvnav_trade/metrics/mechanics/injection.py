@@ -58,7 +58,8 @@ def is_curved(law: InjectionLaw, quantity: str) -> bool:
     across = np.array([-reached[1], reached[0]]) / e
     second = law.target[_BASE[0]] * float(across @ spread @ across) / (np.sqrt(2.0) * e)
     place = INJECTION.index(quantity)
-    return bool(second > _CURVED * np.sqrt(law.covariance[:, place, place].sum()))
+    first = np.sqrt(law.covariance[:, place, place].sum())
+    return not second <= _CURVED * first  # the first order of a circle is not a number
 
 
 def apsis_errors(law: InjectionLaw, quantity: str, count: int = QUANTILE_DRAWS) -> Floats:

@@ -175,12 +175,17 @@ def cutoff(tables: Tables) -> pd.DataFrame:
 
 
 def _expected_end(law: InjectionLaw | None) -> tuple[float, ...]:
-    """Return share of depletion, time of cut-off and propellant left, each with its sigma, by linear covariance."""
+    """Return share of depletion, then time of cut-off and propellant left, each with its sigma, by linear covariance;
+    NaN where that does not hold.
+    """
     if law is None or law.why:
         return (np.nan,) * 5
-    at = [NUMBERS.index(name) for name in ("cutoff_time", "propellant_left")]
-    ends = [(float(law.mean[k]), float(np.sqrt(law.covariance[:, k, k].sum()))) for k in at]
-    return share_depleted(law), *ends[0], *ends[1]
+    ends: list[float] = []
+    for name in ("cutoff_time", "propellant_left"):
+        k = NUMBERS.index(name)
+        known = not why_no_law(law, (name,))
+        ends += [float(law.mean[k]), float(np.sqrt(law.covariance[:, k, k].sum()))] if known else [np.nan, np.nan]
+    return share_depleted(law), *ends
 
 
 def lost(tables: Tables) -> pd.DataFrame:

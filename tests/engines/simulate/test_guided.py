@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.simulate.guided import in_inertial_axes, injections, rows_of
-from lvnav_trade.frames import Elements, matrices, state_from_elements
+from lvnav_trade.frames import matrices
 from lvnav_trade.records import NO_INJECTIONS, NO_LOST, ORBIT, OUTCOMES
 from lvnav_trade.world.ascent.dispersion_card import SOURCES
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
@@ -18,25 +18,11 @@ from lvnav_trade.world.guided.reference import plan_of
 from lvnav_trade.world.guided.runs import INJECTED, Injection, inject
 from lvnav_trade.world.guided.sensitivity import sensitivity
 from tests.world.flights import launcher_settings
-from tests.world.guided.cases import guided, plan
-
-
-def _state(**changes):
-    numbers = {
-        "semi_major_axis": 6.8e6,
-        "eccentricity": 0.01,
-        "inclination": 0.9,
-        "node": 6.28,
-        "perigee_argument": 0.3,
-        "true_anomaly": 0.2,
-        **changes,
-    }
-    r, v = state_from_elements(Elements(*(np.array(numbers[name]) for name in Elements._fields)))
-    return np.concatenate([r, v, [1000.0]])
+from tests.world.guided.cases import guided, plan, state_of
 
 
 def test_a_row_is_achieved_less_target_and_achieved_less_navigated():
-    target, reached = _state(), _state(semi_major_axis=6.803e6, node=0.01)
+    target, reached = state_of(), state_of(semi_major_axis=6.803e6, node=0.01)
     error = np.concatenate([np.zeros(3), [0.1, -0.2, 0.3], [10.0, 20.0, -30.0]])
     one = Injection(INJECTED, 500.0, reached, 12.0, error)
     row = rows_of([one], target)[0]

@@ -13,8 +13,9 @@ from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.basics.case_tables import CaseTables
+from lvnav_trade.metrics.mission.injection import _expected_end
 from lvnav_trade.metrics.registry import metric_of
-from lvnav_trade.records import ORBIT
+from lvnav_trade.records import INJECTION, ORBIT
 from lvnav_trade.store.read import load
 from tests import synthetic
 from tests.injections import SIZES, SOURCES, law, rows, with_injections
@@ -136,3 +137,11 @@ def test_no_window_is_sought_around_a_number_of_the_cut_off():
     assert metric_of("injection_perigee_error").once_a_run
     assert metric_of("depletion").once_a_run
     assert not metric_of("perigee_error").once_a_run
+
+
+def test_the_end_of_a_flight_is_not_told_where_linear_covariance_does_not_hold():
+    order = np.zeros(9)
+    order[INJECTION.index("propellant_left")] = 1e4
+    share, t, t_sigma, left, left_sigma = _expected_end(law(second_order=order))
+    assert (t, np.isfinite(t_sigma), np.isfinite(share)) == (503.0, True, True)
+    assert np.isnan([left, left_sigma]).all()

@@ -30,6 +30,14 @@ def test_apsides_near_a_circle_are_drawn_through_the_map_itself(quantity, sign):
         assert np.quantile(drawn, share) == pytest.approx(size * np.sqrt(-2.0 * np.log(1.0 - share)), rel=0.02)
 
 
+def test_a_circle_has_no_first_order_however_small_its_spread():
+    found = _circular()
+    target, covariance = found.target.copy(), 1e-12 * found.covariance
+    target[3] = 5e-5
+    covariance[:, [1, 2], [1, 2]] = np.nan
+    assert is_curved(found._replace(target=target, covariance=covariance), "perigee")
+
+
 def test_far_from_a_circle_draws_are_those_of_the_gaussian():
     found = law()
     assert not is_curved(found, "perigee")

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lvnav_trade.frames import Elements, state_from_elements
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.guided.dynamics import Navigation
 from lvnav_trade.world.guided.reference import Plan, plan_of
@@ -22,6 +23,21 @@ def guided(name: str = "two_stage_leo", **changes: Any) -> VehicleAscent:
 def plan(name: str = "two_stage_leo", guidance: str = "explicit", cutoff: str = "energy") -> Plan:
     """Return the plan of a shipped ascent whose runs draw all spreads."""
     return plan_of(guided(name, guidance=guidance, cutoff=cutoff, dispersion={"draw": "all"}))
+
+
+def state_of(**changes: float) -> np.ndarray:
+    """Return position (m), velocity (m/s), frame i, and mass (kg), (7,), of an elliptic orbit with other elements."""
+    numbers = {
+        "semi_major_axis": 6.8e6,
+        "eccentricity": 0.01,
+        "inclination": 0.9,
+        "node": 6.28,
+        "perigee_argument": 0.3,
+        "true_anomaly": 0.2,
+        **changes,
+    }
+    r, v = state_from_elements(Elements(*(np.array(numbers[name]) for name in Elements._fields)))
+    return np.concatenate([r, v, [1000.0]])
 
 
 def constant_error(*, attitude: Any = (0, 0, 0), velocity: Any = (0, 0, 0), position: Any = (0, 0, 0)) -> Navigation:
