@@ -1,8 +1,7 @@
 """Trade-offs for launch-vehicle navigation: which inertial unit, receiver and filter bring a vehicle to injection.
 
 ``run`` runs a campaign, ``load`` reads results, ``check`` validates a campaign without running it; every other verb of
-the command line is a function of `lvnav_trade.api`. `InputError` is an input error, reported in one line. The
-conventions that hold everywhere:
+the command line is a function of `lvnav_trade.api`. `InputError` is an input error, reported in one line. Conventions:
 
 Frames
     One letter each: ``i`` Earth-centred inertial (true equator; ``e`` turns against it about z by theta0 + omega t),
@@ -17,8 +16,8 @@ Truth and estimate
     True values have plain names; where both appear the estimate ends in ``_hat``. An error is truth minus estimate,
     for attitude the small rotation from estimate to truth, so that a correction is added.
 Units
-    SI and radians in all code, without suffix. People's units stand in cards (``"0.01 deg/h"``) and on axis labels; the
-    columns of stored tables carry their unit (``position_north_error_m``).
+    SI and radians in all code, without suffix. Cards (``"0.01 deg/h"``) and axis labels have display units; the columns
+    of stored tables carry their unit (``position_north_error_m``).
 Time
     ``t`` is seconds since lift-off, negative on the pad. The epoch of lift-off belongs to the trajectory.
 Noise
@@ -40,12 +39,12 @@ __all__ = ["InputError", "Results", "check", "compare", "load", "plan", "replay"
 
 
 def __dir__() -> list[str]:
-    """Return the names that are there for the asking, beside those that are imported."""
+    """Return the names of the module, with those that are imported on first access."""
     return sorted({*globals(), *__all__, "__version__"})
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for when it is asked for: ``import lvnav_trade`` stays fast."""
+    """Import a public name on first access, so that ``import lvnav_trade`` is fast."""
     import importlib
 
     if name == "InputError":

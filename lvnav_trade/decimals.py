@@ -1,6 +1,6 @@
-"""Numbers written as text: decimal digits of ASCII, wherever a file or a setting states them.
+"""Numbers written as text in files and settings: decimal ASCII digits only.
 
-Python's own `float` and `int` also read ``1_000`` and the digits of other scripts, which no instrument writes.
+Python's `float` and `int` also accept ``1_000`` and the digits of other scripts, which no instrument writes.
 """
 
 import math
@@ -10,12 +10,12 @@ DECIMAL = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 
 
 def is_plain(text: str) -> bool:
-    """Return whether a text has neither separators nor letters beyond ASCII; only then Python reads it as written."""
+    """Return whether a text has neither separators nor characters outside ASCII."""
     return text.isascii() and "_" not in text
 
 
 def decimal(text: str) -> float:
-    """Return the number of a text, blanks around it allowed; ValueError where it is none, or not finite."""
+    """Return the number in a text, which may have blanks around it; ValueError if it is not a finite number."""
     value = decimal_or_endless(text)
     if not math.isfinite(value):
         raise ValueError(f"{text.strip()} is not a finite number")
@@ -23,14 +23,14 @@ def decimal(text: str) -> float:
 
 
 def decimal_or_endless(text: str) -> float:
-    """Return the same where the caller names what is not finite: nan and inf are read."""
+    """Return the number in a text, as `decimal`, but accept nan and inf, which the caller reports."""
     if not is_plain(text):
         raise ValueError("not a decimal number")
     return float(text)
 
 
 def whole(text: str) -> int:
-    """Return the whole number of a text, blanks around it allowed; ValueError where it is none."""
+    """Return the integer in a text, which may have blanks around it; ValueError if it is none."""
     if not is_plain(text):
         raise ValueError("not a decimal number")
     return int(text)

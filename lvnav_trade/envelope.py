@@ -1,4 +1,4 @@
-"""Envelope of a launcher's motion: steps of rate and acceleration that a filter model assumes."""
+"""Motion envelope of a launch vehicle: steps of rate and acceleration assumed by a filter model."""
 
 import math
 
@@ -10,11 +10,11 @@ from lvnav_trade.records import Bools, Floats
 
 
 class EnvelopeCard(units.Card):
-    """Standard deviations of the steps of rate and acceleration (random walks), by phase and by what is commanded.
+    """Standard deviations of the steps of rate and acceleration (random walks), by phase and by command.
 
-    Pitch and yaw: |gain / (time s + 1) commanded angular acceleration| + what is unknown in burns or coasts; lateral
-    jerk: |gain / (time s + 1) rate of the commanded nozzle angle| + what is unknown. The numbers are those of Beaudoin,
-    Desbiens, Gagnon and Landry, section 2.3 (equations 7 to 10).
+    Pitch and yaw: |gain / (time s + 1) commanded angular acceleration| plus the unknown part in burns or coasts.
+    Lateral jerk: |gain / (time s + 1) rate of the commanded nozzle angle| plus the unknown part. The numbers are those
+    of Beaudoin, Desbiens, Gagnon and Landry, section 2.3 (equations 7 to 10).
     """
 
     roll: units.AngularAccelerationSigma = 0.002  # roll acceleration
@@ -35,16 +35,18 @@ class EnvelopeCard(units.Card):
 
 
 def changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Bools:
-    """Return whether each time (n,) lies within the window around a change of phase (k,), s."""
+    """Return whether each time t (n,) s lies within the window around a change of phase, `changes` (k,) s, rising."""
     begin = np.searchsorted(changes, t - card.after_change, side="left")
     return np.asarray(np.searchsorted(changes, t + card.before_change, side="right") > begin)
 
 
 def steady_ratio(driving: float, noise: float) -> float:
-    """Return the steady variance of a scalar random walk after a measurement, over the variance of a measurement.
+    """Return the steady-state variance of a scalar random walk after an update over the measurement variance.
 
-    `driving` is the variance of a step, `noise` that of a measurement: (-x + sqrt(x^2 + 4 x)) / 2 with x their ratio.
-    It is the steady gain too.
+    It equals the steady-state gain: (-x + sqrt(x^2 + 4 x)) / 2 with x = driving / noise.
+
+    driving : Variance of a step of the random walk.
+    noise : Variance of a measurement.
     """
     x = driving / noise
     return 0.5 * (math.sqrt(x * x + 4.0 * x) - x)

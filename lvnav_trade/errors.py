@@ -11,15 +11,15 @@ from typing import NamedTuple, TypeGuard
 
 from lvnav_trade.limits import MESSAGE_LENGTH, MESSAGES, QUOTED_LENGTH
 
-# Control characters but for tabs and line breaks, and those that change the direction of what follows
+# Control characters except tabs and line breaks, and characters that change the direction of the text
 HIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ufeff]")
-# Within an address: name and password, to its last @ (a secret may have a slash), and what a query signs
+# Within an address: name and password up to the last @ (a secret may contain a slash), and the signed query
 _USER, _QUERY = re.compile(r"(?<=://)[^\s'\"]*@"), re.compile(r"(://[^\s'\"?#]*)[?#][^\s'\"]*")
 
 
 def visible(text: str) -> str:
-    """Return the text with hidden characters written as their escape sequences; lines and tabs stay."""
-    return HIDDEN.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    """Return the text with hidden characters written as their escape sequences; line breaks and tabs stay."""
+    return HIDDEN.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def without_credentials(text: str) -> str:
@@ -28,28 +28,31 @@ def without_credentials(text: str) -> str:
 
 
 def credentials(address: str) -> list[str]:
-    """Return the parts of an address that are secret, the longest first: other programs quote them in messages."""
-    found = [
-        part
-        for text in (*_USER.findall(address), *(one.partition("?")[2] for one in address.split()))
+    """Return the secret parts of an address, longest first.
+
+    Other programs quote them in their messages, from which they are then removed.
+    """
+    secrets = [
+        secret
+        for text in (*_USER.findall(address), *(word.partition("?")[2] for word in address.split()))
         if text
-        for part in (text.rstrip("@"), *re.split("[:&=]", text.rstrip("@")))
+        for secret in (text.rstrip("@"), *re.split("[:&=]", text.rstrip("@")))
     ]
-    return sorted({part for part in found if len(part) > 3}, key=len, reverse=True)
+    return sorted({secret for secret in secrets if len(secret) > 3}, key=len, reverse=True)
 
 
 def printable(text: str) -> str:
-    """Return the text in one line and without control characters: each is written as its escape sequence."""
-    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+    """Return the text on one line, with control characters written as their escape sequences."""
+    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
 
 
 def shortened(text: str, most: int) -> str:
-    """Return the text with its middle left out where it is longer than `most` characters."""
+    """Return the text with its middle replaced by dots if it is longer than `most` characters."""
     return text if len(text) <= most else f"{text[: most - 20]} ... {text[-15:]}"
 
 
 def quoted(value: object) -> str:
-    """Return a value of the user in quotes as a message repeats it, in a bounded number of characters."""
+    """Return an input value as messages quote it, in a bounded number of characters."""
     if isinstance(value, str):
         return repr(shortened(value, QUOTED_LENGTH))
     if isinstance(value, dict | list | tuple):
@@ -60,7 +63,13 @@ def quoted(value: object) -> str:
 
 
 class Mistake(NamedTuple):
-    """One thing to mend: file, line and column (from 1; 0 where there is none), dotted path of the field, message."""
+    """An input error with its place.
+
+    message : Error and remedy, one line.
+    path : Dotted path of the field.
+    file : File, as the user named it.
+    line, column : Place in the file, from 1; 0 if there is none.
+    """
 
     message: str
     path: str = ""
@@ -69,7 +78,7 @@ class Mistake(NamedTuple):
     column: int = 0
 
     def cleaned(self) -> Mistake:
-        """Return the same fit to be printed: each part in one bounded line without control characters and passwords."""
+        """Return the error as it may be printed: bounded lines without control characters and passwords."""
         message, path = (shortened(printable(without_credentials(text)), MESSAGE_LENGTH) for text in self[:2])
         return self._replace(message=message, path=path, file=printable(without_credentials(self.file)))
 
@@ -79,49 +88,59 @@ class Mistake(NamedTuple):
 
 
 def is_full_disk(error: BaseException) -> TypeGuard[OSError]:
-    """Whether the error means that no more can be written: no mistake, and the work resumes once there is space."""
+    """Whether a write failed for lack of space. This is no input error: the work resumes once there is space."""
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 def system_message(error: OSError, place: object = "") -> str:
-    """Return in one line what the operating system refused and what to do; `place` where it names no file."""
-    said = os.strerror(error.errno) if error.errno else str(error)
-    mended = "there is space" if is_full_disk(error) else "that is mended"
-    return f"{error.filename or place}: {said}; the same command resumes once {mended}".removeprefix(": ")
+    """Return the error of the operating system and the remedy on one line.
+
+    place : File or folder to name if the error names none.
+    """
+    reason = os.strerror(error.errno) if error.errno else str(error)
+    remedy = "there is space" if is_full_disk(error) else "that is mended"
+    return f"{error.filename or place}: {reason}; the same command resumes once {remedy}".removeprefix(": ")
 
 
 class InputError(Exception):
-    """Bad usage or bad input; the command line prints one line per mistake and leaves with exit code 2.
+    """Bad usage or bad input. The command line prints one line per error and exits with code 2.
 
     Attributes
     ----------
     records : tuple of Mistake
-        The same as data, for ``--json``.
+        The errors with their places, for ``--json``.
     """
 
     def __init__(self, message: str = "", records: Sequence[Mistake] = ()) -> None:
-        found = list(records) or [Mistake(message)]
-        more = len(found) - MESSAGES
-        if more > 1:
-            found = [*found[:MESSAGES], Mistake(f"and {more} more")]
-        self.records = tuple(record.cleaned() for record in found)
+        listed = list(records) or [Mistake(message)]
+        surplus = len(listed) - MESSAGES
+        if surplus > 1:
+            listed = [*listed[:MESSAGES], Mistake(f"and {surplus} more")]
+        self.records = tuple(record.cleaned() for record in listed)
         super().__init__("\n".join(str(record) for record in self.records))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, tuple[Mistake, ...]]]:
-        return type(self), ("", self.records)  # worker processes hand it back whole
+        return type(self), ("", self.records)  # pickled by worker processes: keep the records, not only the text
 
 
 def refuse_all(mistakes: Sequence[Mistake]) -> None:
-    """Raise the InputError of these mistakes, where there are any."""
+    """Raise one InputError with all of these mistakes; do nothing without any."""
     if mistakes:
         raise InputError(records=mistakes)
 
 
 @contextmanager
 def writing(place: object, refused: str, resumes: bool = False) -> Iterator[None]:
-    """Raise InputError where the operating system refuses what is done within; `refused` says what that was.
+    """Turn an error of the operating system within the context into an InputError.
 
-    resumes : let a full disk through: the same command goes on once there is space
+    Parameters
+    ----------
+    place : object
+        File or folder, printed first.
+    refused : str
+        The failed action, such as "cannot be written".
+    resumes : bool
+        Whether to pass on the error of a full disk, after which the same command resumes.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""Arithmetic of named numbers written as text.
+"""Arithmetic expressions of named numbers, written as text.
 
 ``a / b``, ``max(a, b, c) / min(a, b, c)``, ``100 * (a / b - 1)``.
 """
@@ -46,9 +46,9 @@ def _parsed(text: str) -> ast.expr:
 
 
 def _fault(node: ast.AST, text: str, is_called: bool) -> str:
-    """Return in words why a node of the tree of `text` has no meaning here, empty where it has one.
+    """Return the error of a node in the syntax tree of `text`; empty if the node is allowed.
 
-    is_called : whether the node is the function of a call
+    is_called : Whether the node is the function of a call.
     """
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _CALLED:
         fits = node.args and not node.keywords and (len(node.args) == 1 or node.func.id not in _SINGLE)
@@ -74,18 +74,18 @@ def _call(name: str) -> str:
 
 
 def names(text: str) -> tuple[str, ...]:
-    """Return the names of the terms of an expression in their order; ValueError where it is none."""
-    found = [node.id for node in ast.walk(_parsed(text)) if isinstance(node, ast.Name)]
-    return tuple(dict.fromkeys(name for name in found if name not in _CALLED))
+    """Return the names of the terms of an expression in order; ValueError if the text is no expression."""
+    identifiers = [node.id for node in ast.walk(_parsed(text)) if isinstance(node, ast.Name)]
+    return tuple(dict.fromkeys(name for name in identifiers if name not in _CALLED))
 
 
 def is_product(text: str) -> bool:
-    """Whether an expression has neither sums nor differences: its logarithm varies more evenly than itself."""
+    """Whether an expression has neither sums nor differences, so that its logarithm is closer to linear."""
     return not any(isinstance(node, ast.Add | ast.Sub) for node in ast.walk(_parsed(text)))
 
 
 def evaluate(text: str, values: Mapping[str, Any]) -> Any:
-    """Return the value of an expression, element by element where the values of its terms are arrays of one shape."""
+    """Return the value of an expression, element by element if its terms are arrays of one shape."""
 
     def value(node: ast.AST) -> Any:
         if isinstance(node, ast.Name):

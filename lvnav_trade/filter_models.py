@@ -1,4 +1,4 @@
-"""What a filter assumes of its sensors and its start, and what follows from the choices that a scenario makes."""
+"""Filter models of a scenario: assumed sensor errors and initial errors, and properties derived from its settings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def sensors_measuring(scenario: Scenario, measurement: str) -> tuple[SensorCard, ...]:
-    """Return the sensors of a scenario that give a measurement."""
+    """Return the sensors of a scenario with a given measurement."""
     return tuple(card for card in scenario.sensors.values() if card is not None and card.measurement == measurement)
 
 
@@ -38,7 +38,7 @@ def measured(scenario: Scenario) -> tuple[str, ...]:
 
 
 def sensors_used(scenario: Scenario) -> dict[str, SensorCard]:
-    """Return the sensors whose measurements the filter takes, by name."""
+    """Return the sensors whose measurements the filter uses, by name."""
     return {
         name: card
         for name, card in scenario.sensors.items()
@@ -47,7 +47,7 @@ def sensors_used(scenario: Scenario) -> dict[str, SensorCard]:
 
 
 def sensor_model(scenario: Scenario, sensor: SensorCard) -> Any:
-    """Return the filter's model of a sensor; `matched` takes the sensor's own numbers."""
+    """Return the filter model of a sensor; `matched` uses the numbers of the sensor's card."""
     stated = getattr(scenario.filter.sensor_models, sensor.measurement)
     if isinstance(sensor, ImuDifferenceCard) and isinstance(stated, str):
         model: Any = sensor.model
@@ -56,15 +56,17 @@ def sensor_model(scenario: Scenario, sensor: SensorCard) -> Any:
 
 
 def difference_of(scenario: Scenario, sensor: ImuDifferenceCard) -> RelativeErrors:
-    """Return what the two inertial units of a difference sensor differ by."""
+    """Return the sigmas of the difference of the two IMUs of a difference sensor."""
     assert isinstance(scenario.imu, ImuSet)  # the scenario is checked for it
     first, second = sensor.units
     return relative_errors(scenario.imu, GYRO if sensor.unit == "rad" else ACCEL, first - 1, second - 1)
 
 
 def solves(scenario: Scenario) -> bool:
-    """Return whether the receiver solves for itself: a loose filter takes its solution, or the solution is reported
-    beside a filter that takes nothing of the receiver (an uncoupled system).
+    """Return whether the receiver computes its own solution.
+
+    It does so for a loosely coupled filter, and for a solution that is reported next to a filter that does not use the
+    receiver (an uncoupled system).
     """
     card = scenario.receiver.solution
     if isinstance(card, DirectSolution) or scenario.filter.tight:
@@ -73,31 +75,35 @@ def solves(scenario: Scenario) -> bool:
 
 
 def reported(scenario: Scenario) -> bool:
-    """Return whether errors of the receiver's own solution are reported beside those of the filter that takes it."""
+    """Return whether errors of the receiver's solution are reported in addition to those of the navigation filter."""
     card = scenario.receiver.solution
     return solves(scenario) and not isinstance(card, DirectSolution) and card.reported
 
 
 def smoothing_of(scenario: Scenario) -> SmoothingCard | None:
-    """Return the carrier smoothing of the receiver's ranges before it solves; none where it does not solve."""
+    """Return the carrier smoothing of the ranges before the receiver's solution; None without such a solution."""
     card = scenario.receiver.solution
     return card.smoothing if solves(scenario) and not isinstance(card, DirectSolution) else None
 
 
 def has_covariance(scenario: Scenario) -> bool:
-    """Return whether every solution comes with a covariance of its own, so that its rows are taken together."""
+    """Return whether every solution has a reported covariance, so that its scalars are processed together."""
     late = scenario.filter.delay_compensation
     extrapolated = late is not None and late.kind == "extrapolated" and scenario.filter.loose
     return solves(scenario) or extrapolated
 
 
 def epoch_interval(scenario: Scenario) -> float:
-    """Return the time (s) between two epochs: a solving receiver works at its own rate, whatever the filter takes."""
+    """Return the time (s) between epochs: that of the receiver if it computes a solution, otherwise of the filter."""
     return 1.0 / (scenario.receiver.rate if solves(scenario) else scenario.filter.update_rate)
 
 
 def _matched_imu(imu: ImuCard) -> ImuModel:
-    """Take every number from the truth; drift that no bias state of its own models is added to their walk."""
+    """Return the filter model with the true numbers of an IMU.
+
+    The bias instability is part of the bias states: its sigma is added to their initial sigma, and its drift over short
+    times, 2 sigma^2 / T, to their random walk.
+    """
     model: dict[str, Any] = {"gyro_g_sensitivity": imu.gyro.g_sensitivity}
     for name, sensor in (("gyro", imu.gyro), ("accel", imu.accel)):
         instability = sensor.instability
@@ -107,7 +113,7 @@ def _matched_imu(imu: ImuCard) -> ImuModel:
             f"{name}_random_walk": sensor.random_walk,
             f"{name}_bias": each_axis(math.hypot, sensor.bias_repeatability, flicker),
             f"{name}_bias_walk": each_axis(
-                lambda walk, one, rate=rate: math.hypot(walk, one * rate), sensor.rate_random_walk, flicker
+                lambda walk, sigma, rate=rate: math.hypot(walk, sigma * rate), sensor.rate_random_walk, flicker
             ),
             f"{name}_bias_time": None,
             f"{name}_scale_factor": sensor.scale_factor,
@@ -115,26 +121,26 @@ def _matched_imu(imu: ImuCard) -> ImuModel:
             f"{name}_nonlinearity": sensor.nonlinearity,
             f"{name}_full_scale": sensor.nonlinearity_scale,
         }
-    # SI numbers are not quantities with a unit, so they bypass the reading of cards
+    # the numbers are in SI, without a unit, so that validation of the card is skipped
     return ImuModel.model_construct(**model)
 
 
 def _with_differences(model: ImuModel, scenario: Scenario) -> ImuModel:
-    """Return the model with the relative biases of the units whose difference is measured."""
-    found: dict[str, PerAxis] = {}
+    """Return the model with the relative biases of the IMUs whose difference is measured."""
+    relative: dict[str, PerAxis] = {}
     for card in sensors_used(scenario).values():
         if isinstance(card, ImuDifferenceCard):
             state, errors = RELATIVE[card.measurement], difference_of(scenario, card)
-            found |= {
+            relative |= {
                 state: errors.bias,
                 f"{state}_walk": errors.walk,
                 f"{state}_correlation": errors.correlation,
             }
-    return model.model_copy(update=found)
+    return model.model_copy(update=relative)
 
 
 class _Matched:
-    """A filter model that takes its numbers from the truth, each when it is asked for: nothing is read without need."""
+    """A filter model with true numbers, each computed on access, so that only settings with an effect are read."""
 
     def __init__(self, **numbers: Callable[[], Any]) -> None:
         self._numbers = numbers
@@ -146,8 +152,10 @@ class _Matched:
 
 
 def _matched_receiver(scenario: Scenario) -> Any:
-    """Return a `ReceiverModel` that takes every number from the truth; what several causes put into a range of its own
-    is one bias, as slow as the largest of them. A receiver that solves reports the covariance of its solutions.
+    """Return a `ReceiverModel` with the true numbers of a scenario.
+
+    Errors of several causes in a pseudorange are combined into one bias, with the time constant of the largest. A
+    receiver that computes its solution reports its covariance, so that no sigmas of the solution are needed.
     """
     receiver, air, parts = scenario.receiver, scenario.atmosphere, parts_of(scenario.constellation)
 
@@ -198,7 +206,7 @@ def _matched_receiver(scenario: Scenario) -> Any:
 
 
 def filter_models(scenario: Scenario) -> tuple[ImuModel, ReceiverModel, InitialModel]:
-    """Return what the filter assumes of its sensors and its start; `matched` takes the truth's own numbers."""
+    """Return the filter models of IMU, receiver and initial errors; `matched` uses the true numbers."""
     card, initial, clock = scenario.filter, scenario.initial, scenario.receiver.clock
     imu = card.imu
     if isinstance(imu, str):

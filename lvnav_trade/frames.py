@@ -25,10 +25,21 @@ from lvnav_trade.records import Floats
 def reporting_axes(
     frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: float, pad_e: Floats | None = None
 ) -> Floats:
-    """Return the matrices (n, 3, 3) from frame i to the frame that errors are reported in, at the true state.
+    """Return the matrices (n, 3, 3) from frame i to the frame of the reported errors, at the true state.
 
-    Velocity errors are errors of inertial velocity resolved in these axes. pad_e (3,) m, frame e, of frame pad; None:
-    where the first of the times is.
+    Velocity errors are errors of inertial velocity resolved in these axes.
+
+    Parameters
+    ----------
+    frame : {"ned", "ecef", "inertial", "orbital", "pad"}
+    t : (n,) s
+        Times since lift-off.
+    r_i, v_i : (n, 3) m, m/s
+        True position and velocity, frame i.
+    theta0 : float
+        Earth angle at lift-off (rad).
+    pad_e : (3,) m, frame e, optional
+        Position of the pad, for frame pad. None: the position at the first time.
     """
     if frame == "inertial":
         return np.tile(np.eye(3), (t.size, 1, 1))
@@ -41,14 +52,18 @@ def reporting_axes(
     return rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
 
 
-_ABOVE = 1.0  # m; a vehicle that is less far over the ground has no azimuth from its pad
+_ABOVE = 1.0  # m; a vehicle closer to the pad than this, over the ground, has no azimuth from it
 
 
 def rotation_e_pad(r_e: Floats, pad_e: Floats) -> Floats:
-    """Return the matrices (n, 3, 3) from frame e to the directions of growing azimuth, slant range and elevation.
+    """Return the matrices (n, 3, 3) from frame e to the directions of growing azimuth, slant range and elevation, as
+    a tracking station at the pad sees the vehicle.
 
-    They are those of a station at the pad that sees the vehicle, r_e (n, 3) m; pad_e (3,) m. A vehicle straight above
-    the pad, or on it, is taken for one that rises from there towards the north: azimuth grows to the east.
+    On the pad or straight above it azimuth is undefined; the vehicle is then taken to lie to the north, so that azimuth
+    grows to the east.
+
+    r_e : (n, 3) m, frame e. Vehicle.
+    pad_e : (3,) m, frame e. Pad.
     """
     latitude, longitude, _ = geodetic_from_ecef(pad_e)
     _, east, down = rotation_e_n(latitude, longitude)
@@ -57,7 +72,7 @@ def rotation_e_pad(r_e: Floats, pad_e: Floats) -> Floats:
     away = np.linalg.norm(level, axis=1) > _ABOVE
     outward = unit(np.where((np.linalg.norm(from_pad, axis=1) > _ABOVE)[:, None], from_pad, -down))
     azimuth = unit(np.where(away[:, None], np.cross(level, -down), east))
-    # a direction straight up is exactly across the azimuth, one that is nearly so is made so
+    # make the direction to the vehicle exactly perpendicular to the azimuth axis
     outward = unit(outward - np.sum(outward * azimuth, axis=1)[:, None] * azimuth)
     return np.stack([azimuth, outward, np.cross(azimuth, outward)], axis=1)
 
@@ -77,26 +92,31 @@ class Elements(NamedTuple):
 
 
 def gmst(iso: str) -> float:
-    """Return Greenwich mean sidereal time in rad, [0, 2 pi), at an ISO 8601 instant, UTC taken for UT1.
+    """Return Greenwich mean sidereal time in rad, [0, 2 pi), at an ISO 8601 instant.
 
-    The IAU 1982 polynomial; a text without zone is read as UTC. ValueError where it is not ISO 8601.
+    The IAU 1982 polynomial, with UTC in place of UT1. A text without a time zone is UTC.
+
+    Raises
+    ------
+    ValueError
+        The text is not ISO 8601.
     """
     instant = datetime.fromisoformat(iso)
     instant = instant.replace(tzinfo=UTC) if instant.tzinfo is None else instant.astimezone(UTC)
     since = instant - datetime(2000, 1, 1, 12, tzinfo=UTC)
-    seconds = since.seconds + since.microseconds * 1e-6  # of the current day from noon, kept apart for precision
+    seconds = since.seconds + since.microseconds * 1e-6  # since noon; separate from the days for precision
     century = (since.days + seconds / 86400.0) / 36525.0
     excess = 67310.54841 + 8640184.812866 * century + 0.093104 * century**2 - 6.2e-6 * century**3
     return math.fmod((excess + seconds) / 86400.0, 1.0) % 1.0 * 2.0 * math.pi
 
 
 def earth_angle(theta0: float, t: ArrayLike) -> Floats:
-    """Return the angle from the i to the e x axis in rad, (...,), `t` seconds after it was theta0."""
+    """Return the Earth angle (rad), from the x axis of frame i to that of frame e, at times t (...,) s after theta0."""
     return np.asarray(theta0 + OMEGA * np.asarray(t, dtype=float))
 
 
 def rotation_i_e(theta: ArrayLike) -> Floats:
-    """Return C_i_e (..., 3, 3): inertial to Earth-fixed components for Earth angles theta (...,) in rad."""
+    """Return C_i_e (..., 3, 3), from inertial to Earth-fixed components, for Earth angles theta (...,) rad."""
     theta = np.asarray(theta, dtype=float)
     c, s = np.cos(theta), np.sin(theta)
     zero, one = np.zeros_like(theta), np.ones_like(theta)
@@ -104,17 +124,23 @@ def rotation_i_e(theta: ArrayLike) -> Floats:
 
 
 def ecef_from_eci(r_i: ArrayLike, theta: ArrayLike) -> Floats:
-    """Return the positions (or any vectors) r_i (..., 3) in Earth-fixed components."""
+    """Return vectors r_i (..., 3) in Earth-fixed components, at Earth angles theta (...,) rad.
+
+    Only the axes change. For a velocity relative to the Earth see `earth_velocity`.
+    """
     return np.asarray(np.einsum("...jk,...k->...j", rotation_i_e(theta), np.asarray(r_i, dtype=float)))
 
 
 def eci_from_ecef(r_e: ArrayLike, theta: ArrayLike) -> Floats:
-    """Return the positions (or any vectors) r_e (..., 3) in inertial components."""
+    """Return vectors r_e (..., 3) in inertial components, at Earth angles theta (...,) rad."""
     return np.asarray(np.einsum("...kj,...k->...j", rotation_i_e(theta), np.asarray(r_e, dtype=float)))
 
 
 def earth_velocity(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
-    """Return the velocity relative to the rotating Earth, (..., 3) m/s in inertial components."""
+    """Return the velocity relative to the rotating Earth, v_i - w_e x r_i, (..., 3) m/s in inertial components.
+
+    r_i, v_i : (..., 3) m, m/s. Position and inertial velocity, frame i.
+    """
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     across = np.zeros(r_i.shape)
     across[..., 0], across[..., 1] = -r_i[..., 1], r_i[..., 0]
@@ -138,13 +164,13 @@ def geodetic_from_ecef(r_e: ArrayLike) -> tuple[Floats, Floats, Floats]:
     Bowring's iteration on the reduced latitude (Survey Review 23, 1976); good to 1e-9 m from 100 km below the surface
     to geostationary height and beyond. Longitude of a point on the polar axis is zero.
     """
-    # contiguous: of strided columns numpy 2.0 gives arctan2 to another last bit, by where in memory they are
+    # contiguous: for strided columns the last bit of arctan2 depends on their place in memory (numpy 2.0)
     r_e = np.asarray(r_e, dtype=float)
     x, y, z = np.ascontiguousarray(r_e if r_e.ndim == 1 else np.moveaxis(r_e, -1, 0))
     p = np.hypot(x, y)
     reduced = np.arctan2(SEMI_MAJOR * z, SEMI_MINOR * p)
     lat = reduced
-    for _ in range(4):  # each round gains four digits or more; the fourth only confirms
+    for _ in range(4):  # Bowring: each iteration gains four digits or more, the fourth only confirms
         lat = np.arctan2(
             z + SECOND_ECCENTRICITY_2 * SEMI_MINOR * np.sin(reduced) ** 3,
             p - ECCENTRICITY_2 * SEMI_MAJOR * np.cos(reduced) ** 3,
@@ -162,14 +188,21 @@ def rotation_e_n(latitude: ArrayLike, longitude: ArrayLike) -> Floats:
 
 
 def rotation_i_n(r_i: ArrayLike, theta: ArrayLike) -> Floats:
-    """Return C_i_n (..., 3, 3) at positions r_i (..., 3): inertial to the north-east-down axes below the point."""
+    """Return C_i_n (..., 3, 3), from inertial to geodetic north-east-down components, at positions r_i (..., 3) m.
+
+    theta : (...,) rad. Earth angle.
+    """
     theta = np.asarray(theta, dtype=float)
     lat, lon, _ = geodetic_from_ecef(ecef_from_eci(r_i, theta))
     return np.asarray(rotation_e_n(lat, lon) @ rotation_i_e(theta))
 
 
 def rotation_i_o(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
-    """Return C_i_o (..., 3, 3): inertial to orbital components (radial, along-track, cross-track)."""
+    """Return C_i_o (..., 3, 3), from inertial to orbital components (radial, along-track, cross-track).
+
+    r_i, v_i : (..., 3) m, m/s. Position and inertial velocity. Along-track completes the triad: it is the direction of
+    the velocity on a circular orbit only.
+    """
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     radial, cross = unit(r_i), unit(np.cross(r_i, v_i))
     return np.stack([radial, np.cross(cross, radial), cross], axis=-2)
@@ -181,7 +214,8 @@ def rotation_i_o(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
 def elements_from_state(r_i: ArrayLike, v_i: ArrayLike) -> Elements:
     """Return the osculating elements, each (...,), of states r_i, v_i (..., 3) in m and m/s.
 
-    The node of an equatorial orbit and the perigee of a circular one are set to zero (the anomaly counts from there).
+    The node of an equatorial orbit and the perigee of a circular orbit are undefined and set to zero; the true anomaly
+    then counts from there.
     """
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     r = np.linalg.norm(r_i, axis=-1)
@@ -223,10 +257,13 @@ def state_from_elements(elements: Elements) -> tuple[Floats, Floats]:
 
 
 def quaternions(C: Floats, continuous: bool = True) -> Floats:
-    """Return the unit quaternions (n, 4), scalar first, of rotation matrices C (n, 3, 3), of continuous sign along n
-    or each by itself.
+    """Return the unit quaternions (n, 4), scalar first, of rotation matrices C (n, 3, 3).
 
-    Shepperd's choice of the largest component, so that no rotation is badly conditioned.
+    continuous : Whether to choose the signs so that successive quaternions do not jump.
+
+    Notes
+    -----
+    Shepperd's method: divide by the largest component, so that every rotation is well conditioned.
     """
     trace = np.trace(C, axis1=1, axis2=2)
     squares = np.concatenate([(1.0 + trace)[:, None], 1.0 + 2.0 * np.diagonal(C, axis1=1, axis2=2) - trace[:, None]], 1)
@@ -259,13 +296,14 @@ def unit(v: Floats) -> Floats:
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """Return the cross products of vectors a and b (..., 3): `np.cross` to the last bit, in a quarter of its time for
-    a few of them.
+    """Return the cross products of vectors a and b (..., 3).
+
+    The result equals that of `np.cross` to the last bit. For a few vectors it takes a quarter of the time.
     """
-    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
-        found[..., k] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
-    return found
+        product[..., k] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
+    return product
 
 
 def _angle(v: Floats, x: Floats, y: Floats) -> Floats:
@@ -275,8 +313,8 @@ def _angle(v: Floats, x: Floats, y: Floats) -> Floats:
 
 def _matrix(rows: list[list[Floats]]) -> Floats:
     """Stack rows of arrays (...,) to matrices (..., 3, 3)."""
-    found = np.empty((*np.shape(rows[0][0]), 3, 3))
+    stacked = np.empty((*np.shape(rows[0][0]), 3, 3))
     for j, row in enumerate(rows):
         for k, entry in enumerate(row):
-            found[..., j, k] = entry
-    return found
+            stacked[..., j, k] = entry
+    return stacked

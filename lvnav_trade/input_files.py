@@ -1,6 +1,6 @@
-"""Input files: regular files of bounded size; a device, a pipe or a file that is too large is refused in one line.
+"""Input files: regular files of bounded size. A device, a pipe or a file that is too large is refused in one line.
 
-Whatever reads a file of the user opens it here, so that no reader waits for a pipe or fills the memory.
+Every reader of user files opens them here, so that none waits for a pipe or exhausts the memory.
 """
 
 import codecs
@@ -13,8 +13,8 @@ from typing import BinaryIO
 from lvnav_trade.errors import InputError, quoted
 
 _ENCODINGS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
-_ELSE = "cp1252"  # of text that is not UTF-8: spreadsheets on Windows write it; numbers are ASCII in either
-_BINARY = frozenset(range(32)) - frozenset(b"\t\n\v\f\r\x1a\x1b")  # control characters that no text has
+_ELSE = "cp1252"  # encoding of text that is not UTF-8, as written by spreadsheets on Windows; numbers are ASCII in both
+_BINARY = frozenset(range(32)) - frozenset(b"\t\n\v\f\r\x1a\x1b")  # control characters that do not occur in text
 
 
 def open_regular(path: str | Path, most: int) -> BinaryIO:
@@ -26,7 +26,7 @@ def open_regular(path: str | Path, most: int) -> BinaryIO:
         No such file, not a regular file, larger than `most`, or not readable.
     """
     try:
-        # without blocking: a pipe that nobody writes to would wait for ever
+        # non-blocking: opening a pipe without a writer would wait forever
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except (OSError, ValueError) as error:
         raise InputError(f"{_shown(path)}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
@@ -53,15 +53,15 @@ def read_bytes(path: str | Path, most: int) -> bytes:
 
 
 def refuse_irregular(folder: Path, below: str = "parts") -> None:
-    """InputError where a folder, or anything in its folder `below`, has a pipe, a socket or a device among its files.
+    """Raise InputError if a folder, or its subfolder `below`, contains a pipe, a socket or a device.
 
-    For folders of results, whose files libraries open by their names: one of those would be waited for.
+    For folders of results, whose files libraries open by name: opening one of these would wait forever.
     """
     try:
-        with os.scandir(folder) as found:
-            entries = sorted(found, key=lambda entry: entry.name)
+        with os.scandir(folder) as scan:
+            entries = sorted(scan, key=lambda entry: entry.name)
     except OSError:
-        return  # whoever opens a file in it says why that cannot be
+        return  # the reader of a file in it reports the error
     for entry in entries:
         if entry.is_dir():
             if not entry.is_symlink() and below in (entry.name, "*"):
@@ -71,9 +71,9 @@ def refuse_irregular(folder: Path, below: str = "parts") -> None:
 
 
 def read_text(path: str | Path, most: int) -> str:
-    """Return the content of a text file of at most `most` bytes: UTF-8, UTF-16 with its mark, else Windows-1252.
+    """Return the content of a text file of at most `most` bytes: UTF-8, UTF-16 with a byte-order mark, or Windows-1252.
 
-    InputError as of `open_regular`, and where the file is not text.
+    InputError as in `open_regular`, and if the file is not text.
     """
     data = read_bytes(path, most)
     marked = next((name for mark, name in _ENCODINGS.items() if data.startswith(mark)), "")
@@ -91,9 +91,9 @@ def read_text(path: str | Path, most: int) -> str:
 
 
 def text_lines(path: str | Path, most: int) -> Iterator[tuple[int, str]]:
-    """Yield the numbered lines of a text file of at most `most` bytes that say something; # begins a comment line.
+    """Yield the numbered lines of a text file of at most `most` bytes, without empty lines and comments (#).
 
-    InputError as of `read_text`.
+    InputError as in `read_text`.
     """
     for number, line in enumerate(read_text(path, most).splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
@@ -101,6 +101,6 @@ def text_lines(path: str | Path, most: int) -> Iterator[tuple[int, str]]:
 
 
 def _shown(path: str | Path) -> str:
-    """Return a path as a message repeats it: whole, unless it is too long to be one."""
+    """Return a path as messages print it: whole, unless it is too long for a path."""
     text = str(path)
     return text if len(text) <= 255 else quoted(text)

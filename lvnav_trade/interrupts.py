@@ -1,7 +1,7 @@
 """Interrupts (Ctrl-C, the end of a batch job) that arrive as another error, or that a library has discarded.
 
-Python raises KeyboardInterrupt wherever the program is. Within compiled code it arrives as a SystemError, and within a
-call back from C it is printed and discarded; so the request is remembered too.
+Python raises KeyboardInterrupt wherever the program is. Within compiled code it becomes a SystemError, and within a
+callback from C it is printed and discarded. Therefore the request is also stored.
 """
 
 import signal
@@ -16,9 +16,9 @@ _requested = threading.Event()
 
 @contextmanager
 def remembering_interrupts() -> Iterator[None]:
-    """Let SIGINT and SIGTERM raise KeyboardInterrupt, and be remembered within the context. Main thread only.
+    """Make SIGINT and SIGTERM raise KeyboardInterrupt and store the request within the context. Main thread only.
 
-    A SIGINT that is ignored (``nohup``) or has a handler of the caller's own is left as it is.
+    SIGINT is not changed if it is ignored (``nohup``) or the caller has installed a handler.
     """
     signal.signal(signal.SIGTERM, _raise)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -35,7 +35,7 @@ def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
 
 
 def raise_if_interrupted(error: BaseException | None = None) -> None:
-    """Raise KeyboardInterrupt where an interrupt is remembered, or an error has one among its causes."""
+    """Raise KeyboardInterrupt if an interrupt is stored, or is among the causes of an error."""
     seen: list[BaseException] = []
     cause = error
     while cause is not None and cause not in seen and not isinstance(cause, KeyboardInterrupt):

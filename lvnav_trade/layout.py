@@ -1,4 +1,4 @@
-"""StateLayout: named error states -> offsets, unit, initial sigma, label."""
+"""Layout of a filter's error states: names, offsets, units, and the outputs that are reported for them."""
 
 import math
 from typing import NamedTuple
@@ -9,7 +9,14 @@ from lvnav_trade.records import Ints, Output
 
 
 class ParameterKind(NamedTuple):
-    """A kind of inertial-unit parameter: its sensor, what it multiplies (a driver a block of three), its unit."""
+    """A kind of IMU error parameter.
+
+    sensor : GYRO or ACCEL.
+    drivers : Quantities that it multiplies, as in `kernels.transition`; a block of three states for each.
+    unit : SI unit.
+    label_unit : Display unit.
+    label_factor : Factor from SI to the display unit.
+    """
 
     sensor: int
     drivers: tuple[int, ...]
@@ -23,7 +30,7 @@ _DEG_S, _MG = 180.0 / math.pi, 1e3 / 9.80665
 
 NO_SENSOR = -1
 
-# Every kind of inertial parameter by name; a kind with several drivers takes several blocks of three.
+# Every kind of IMU parameter by name. A kind with several drivers has a block of three states for each.
 PARAMETERS = {
     "gyro_bias": ParameterKind(GYRO, (CONSTANT,), "rad/s", "deg/h", _DEG_H),
     "accel_bias": ParameterKind(ACCEL, (CONSTANT,), "m/s^2", "mg", _MG),
@@ -42,18 +49,18 @@ PARAMETERS = {
 class ErrorTerm(NamedTuple):
     """An error parameter on the three axes of a sensor: true error of an IMU, or states of a filter.
 
-    The error of a measured quantity is the parameter times its driver. The parameter begins with `sigma`, and is a
-    Gauss-Markov process that holds it, or a constant with a random walk.
+    The error of the measured quantity is the parameter times its driver. The parameter is a stationary Gauss-Markov
+    process of standard deviation `sigma`, or a constant with a random walk that starts at `sigma`.
 
-    name : Physical cause of a true error; of a filter's states their kind, as in `PARAMETERS`.
-    part : Number of the term among those of its name.
-    sensor : GYRO, ACCEL, or NO_SENSOR for what acts on the vehicle.
+    name : Physical cause of a true error; kind of a filter state, as in `PARAMETERS`.
+    part : Index of the term among the terms of that name.
+    sensor : GYRO, ACCEL, or NO_SENSOR for a disturbance of the vehicle.
     driver : Quantity that it multiplies, as in `kernels.transition`.
-    sigma : SI, of all axes or by axis. Sigma at the start.
-    walk : SI per root second, of all axes or by axis. Root PSD of the random walk.
-    time_constant : s. Time constant of a process that holds `sigma`; infinite: none.
-    triad : Triad of the IMU array that has the error.
-    offset : First of the three filter states that it is, or that stand for it; -1 none.
+    sigma : SI, for all axes or by axis. Initial standard deviation.
+    walk : SI per root second, for all axes or by axis. Root PSD of the random walk.
+    time_constant : s. Correlation time of the Gauss-Markov process; infinite: a constant.
+    triad : Index of the triad of the IMU array.
+    offset : First of the three filter states that model it; -1 none.
     """
 
     name: str
@@ -68,11 +75,11 @@ class ErrorTerm(NamedTuple):
 
     @property
     def varies(self) -> bool:
-        """Whether it has a size on any axis."""
+        """Whether the error is not zero on every axis."""
         return max(*axes(self.sigma), *axes(self.walk)) > 0.0
 
 
-# Every kind of extra state that rows share, by name: SI unit, unit and factor for people.
+# Every kind of extra state, shared by several measurements: SI unit, display unit, factor to the display unit.
 EXTRAS = {
     "range_bias": ("m", "m", 1.0),
     "time_offset": ("m", "m", 1.0),
@@ -90,11 +97,11 @@ EXTRAS = {
     "gyro_relative_bias": ("rad/s", "deg/h", _DEG_H),
     "accel_relative_bias": ("m/s^2", "mg", _MG),
 }
-# Extra states that a filter has one of for each satellite, for what is one error in truth.
+# Extra states by satellite that model one error common to all satellites.
 BY_SATELLITE = {f"{name}_by_satellite": name for name in ("troposphere_scale", "ionosphere_scale")}
-# Extra states that a filter has by what it measures of satellites: no card names them.
+# Extra states that follow from the measurements of satellites; no card names them.
 OF_OBSERVABLES = ("ambiguity", "phase_noise", "code_noise")
-# Extra states of a filter that measures the difference of two inertial units, by measurement.
+# Extra states of a filter that measures the difference of two IMUs, by measurement.
 RELATIVE = {"angle_difference": "gyro_relative_bias", "velocity_difference": "accel_relative_bias"}
 
 
@@ -102,10 +109,10 @@ class ExtraBlock(NamedTuple):
     """States of one kind that several measurements share, or that belong to a sensor.
 
     name : Kind of the states, such as range_bias.
-    labels : (n,). Label of each state: a satellite, a system or an axis; empty for a common state.
+    labels : (n,). Label of each state: a satellite, a system or an axis; empty for a state common to all.
     offset : First state.
     member : (n_channel,). State of the block that enters the channel, -1 none.
-    sigma : SI. Initial sigma; of a relative bias by axis or not, as its walk and its correlation.
+    sigma : SI. Initial sigma; for a relative bias of all axes or by axis, like its walk and its correlation.
     time_constant : s. Correlation time; infinite for a constant.
     unit : SI unit, display unit, and factor from SI to display unit.
     walk : SI per root second. Root PSD of the random walk.
@@ -124,14 +131,27 @@ class ExtraBlock(NamedTuple):
 
 
 def standing_for(extras: tuple[ExtraBlock, ...], state: str, label: str) -> list[tuple[int, int]]:
-    """Return block and number (of all extra states) of the states that stand for an error: the one of its name and
-    label, or those of all satellites where the filter has one for each.
+    """Return the extra states that model a true error.
+
+    Parameters
+    ----------
+    extras : blocks of extra states of the filter
+    state : str
+        Kind of the state, one of `EXTRAS`.
+    label : str
+        Satellite, system or axis; empty for an error common to all.
+
+    Returns
+    -------
+    list of (int, int)
+        Index of the block and index among all extra states: the state of that kind and label, or the states of all
+        satellites if the filter models the error by satellite.
     """
-    labelled = [(k, block.name, own) for k, block in enumerate(extras) for own in block.labels]
+    labelled = [(k, block.name, member) for k, block in enumerate(extras) for member in block.labels]
     return [
         (k, number)
-        for number, (k, name, own) in enumerate(labelled)
-        if (name, own) == (state, label) or (state and BY_SATELLITE.get(name) == state)
+        for number, (k, name, member) in enumerate(labelled)
+        if (name, member) == (state, label) or (state and BY_SATELLITE.get(name) == state)
     ]
 
 
@@ -169,27 +189,27 @@ class StateLayout(NamedTuple):
 
     @property
     def reported(self) -> tuple[int, ...]:
-        """The states of which errors are reported."""
+        """Indices of the states whose errors are reported."""
         hidden = range(self.delayed, self.delayed + self.n_delayed)
         return tuple(i for i in range(self.n_state) if i not in hidden)
 
     @property
     def has_reduced_clock(self) -> bool:
-        """Whether of the clock the bias alone is estimated: the drift behind it is taken for zero."""
+        """Whether the filter estimates the clock bias but not its drift, which is assumed to be zero."""
         return self.clock >= 0 and self.clock + 1 == self.n_estimated
 
 
-# Rate and acceleration of the vehicle: SI unit, unit and factor for people
+# Rate and acceleration of the vehicle: SI unit, display unit, factor to the display unit
 MOTION = (("rate", "rad/s", "deg/h", _DEG_H), ("acceleration", "m/s^2", "mg", _MG))
-# What is reported of rate and acceleration beside a filter's states: the sample of the unit as it is, and less the
-# estimated bias
+# IMU samples whose errors are reported next to those of the states: as measured, and less the estimated bias
 SAMPLES = ("raw", "corrected")
 _BODY = {"rate": ("roll", "pitch", "yaw"), "acceleration": ("x", "y", "z")}
 
 
 def state_names(layout: StateLayout) -> tuple[str, ...]:
-    """Return the names of the states in storage order, such as 'velocity x': navigation in frame i, parameters in body
-    axes.
+    """Return the names of the states in storage order, such as 'velocity x'.
+
+    Navigation states are resolved in frame i, IMU parameters in body axes.
     """
     axes = [f"{name} {axis}" for name in ("attitude", "velocity", "position") for axis in "xyz"]
     names = [*axes, *(f"{output.quantity} {output.axis}" for output in state_outputs(layout, "inertial")[9:])]
@@ -208,17 +228,18 @@ AXES = {
 
 
 def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
-    """Return what each column of a history holds, in the order of the states that are reported.
+    """Return the columns of a history: the reported states in storage order, then the errors of the IMU samples.
 
-    Attitude error is reported in body axes (roll, pitch, yaw), velocity and position in the axes of `frame`.
+    Attitude errors are reported in body axes (roll, pitch, yaw), velocity and position errors in the axes of `frame`,
+    one of `AXES`.
     """
-    of_states = state_outputs(layout, frame)
-    beside = [output for kind in SAMPLES for output in _of_motion(f"{kind}_")] if layout.samples else []
-    return (*(of_states[i] for i in layout.reported), *beside)
+    states = state_outputs(layout, frame)
+    samples = [output for kind in SAMPLES for output in _of_motion(f"{kind}_")] if layout.samples else []
+    return (*(states[i] for i in layout.reported), *samples)
 
 
 def state_outputs(layout: StateLayout, frame: str) -> list[Output]:
-    """Return quantity and unit of every state; a clone has those of the state that it is of."""
+    """Return quantity and unit of every state; a clone has those of its original state."""
     attitude = [Output("attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
     table: dict[int, Output] = dict(enumerate(attitude + _moving("", frame)))
     for block in layout.parameters:
@@ -254,28 +275,28 @@ def _of_motion(prefix: str) -> list[Output]:
     ]
 
 
-# Quantities that have a protection level, and its SI unit
+# Quantities with a protection level, and the SI unit of that level
 PROTECTED = {"position": "m", "velocity": "m/s"}
 
 
 def split_metric(name: str) -> tuple[str, str]:
-    """Take ``velocity_error_3d`` apart into quantity and axis; an axis left out is the norm, 3d."""
+    """Split a metric such as ``velocity_error_3d`` into quantity and axis; without an axis it is the norm, 3d."""
     quantity, _, axis = name.partition("_error")
     return quantity, axis.removeprefix("_") or "3d"
 
 
-# Prefix of the errors of a strapdown that is never corrected
+# Prefix of the errors of the backup strapdown, which the filter never corrects
 BACKUP = "backup_"
 
 
 def backup_outputs(frame: str) -> tuple[Output, ...]:
-    """Return what is reported of a strapdown that is never corrected, behind all other outputs."""
+    """Return the outputs of the backup strapdown, which the filter never corrects; they follow all other outputs."""
     attitude = [Output(f"{BACKUP}attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
     return (*attitude, *_moving(BACKUP, frame))
 
 
 def solution_outputs(frame: str) -> tuple[Output, ...]:
-    """Return what is reported of a receiver's own solution, after the states of the filter that takes it."""
+    """Return the outputs of the receiver solution; they follow those of the filter states."""
     return (
         *_moving("solution_", frame),
         Output("receiver_clock_bias", "time", "m", "m", 1.0),

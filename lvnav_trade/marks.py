@@ -1,4 +1,4 @@
-"""Which numbers of a card are assumed or second hand, field by field, with the reason."""
+"""Marks on the fields of a card: numbers that are assumed or second hand, each with the reason."""
 
 import difflib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,7 +15,7 @@ _FORM = "reasons by dotted path of a field, such as {gyro.scale_factor: typical 
 
 
 def _pairs(value: Any) -> Any:
-    """Return a mapping of fields to reasons as pairs; ValueError where a reason is missing."""
+    """Return a mapping of fields to reasons as pairs; ValueError if a reason is missing or too long."""
     if isinstance(value, tuple):
         return value
     if not isinstance(value, Mapping):
@@ -39,12 +39,12 @@ Marks = Annotated[
 class Mark(NamedTuple):
     """A marked field of resolved settings.
 
-    card : dotted path of the card that marks it, empty at the top
-    name : name of that card
-    field : dotted path of the field within the card
-    mark : "assumed" or "second hand"
-    value : what the resolved settings have there
-    reason : as the card states it
+    card : Dotted path of the card with the mark, empty at the top.
+    name : Name of that card.
+    field : Dotted path of the field within the card.
+    mark : "assumed" or "second hand".
+    value : Value of the field in the resolved settings.
+    reason : Reason given by the card.
     """
 
     card: str
@@ -56,7 +56,7 @@ class Mark(NamedTuple):
 
 
 def misnamed(card: BaseModel) -> Iterator[str]:
-    """Yield what is wrong with the marks of a card: a path that is no field of it, a field with both marks."""
+    """Yield the input errors of a card's marks: a path that is no field of the card, a field with both marks."""
     both = {path for path, _ in getattr(card, MARKS[0])} & {path for path, _ in getattr(card, MARKS[1])}
     for mark in MARKS:
         for path, _ in getattr(card, mark):
@@ -67,48 +67,51 @@ def misnamed(card: BaseModel) -> Iterator[str]:
 
 
 def _stray(card: BaseModel, path: str) -> str:
-    """Return which step of a path leads nowhere, empty where it names a field."""
-    found: list[Any] = [card]
+    """Return the error of the first step of a path that is no field; empty if the whole path is a field."""
+    values: list[Any] = [card]
     for step in path.split("."):
-        known = [name for one in found for name in _fields(one)]
+        known = [name for value in values for name in _fields(value)]
         if step in MARKS or step not in known:
             near = difflib.get_close_matches(step, known, 1)
             hint = f"did you mean {quoted(near[0])}?" if near else f"known: {', '.join(dict.fromkeys(known)) or 'none'}"
             return f"{quoted(step)} is not a field of the card ({hint})"
-        found = [below for one in found for below in _below(one, step)]
+        values = [below for value in values for below in _below(value, step)]
     return ""
 
 
 def _fields(value: Any) -> Iterable[str]:
-    """Return the steps that lead on from a value; from a list its numbers, and the fields of its items."""
+    """Return the path steps below a value: fields or keys; of a list its indices and the fields of its items."""
     if isinstance(value, BaseModel):
         return [info.alias or name for name, info in type(value).model_fields.items()]
     if isinstance(value, tuple):
-        return [*map(str, range(len(value))), *(name for one in value for name in _fields(one))]
+        return [*map(str, range(len(value))), *(name for item in value for name in _fields(item))]
     return map(str, value) if isinstance(value, Mapping) else ()
 
 
 def _below(value: Any, step: str) -> list[Any]:
-    """Return the values one step below: of a list an item, or that field of every item that has it."""
+    """Return the values one path step below; of a list the item with that index, or that field of each item."""
     if isinstance(value, BaseModel):
         names = {info.alias or name: name for name, info in type(value).model_fields.items()}
         return [getattr(value, names[step])] if step in names else []
     if isinstance(value, tuple | list):
         if step.isdigit():
             return [value[int(step)]] if int(step) < len(value) else []
-        return [below for one in value for below in _below(one, step)]
+        return [below for item in value for below in _below(item, step)]
     return [value[step]] if isinstance(value, Mapping) and step in value else []
 
 
 def marks_in(data: Any, path: str = "") -> Iterator[Mark]:
-    """Yield the marks within resolved settings (dictionaries, lists, scalars); path: where these are."""
+    """Yield the marks within resolved settings (dictionaries, lists, scalars).
+
+    path : Dotted path of `data` within the settings.
+    """
     if isinstance(data, Mapping):
         for mark in MARKS:
             for field, reason in data[mark].items() if _is_marks(data, mark) else ():
                 values: list[Any] = [data]
                 for step in field.split("."):
-                    values = [below for one in values for below in _below(one, step)]
-                distinct = list({str(one): one for one in values}.values())
+                    values = [below for value in values for below in _below(value, step)]
+                distinct = list({str(value): value for value in values}.values())
                 value = distinct[0] if len(distinct) == 1 else distinct
                 yield Mark(path, str(data.get("name") or ""), field, mark.replace("_", " "), value, str(reason))
         for key, below in data.items():
@@ -119,31 +122,33 @@ def marks_in(data: Any, path: str = "") -> Iterator[Mark]:
 
 
 def without_marks(data: Any) -> Any:
-    """Return settings (dictionaries, lists, scalars) without their marks: what is computed does not depend on them."""
+    """Return settings (dictionaries, lists, scalars) without their marks, which no computed number depends on."""
     if isinstance(data, list):
-        return [without_marks(one) for one in data]
+        return [without_marks(item) for item in data]
     if not isinstance(data, Mapping):
         return data
     return {key: without_marks(below) for key, below in data.items() if not _is_marks(data, key)}
 
 
 def unmarked(data: Any, steps: Sequence[str]) -> Any:
-    """Return a mapping without its marks of what another value is about to replace: the field at `steps`, and all that
-    is below it.
+    """Return a mapping without the marks on the field at path `steps` and on the fields below it.
+
+    An override gives the field a new value, to which the reason of the old value does not apply.
     """
     if not isinstance(data, Mapping):
         return data
-    found = dict(data)
+    settings = dict(data)
     for mark in MARKS:
         if _is_marks(data, mark):
-            found[mark] = {path: one for path, one in data[mark].items() if path.split(".")[: len(steps)] != [*steps]}
-    return found
+            reasons = data[mark].items()
+            settings[mark] = {path: text for path, text in reasons if path.split(".")[: len(steps)] != [*steps]}
+    return settings
 
 
 def _is_marks(data: Mapping[str, Any], key: str) -> bool:
-    """Return whether a key of a mapping has its marks, and is not one of the user's own names."""
+    """Return whether a key is a card's field of marks rather than a name that the user chose."""
     value = data.get(key)
-    return key in MARKS and isinstance(value, Mapping) and all(isinstance(one, str) for one in value.values())
+    return key in MARKS and isinstance(value, Mapping) and all(isinstance(text, str) for text in value.values())
 
 
 ASSUMED = Field((), description="fields whose numbers have no source; they are listed in the report")

@@ -1,4 +1,4 @@
-"""White noise of a receiver over altitude, specific force or jerk: factors on its sigma, for truth and filter."""
+"""White noise of a receiver as a function of altitude, specific force or jerk: factors on sigma (truth and filter)."""
 
 from collections.abc import Collection, Iterator, Sequence
 from typing import Annotated, Literal, NamedTuple, get_args
@@ -15,9 +15,9 @@ QUANTITIES = ("altitude", "specific_force", "jerk")
 
 
 class OverFlight(Card):
-    """Numbers over one quantity of the nominal flight.
+    """Table over one quantity of the nominal flight.
 
-    Straight lines join the entries, and the first and last value hold beyond them.
+    Linear between entries, constant outside them.
     """
 
     altitude: tuple[Length, ...] = Field((), description="above the ellipsoid, rising; one of three quantities")
@@ -26,7 +26,7 @@ class OverFlight(Card):
 
     @property
     def over(self) -> str:
-        """The quantity that they are over."""
+        """The independent variable of the table, one of `QUANTITIES`."""
         return next(name for name in QUANTITIES if getattr(self, name))
 
     def _faults(self) -> Iterator[str]:
@@ -40,14 +40,14 @@ class OverFlight(Card):
         yield from self._unlike(values)
 
     def _unlike(self, values: tuple[float, ...]) -> Iterator[str]:
-        """Yield what does not fit the values (n,) of the quantity."""
+        """Yield the input errors of columns whose length differs from that of the values (n,)."""
         return iter(())
 
 
 class NoiseFactor(OverFlight):
-    """A factor on the sigma of white noise over one quantity of the nominal flight.
+    """Factor on the sigma of white noise as a function of one quantity of the nominal flight.
 
-    Two entries are a proportion with a least and a greatest noise. Factors of several tables multiply.
+    Two entries make a linear law with lower and upper limits. Factors of several tables multiply.
     """
 
     factor: tuple[Annotated[float, Field(gt=0.0)], ...] = Field(min_length=2, description="on sigma, at these values")
@@ -64,8 +64,11 @@ NoiseBy = Annotated[
 
 
 class Dynamics(NamedTuple):
-    """What noise may depend on, at times of the nominal flight, (n,) each: altitude m above the ellipsoid, size of the
-    specific force m/s^2 and of its change m/s^3.
+    """Independent variables of the noise tables, at n times of the nominal flight.
+
+    altitude : (n,) m. Above the ellipsoid.
+    specific_force : (n,) m/s^2. Magnitude.
+    jerk : (n,) m/s^3. Magnitude of the rate of change of specific force.
     """
 
     altitude: Floats
@@ -74,16 +77,25 @@ class Dynamics(NamedTuple):
 
 
 def noise_factor(tables: Sequence[NoiseFactor], measurement: str, at: Dynamics) -> Floats:
-    """Return the factor (n,) on the sigma of a measurement: the product of all tables that are of it."""
-    found = np.ones(at.altitude.size)
+    """Return the factor (n,) on the sigma of a measurement: the product over all tables of that measurement.
+
+    Parameters
+    ----------
+    tables : sequence of NoiseFactor
+    measurement : str
+        One of `NOISY`.
+    at : Dynamics
+        Altitude, specific force and jerk at n times.
+    """
+    factor = np.ones(at.altitude.size)
     for table in tables:
         if measurement in table.of:
             for name in QUANTITIES:
                 if getattr(table, name):
-                    found = found * np.interp(getattr(at, name), getattr(table, name), table.factor)
-    return found
+                    factor = factor * np.interp(getattr(at, name), getattr(table, name), table.factor)
+    return factor
 
 
 def idle_tables(tables: Sequence[NoiseFactor], measured: Collection[str]) -> list[int]:
-    """Return the numbers of the tables of which no measurement is taken."""
+    """Return the indices of the tables whose measurements the filter does not use."""
     return [number for number, table in enumerate(tables) if not set(table.of) & set(measured)]

@@ -1,4 +1,4 @@
-"""Values of a triad's axes: one of all three, or a list of three."""
+"""Values for the axes of a triad: one number for all three axes, or a list of three."""
 
 import math
 from collections.abc import Callable
@@ -10,30 +10,30 @@ from pydantic_core import PydanticKnownError
 from lvnav_trade import units
 
 PerAxis = float | tuple[float, float, float]
-"""One value of all three axes, or one of each."""
+"""One value for all three axes, or a value for each axis (x, y, z)."""
 
 
 def by_axis(unit: str) -> Any:
-    """Return the pydantic annotation of a `PerAxis` held in SI `unit`: a quantity, or a list of three; none below zero.
+    """Return the pydantic annotation of a `PerAxis` in SI `unit`, read from a quantity or a list of three quantities.
 
-    Three equal ones are one.
+    Negative values are an input error. Three equal values become one number.
     """
 
     def read(value: Any) -> PerAxis:
         several = isinstance(value, list | tuple)
         if several and len(value) != 3:
             raise ValueError(f"expected one quantity in a unit of {units.example(unit)}, or three, of x, y and z")
-        found = tuple(units.read(one, unit, has_sign=False) for one in (value if several else [value]))
-        if min(found) < 0.0:
+        numbers = tuple(units.read(item, unit, has_sign=False) for item in (value if several else [value]))
+        if min(numbers) < 0.0:
             raise PydanticKnownError("greater_than_equal", {"ge": 0})
-        return found[0] if len(set(found)) == 1 else found  # type: ignore[return-value]
+        return numbers[0] if len(set(numbers)) == 1 else numbers  # type: ignore[return-value]
 
     def written(value: PerAxis) -> str | list[str]:
-        return [f"{one!r} {unit}" for one in value] if isinstance(value, tuple) else f"{value!r} {unit}"
+        return [f"{number!r} {unit}" for number in value] if isinstance(value, tuple) else f"{value!r} {unit}"
 
-    one = {"type": ["string", "number"]}
+    quantity = {"type": ["string", "number"]}
     schema = {
-        "anyOf": [one, {"type": "array", "items": one, "minItems": 3, "maxItems": 3}],
+        "anyOf": [quantity, {"type": "array", "items": quantity, "minItems": 3, "maxItems": 3}],
         "description": f"quantity with a unit: {units.example(unit)}, or three, of x, y and z",
     }
     return Annotated[PerAxis, BeforeValidator(read), PlainSerializer(written, when_used="json"), WithJsonSchema(schema)]
@@ -45,24 +45,27 @@ def axes(value: PerAxis) -> tuple[float, float, float]:
 
 
 def rms(value: PerAxis) -> float:
-    """Return the root mean square of the axes; of one value that value."""
-    return math.sqrt(sum(one * one for one in value) / 3.0) if isinstance(value, tuple) else value
+    """Return the root mean square over the axes."""
+    return math.sqrt(sum(number * number for number in value) / 3.0) if isinstance(value, tuple) else value
 
 
 def each_axis(function: Callable[..., float], *values: PerAxis) -> PerAxis:
-    """Return a function of values that may differ by axis, axis by axis where one of them does."""
+    """Return a function of scalars evaluated for each axis.
+
+    The result is one number if every argument is one number.
+    """
     if not any(isinstance(value, tuple) for value in values):
         return function(*values)
-    x, y, z = (function(*one) for one in zip(*(axes(value) for value in values), strict=True))
+    x, y, z = (function(*arguments) for arguments in zip(*(axes(value) for value in values), strict=True))
     return x, y, z
 
 
 def squares(value: PerAxis) -> tuple[float, float, float]:
     """Return the squares of the values of x, y and z."""
-    return axes(each_axis(lambda one: one**2, value))
+    return axes(each_axis(lambda number: number**2, value))
 
 
-# One-sigmas of a triad's axes, alike or each its own.
+# One-sigma values of a triad, equal on all axes or by axis.
 Angle: Any = units.at_most(by_axis("rad"), math.pi / 2.0, "90 deg")
 AngularRate: Any = units.at_most(by_axis("rad/s"), math.radians(1000.0), "1000 deg/s")
 Acceleration: Any = units.at_most(by_axis("m/s**2"), 980.665, "100 g")

@@ -1,6 +1,6 @@
 """Record of the settings that code reads: a setting that is never read has no effect.
 
-Code is given a copy of the settings that notes which of its fields are read. The settings themselves stay as they are.
+Code receives a recording copy of the settings, which notes the fields that are read. The settings do not change.
 """
 
 import types
@@ -14,7 +14,7 @@ from pydantic import ConfigDict
 from lvnav_trade.units import Card
 
 Value = TypeVar("Value")
-_NOTES = "_notes"  # where a recording copy keeps where it notes
+_NOTES = "_notes"  # key of the notes in the dictionary of a recording copy
 
 
 class Reads:
@@ -25,9 +25,9 @@ class Reads:
     Attributes
     ----------
     card
-        A copy of the settings for the code whose reading is recorded; an instance of the same classes.
+        Recording copy of the settings; an instance of the same classes.
     paths
-        What was read of the copy: dotted, as a user writes them.
+        Dotted paths of the fields that were read, as a user writes them.
     """
 
     def __init__(self, whole: Card) -> None:
@@ -36,8 +36,8 @@ class Reads:
 
     def _copy(self, value: Any, prefix: str) -> Any:
         if isinstance(value, Card):
-            fields = {name: one for name, one in value.__dict__.items() if name != _NOTES}
-            within = {name: self._copy(one, f"{prefix}{_key(value, name)}.") for name, one in fields.items()}
+            fields = {name: item for name, item in value.__dict__.items() if name != _NOTES}
+            within = {name: self._copy(item, f"{prefix}{_key(value, name)}.") for name, item in fields.items()}
             return _recording_copy(value, within | {_NOTES: _Notes(self.paths, prefix)})
         if isinstance(value, Mapping):
             return {name: self._copy(below, f"{prefix}{name}.") for name, below in value.items()}
@@ -53,14 +53,18 @@ def _key(card: Card, name: str) -> str:
 
 
 class _Notes(NamedTuple):
-    """Where a recording copy notes: the paths read so far, and its own place in the whole, with a dot behind it."""
+    """Notes of a recording copy.
+
+    paths : Paths read so far.
+    prefix : Path of the copy within the whole settings, followed by a dot.
+    """
 
     paths: set[str]
     prefix: str
 
 
 class _Recording(Card):
-    """What recording copies have beside the fields of their card."""
+    """Base of recording copies, in addition to the class of their card."""
 
     model_config = ConfigDict(defer_build=True)  # copies are never validated
 
@@ -76,7 +80,7 @@ class _Recording(Card):
         return bool(_plain(self) == (_plain(other) if isinstance(other, _Recording) else other))
 
     def __reduce_ex__(self, protocol: Any) -> Any:
-        """Return what another process makes the card itself of, which records nothing."""
+        """Pickle the card itself: the copy in another process records nothing."""
         return _itself, (_plain(self),)
 
 
@@ -86,12 +90,12 @@ def _itself(card: Card) -> Card:
 
 @cache
 def _recording_class(kind: type[Card]) -> type[Card]:
-    """Return the class of copies that record what is read of a card."""
+    """Return the class of the recording copies of a card."""
     if issubclass(kind, _Recording):
         return kind
     names = {"__module__": kind.__module__, "__qualname__": kind.__qualname__, "__doc__": kind.__doc__}
-    made: type[Card] = types.new_class(kind.__name__, (_Recording, kind), {}, lambda own: own.update(names))
-    return made
+    recording: type[Card] = types.new_class(kind.__name__, (_Recording, kind), {}, lambda body: body.update(names))
+    return recording
 
 
 def _recording_copy(card: Card, values: dict[str, Any]) -> Card:
@@ -99,7 +103,7 @@ def _recording_copy(card: Card, values: dict[str, Any]) -> Card:
 
 
 def _plain(card: Card) -> Card:
-    """Return a recording copy, and all within it, as the cards that they are copies of."""
+    """Return the original card of a recording copy, with all cards within it."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, _Recording):
@@ -113,24 +117,24 @@ def _plain(card: Card) -> Card:
 
 
 def _copied(card: Card, kind: type[Card], values: dict[str, Any]) -> Card:
-    found = kind.__new__(kind)
-    object.__setattr__(found, "__dict__", values)
+    copy = kind.__new__(kind)
+    object.__setattr__(copy, "__dict__", values)
     for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
-        object.__setattr__(found, name, object.__getattribute__(card, name))
-    return found
+        object.__setattr__(copy, name, object.__getattribute__(card, name))
+    return copy
 
 
 def note(card: Card, names: Collection[str]) -> None:
-    """Note fields of settings as read, by names or paths within them; nothing where they are no recording copy."""
+    """Note fields of a recording copy as read, by names or paths within it; no effect on other settings."""
     notes = object.__getattribute__(card, "__dict__").get(_NOTES)
     if notes is not None:
         notes.paths.update(notes.prefix + name for name in names)
 
 
 def remembered(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
-    """Keep the last `size` results of a function of (key, card, *rest) by the key and the rest.
+    """Cache the last `size` results of a function of (key, card, *rest) by key and rest.
 
-    A result that was kept counts as having read what its computation read of a card that is equal.
+    A cached result counts as a reading of the fields that its computation read.
     """
 
     def decorate(function: Callable[..., Value]) -> Callable[..., Value]:
@@ -156,11 +160,11 @@ def remembered(size: int) -> Callable[[Callable[..., Value]], Callable[..., Valu
 
 
 class _Kept(NamedTuple):
-    """A result that is kept, and what it was computed from.
+    """A cached result and the settings from which it was computed.
 
     key : Key and rest of the arguments.
-    whole : What was read of the card, by path.
-    built : How the settings above that are built, by path.
+    whole : Values read from the card, by path.
+    built : Structure of the settings above these values, by path.
     value : The result.
     """
 
@@ -170,20 +174,19 @@ class _Kept(NamedTuple):
     value: Any
 
     def is_of(self, key: tuple[Hashable, ...], card: Card) -> bool:
-        """Whether the result is that of another card too."""
+        """Whether the result is valid for a card: all values that were read are equal."""
         return (
             self.key == key
-            and all(_built(_at(card, path)) == one for path, one in self.built.items())
-            and all(_at(card, path) == one for path, one in self.whole.items())
+            and all(_built(_at(card, path)) == structure for path, structure in self.built.items())
+            and all(_at(card, path) == value for path, value in self.whole.items())
         )
 
 
 def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
-    """Keep the last `size` results of a function of (key, card, *rest) by key, rest, and what it read of the card.
+    """Cache the last `size` results of a function of (key, card, *rest) by key, rest, and the fields it read.
 
-    A function that is given the same reads the same. As long as all that it read has the same content it would read
-    nothing else, so fields that it never reads may differ. What it reads otherwise than by attribute belongs into the
-    key.
+    A deterministic function reads the same fields again as long as the values it read are equal, so that fields it did
+    not read may differ. Anything that it reads other than by attribute must be in the key.
     """
 
     def decorate(function: Callable[..., Value]) -> Callable[..., Value]:
@@ -191,18 +194,18 @@ def remembered_by_reads(size: int) -> Callable[[Callable[..., Value]], Callable[
 
         @wraps(function)
         def call(key: Hashable, card: Card, *rest: Hashable) -> Value:
-            own = _plain(card) if isinstance(card, _Recording) else card
-            found = next((one for one in reversed(kept) if one.is_of((key, *rest), own)), None)
-            if found is None:
-                reads = Reads(own)
+            plain = _plain(card) if isinstance(card, _Recording) else card
+            cached = next((result for result in reversed(kept) if result.is_of((key, *rest), plain)), None)
+            if cached is None:
+                reads = Reads(plain)
                 value = function(key, reads.card, *rest)
                 above = {above for path in reads.paths for above in _above(path)}
-                whole = {path: _at(own, path) for path in reads.paths - above}
-                found = _Kept((key, *rest), whole, {path: _built(_at(own, path)) for path in above}, value)
-                kept.append(found)
+                whole = {path: _at(plain, path) for path in reads.paths - above}
+                cached = _Kept((key, *rest), whole, {path: _built(_at(plain, path)) for path in above}, value)
+                kept.append(cached)
                 del kept[:-size]
-            note(card, {*found.whole, *found.built})
-            return found.value
+            note(card, {*cached.whole, *cached.built})
+            return cached.value
 
         return call
 
@@ -213,18 +216,18 @@ _ABSENT = object()
 
 
 def _above(path: str) -> list[str]:
-    """Return the paths of the settings that a path lies in."""
+    """Return the paths of the settings that contain a path."""
     steps = path.split(".")
     return [".".join(steps[:depth]) for depth in range(1, len(steps))]
 
 
 def _at(card: Card, path: str) -> Any:
-    """Return what stands at a path of settings; nothing of it counts as read."""
+    """Return the value at a path of settings, without noting it as read."""
     value: Any = card
     for step in path.split("."):
         if isinstance(value, Card):
             fields = value.__dict__
-            name = step if step in fields else next((one for one in fields if _key(value, one) == step), "")
+            name = step if step in fields else next((field for field in fields if _key(value, field) == step), "")
             value = fields.get(name, _ABSENT)
         elif isinstance(value, Mapping):
             value = value.get(step, _ABSENT)
@@ -236,9 +239,9 @@ def _at(card: Card, path: str) -> Any:
 
 
 def _built(value: Any) -> Any:
-    """Return how settings are built, without their content: their class, the classes of their items, by key."""
+    """Return the structure of settings without their content: their class, or the classes of their items."""
     if isinstance(value, Mapping):
-        return {key: type(one) for key, one in value.items()}
+        return {key: type(item) for key, item in value.items()}
     if isinstance(value, tuple):
-        return tuple(type(one) if isinstance(one, Card | tuple | Mapping) else one for one in value)
+        return tuple(type(item) if isinstance(item, Card | tuple | Mapping) else item for item in value)
     return type(value)

@@ -1,4 +1,4 @@
-"""Records that several packages use: Motion, Reference, Sky, RunBlock, CovHistory, and requests to the last."""
+"""Records that several packages use: motion, satellites, results of runs and of linear covariance, and requests."""
 
 from typing import NamedTuple
 
@@ -9,13 +9,13 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-# What a receiver does with a satellite, by number and by name: idle is neither looked for nor remembered.
+# States of a receiver channel, by number and by name. Idle: the satellite is not searched for.
 IDLE, SEARCH, ACQUIRE, TRACK, LOST = range(5)
 TRACKING = ("idle", "search", "acquire", "track", "lost")
 
 
-# What a filter with a logic does, and why that changes, by number and by name. While it is aiding or predicting its
-# outputs are corrected.
+# Modes of a filter with mode logic, and reasons of a change, by number and by name. Outputs are corrected while the
+# filter is aiding or predicting.
 WAITING, CONVERGING, AIDING, PREDICTING, STOPPED = range(5)
 MODES = ("waiting", "converging", "aiding", "predicting", "stopped")
 REASONS = (
@@ -27,25 +27,25 @@ REASONS = (
     "data loss persists",
     "residual error persists",
     "covariance error persists",
-    # what in particular was lost: the check at the input that a sample with a solution fails
+    # the input check that a sample with a solution failed
     "checksum",
     "hardware",
     "time synchronisation",
     "no fresh solution",
     "dilution of precision",
 )
-# Flags that a receiver raises of its own output, in the order in which they are the reason, and where they begin.
+# Flags that a receiver raises with its output, in the order of precedence as reasons of a mode change
 FLAGS = ("checksum", "hardware", "time_sync")
 FRESH = "fresh"
-FIRST_CHECK = 8
+FIRST_CHECK = 8  # index of the first flag in REASONS
 NO_CHANGES = np.zeros((0, 5))
 
-# What a filter that tests for faults has isolated, by number and by name.
+# Faults that fault detection isolates, by number and by name.
 OF_CHANNEL, OF_CLOCK, OF_INERTIAL, OF_UNIT, OF_SEPARATION = 1, 2, 3, 4, 5
 ISOLATED = ("", "channel", "clock", "inertial", "unit", "separation")
 NO_DECISIONS = np.zeros((0, 4))
 
-# How a guided ascent ends, by number and by name, and the numbers of its orbit.
+# Outcomes of a guided ascent, by number and by name, and the elements of its orbit.
 OUTCOMES = ("injected", "depleted", "guidance diverged", "navigation failed")
 ORBIT = (
     "semi_major_axis",
@@ -57,18 +57,22 @@ ORBIT = (
     "node",
 )
 INJECTION = (*ORBIT, "cutoff_time", "propellant_left")
-"""What is known of an injection: numbers of the achieved orbit, time of the cut-off (s), propellant left (kg)."""
+"""Numbers of an injection: elements of the achieved orbit, time of the cut-off (s), remaining propellant (kg)."""
 NO_INJECTIONS = np.zeros((0, 3 + 2 * len(ORBIT)))
 NO_LOST = np.zeros((0, 4))
-# In a decision on inertial units, what stands in the place of a channel: this for the first, one less for the next.
+# Channel number of a fault decision on the first IMU; each further IMU has one less.
 FIRST_UNIT = -2
 
 
 class Motion(NamedTuple):
-    """True motion at given times; at a jump of thrust the value just after it. SI, frames i and b.
+    """True motion of the IMU at n times. At a jump of thrust it is the value just after the jump.
 
-    t (n,) s since lift-off; r_i, v_i (n, 3); q_b_i (n, 4) unit quaternion, scalar first, body to inertial;
-    f_b (n, 3) specific force; w_ib_b (n, 3) body rate.
+    t : (n,) s since lift-off.
+    r_i : (n, 3) m. Position, frame i.
+    v_i : (n, 3) m/s. Inertial velocity, frame i.
+    q_b_i : (n, 4). Unit quaternion from body to inertial, scalar first.
+    f_b : (n, 3) m/s^2. Specific force, body axes.
+    w_ib_b : (n, 3) rad/s. Body rate with respect to frame i, body axes.
     """
 
     t: Floats
@@ -80,10 +84,16 @@ class Motion(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """True motion on the ticks of an IMU, and the increments of an ideal one between them.
+    """True motion on the ticks of the IMU, and the increments of an ideal IMU between them.
 
-    t (n_imu + 1,); r_i, v_i (n_imu + 1, 3); q_b_i (n_imu + 1, 4); f_b, w_ib_b (n_imu + 1, 3) at the ticks;
-    dtheta, dvel (n_imu, 3): integrals of body rate (rad) and specific force (m/s) over each tick, body frame.
+    t : (n_imu + 1,) s since lift-off. Ticks.
+    r_i : (n_imu + 1, 3) m. Position, frame i.
+    v_i : (n_imu + 1, 3) m/s. Inertial velocity, frame i.
+    q_b_i : (n_imu + 1, 4). Unit quaternion from body to inertial, scalar first.
+    f_b : (n_imu + 1, 3) m/s^2. Specific force, body axes.
+    w_ib_b : (n_imu + 1, 3) rad/s. Body rate, body axes.
+    dtheta : (n_imu, 3) rad. Integral of the body rate over each interval, body axes.
+    dvel : (n_imu, 3) m/s. Integral of the specific force over each interval, body axes.
     """
 
     t: Floats
@@ -97,7 +107,13 @@ class Reference(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """A change of what the receiver does with a satellite: t s, name, states before and after by name, and why."""
+    """Change of state of a receiver channel.
+
+    t : s since lift-off.
+    satellite : Name of the satellite.
+    before, after : States, as in `TRACKING`.
+    reason : Cause of the change.
+    """
 
     t: float
     satellite: str
@@ -167,10 +183,10 @@ class RunBlock(NamedTuple):
     decisions : (n_decision, 4). Fault decisions: run, time (s), kind isolated (see ISOLATED), channel excluded (-1
         none; of an IMU see FIRST_UNIT).
     injections : (n_run, 3 + 2 n_orbit). Of guided ascents: outcome (see OUTCOMES), time (s) of the last cut-off,
-        propellant (kg) left, and of each number in ORBIT what the achieved orbit has more than the target, then what it
-        has more than the navigated one.
-    lost : (n_draw, 4). What the runs that do not reach their cut-off drew of the vehicle, run after run: run, number of
-        the source (see `dispersion_card.SOURCES`), number within it, draw in sigmas.
+        remaining propellant (kg), then for each element in ORBIT the achieved value minus the target, and the achieved
+        value minus the navigated value.
+    lost : (n_draw, 4). Vehicle draws of the runs that do not reach their cut-off, run after run: run, number of the
+        source (see `dispersion_card.SOURCES`), number within the source, draw in sigmas.
     """
 
     first_run: int
@@ -192,19 +208,22 @@ class RunBlock(NamedTuple):
 
 
 class InjectionLaw(NamedTuple):
-    """Linear covariance of the injection of a guided ascent, about its reference flight: the vehicle without draws, a
-    navigation without errors. Numbers are those of INJECTION, SI.
+    """Linear covariance of the injection of a guided ascent.
 
-    why : Why there is none; empty where there is.
+    It is linearised about the reference flight: a vehicle without dispersions, a navigation without errors. Numbers are
+    those of INJECTION, SI.
+
+    why : Reason why there is no covariance; empty if there is.
     reference : (n_number,). Numbers of the reference flight.
-    target : (n_orbit,). The target orbit.
-    mean : (n_number,). Mean less target of the orbit's numbers; mean of the others. To second order in the vehicle.
-    second_order : (n_number,). Sigma of what its spreads do to second order.
-    sources : (n_source,). Names of the error sources of navigation, then of the dispersed ones of the vehicle.
-    n_navigation : Number of sources of navigation.
-    covariance : (n_source, n_number, n_number). By source. NaN of the perigee and apogee of a circular target.
-    knowledge : (n_source, n_orbit). Variance of the achieved orbit less the navigated one.
-    execution : (n_source, n_orbit). Variance of the navigated orbit less the target.
+    target : (n_orbit,). Elements of the target orbit.
+    mean : (n_number,). Mean minus target of the orbital elements; mean of the other numbers. To second order in the
+        dispersions of the vehicle.
+    second_order : (n_number,). Sigma due to the second-order effects of these dispersions.
+    sources : (n_source,). Names of the error sources of navigation, then of the dispersions of the vehicle.
+    n_navigation : Number of error sources of navigation.
+    covariance : (n_source, n_number, n_number). By source. NaN for the perigee and apogee of a circular target.
+    knowledge : (n_source, n_orbit). Variance of the achieved orbit minus the navigated orbit.
+    execution : (n_source, n_orbit). Variance of the navigated orbit minus the target.
     """
 
     why: str = ""
@@ -235,7 +254,7 @@ class CovHistory(NamedTuple):
     expected_nees : (n_hist,). Expected normalised estimation error squared.
     expected_nis : (n_epoch,). Expected sum of squared normalised innovations.
     false_rejection : (n_epoch,). Largest probability that the gate rejects a good scalar measurement.
-    row_ratio : (n_epoch, n_row). Expected square of each normalised innovation; 0 of rows that are not processed.
+    row_ratio : (n_epoch, n_row). Expected square of each normalised innovation; 0 for measurements not processed.
     decisions : (n_decision, 4). Fault decisions on the mean innovations, as in RunBlock.
     injection : Injection of a guided ascent; None without guidance.
     """
@@ -259,7 +278,14 @@ class CovHistory(NamedTuple):
 
 
 class Output(NamedTuple):
-    """One reported error component: ``quantity`` with ``axis``, SI unit, and the unit and factor for people."""
+    """A reported error component.
+
+    quantity : Quantity, such as velocity.
+    axis : Axis, such as north.
+    unit : SI unit.
+    label_unit : Display unit.
+    label_factor : Factor from SI to the display unit.
+    """
 
     quantity: str
     axis: str
@@ -269,8 +295,12 @@ class Output(NamedTuple):
 
 
 class Protecting(NamedTuple):
-    """What protection levels hold for: probabilities of an error beyond it unnoticed, of an alarm without a fault, and
-    that a satellite has failed, each at any one time; alarms: whether sub-filters are flown in every run.
+    """Probabilities, at any one time, that the protection levels refer to.
+
+    integrity_risk : Probability of an undetected error beyond the protection level.
+    false_alarm : Probability of an alarm without a fault.
+    satellite_fault : Probability that a satellite has failed.
+    alarms : Whether every run is simulated with the sub-filters.
     """
 
     integrity_risk: float
@@ -280,7 +310,7 @@ class Protecting(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """Results of linear covariance that a campaign requires of a case.
+    """Results of linear covariance that a campaign requests for a case.
 
     at : Event of the diagnostics; if empty, injection or else the last event.
     events : Further events for the covariance by source.
@@ -313,11 +343,13 @@ class Asked(NamedTuple):
 
 
 class AdjointBudget(NamedTuple):
-    """What every source put into the navigation errors at one time, by when it did.
+    """Contribution of every error source to the navigation errors at an event, by the time at which it arose.
 
-    time s since lift-off; edges (n_bin + 1,) s of the bins of time; sources (n_source,) names; outputs the nine
-    navigation errors; contribution (9, n_source, n_bin) variance, SI: over sources and bins it sums to the true
-    variance at `time`.
+    time : s since lift-off. The event.
+    edges : (n_bin + 1,) s. Edges of the time bins.
+    sources : (n_source,). Names of the error sources.
+    outputs : (9,). The navigation errors.
+    contribution : (9, n_source, n_bin). Variance, SI; the sum over sources and bins is the true variance at `time`.
     """
 
     time: float

@@ -1,4 +1,4 @@
-"""Cost, mass, power, volume and reliability of a device: of cards, and kept out of digests."""
+"""Cost, mass, power, volume and reliability of a device: part of its card, but not of the digest of a case."""
 
 from pydantic import Field
 
@@ -6,7 +6,7 @@ from lvnav_trade import units
 
 
 class Resources(units.Card):
-    """What a device costs and needs: no part of what is computed, and of no digest. Totals are of the whole design."""
+    """Cost and resources of a device. They do not affect results and digests. The report adds them up for a design."""
 
     cost: float | None = Field(
         None, ge=0.0, description="in a currency of the campaign's choice, the same for all cards"

@@ -1,8 +1,8 @@
-"""Rules between the fields of a scenario: what contradicts itself, what physics refuses, what a case needs.
+"""Rules between the fields of a scenario: contradictions, combinations that physics excludes, requirements of a case.
 
-A breach has the path of the field to mend, and a reason. `SETTINGS` and `REFUSALS` apply to every scenario: validation
-raises the first breach. `CASES` apply to the cases of a campaign alone, because an axis may mend the base that it
-varies: the reader of campaigns checks every case and reports all breaches.
+A breach has the path of the field to change, and a reason. `SETTINGS` and `REFUSALS` apply to every scenario:
+validation raises the first breach. `CASES` apply to the cases of a campaign only, because an axis may correct the base
+that it varies: the reader of campaigns checks every case and reports all breaches.
 """
 
 from __future__ import annotations
@@ -21,14 +21,19 @@ if TYPE_CHECKING:
 
 
 class Breach(NamedTuple):
-    """A rule that a scenario breaks: path of the field to mend, and the reason."""
+    """A rule that a scenario breaks: path of the field to change, and the reason."""
 
     path: str
     reason: str
 
 
 class Refusal(NamedTuple):
-    """A refused combination: path of the field that it is about, reason, and whether a scenario has it."""
+    """A refused combination of settings.
+
+    path : Path of the field to change.
+    reason : Reason of the refusal.
+    applies : Function that returns whether a scenario has the combination.
+    """
 
     path: str
     reason: str
@@ -39,7 +44,7 @@ class Refusal(NamedTuple):
 
 
 def _of_control(scenario: Scenario) -> Iterator[Breach]:
-    """Yield why a vehicle cannot be steered beside the navigation."""
+    """Yield the breaches of a vehicle under control."""
     control, card = scenario.control, scenario.trajectory
     if control is None:
         return
@@ -58,16 +63,16 @@ def _of_control(scenario: Scenario) -> Iterator[Breach]:
 
 
 def _twice(scenario: Scenario) -> Iterator[Breach]:
-    """Yield the fault that is stated a second time."""
+    """Yield the first fault that is listed twice."""
     faults = scenario.faults
-    again = next((k for k, fault in enumerate(faults) if fault in faults[:k]), None)
-    if again is not None:
-        first = faults.index(faults[again])
-        yield Breach(f"faults.{again}", f"is the same as faults.{first}; leave one of them out")
+    second = next((k for k, fault in enumerate(faults) if fault in faults[:k]), None)
+    if second is not None:
+        first = faults.index(faults[second])
+        yield Breach(f"faults.{second}", f"is the same as faults.{first}; leave one of them out")
 
 
 def _unmeasured(scenario: Scenario) -> Iterator[Breach]:
-    """Yield the measurements that no sensor gives; where a sensor is null the filter does without it."""
+    """Yield the measurements that no sensor provides; a sensor set to null removes its measurement without an error."""
     for name in scenario.filter.measurements:
         provided = None in scenario.sensors.values() or sensors_measuring(scenario, name)
         if name in SENSOR_MEASUREMENTS and not provided:
@@ -89,7 +94,7 @@ def _receiver(scenario: Any) -> bool:
 
 
 def _units(scenario: Any) -> tuple[Any, ...]:
-    """Return the inertial units of a scenario."""
+    """Return the IMUs of a scenario."""
     return tuple(getattr(scenario.imu, "units", (scenario.imu,)))
 
 
@@ -98,17 +103,17 @@ def _quantised(unit: Any) -> bool:
 
 
 def _rank(unit: Any) -> int:
-    """Return how many dimensions the axes of a unit span."""
+    """Return the number of dimensions that the sensing axes of an IMU span."""
     return int(np.linalg.matrix_rank(getattr(unit, "directions", np.eye(3)), tol=1e-6))
 
 
 def _differences(scenario: Any) -> list[Any]:
-    """Return the sensors that measure by what two units differ."""
+    """Return the sensors that measure the difference of two IMUs."""
     return [card for card in scenario.sensors.values() if getattr(card, "measurement", "").endswith("_difference")]
 
 
 def _late(scenario: Any, card: Any) -> bool:
-    """Return whether the filter takes a sensor for late: by its own latency, or what the filter card states."""
+    """Return whether the filter models a latency of a sensor, by the sensor's card (`matched`) or the filter's card."""
     model = getattr(scenario.filter.sensor_models, card.measurement)
     return bool((card if isinstance(model, str) else model).latency > 0.0)
 
@@ -244,7 +249,7 @@ _RATES = {
 
 
 def _rates(scenario: Scenario) -> Iterator[Breach]:
-    """Yield the rates that do not divide the faster ones, each at the slower one."""
+    """Yield the rates that do not divide the next faster rate."""
     pairs = [
         ("imu.rate", "imu.process_rate"),
         ("imu.rate", "filter.covariance_rate"),
@@ -265,7 +270,7 @@ def _rates(scenario: Scenario) -> Iterator[Breach]:
 
 
 def _strapdown(scenario: Scenario) -> Iterator[Breach]:
-    """Yield a strapdown step that is longer than a step of the covariance."""
+    """Yield the breach of a strapdown step longer than a covariance step."""
     most = round(scenario.imu.rate / scenario.filter.covariance_rate)
     if scenario.filter.strapdown.ratio > max(1, most):
         reason = f"a step longer than a covariance step of {most} increments; at most {most} fit"
@@ -273,7 +278,7 @@ def _strapdown(scenario: Scenario) -> Iterator[Breach]:
 
 
 def _noiseless(scenario: Scenario) -> Iterator[Breach]:
-    """Yield the measurements that the filter would model without noise: its covariance would lose its rank."""
+    """Yield the measurements that the filter models without noise, which makes its covariance singular."""
     card = scenario.filter
     matched = isinstance(card.receiver, str)
     if solves(scenario) and matched:
@@ -291,7 +296,7 @@ CASES: tuple[Callable[[Scenario], Iterator[Breach]], ...] = (_rates, _strapdown,
 
 
 def breaches(scenario: Scenario) -> Iterator[Breach]:
-    """Yield the breaches of the rules for every scenario; of the refused combinations the first."""
+    """Yield the breaches of the rules for every scenario, and the first refused combination."""
     for rule in SETTINGS:
         yield from rule(scenario)
     if (refusal := refused(scenario)) is not None:

@@ -23,9 +23,7 @@ from lvnav_trade.world.sky.constellation import Constellation
 
 
 class InitialErrors(Card):
-    """True one-sigma error of the navigation state at the start: tilt (north, east axes), heading, position,
-    velocity.
-    """
+    """True initial errors of the navigation state, one sigma: tilt (north, east axes), heading, position, velocity."""
 
     tilt: AttitudeSigma
     heading: AttitudeSigma
@@ -34,7 +32,7 @@ class InitialErrors(Card):
 
 
 class Scenario(Card):
-    """Everything that one case needs; cards are already resolved into it."""
+    """All settings of a case, with its cards resolved."""
 
     OLD_KEYS: ClassVar[Mapping[str, str]] = {
         "altimeter": "replaced by sensors, such as sensors: {altimeter: CARD}; "
@@ -67,9 +65,9 @@ class Scenario(Card):
     @classmethod
     def _renamed(cls, data: Any) -> Any:
         """Refuse the keys of earlier versions with the key that replaces them."""
-        found = next((key for key in cls.OLD_KEYS if isinstance(data, Mapping) and key in data), None)
-        if found is not None:
-            raise ValueError(f"{found}: {cls.OLD_KEYS[found]}")
+        old = next((key for key in cls.OLD_KEYS if isinstance(data, Mapping) and key in data), None)
+        if old is not None:
+            raise ValueError(f"{old}: {cls.OLD_KEYS[old]}")
         return data
 
     @field_validator("sensors")

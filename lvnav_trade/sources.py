@@ -1,15 +1,15 @@
-"""Error sources: the key that draws are addressed by, the name that a budget prints, the fields that hold its size.
+"""Error sources: the key of their random draws, the label in error budgets, and the fields with their sigma.
 
-A key is frozen: draws are numbered by it, so another key is another set of draws. A label may be reworded at any time.
+A key must not change, because it determines the draws. A label may be reworded at any time.
 """
 
 import re
 from typing import NamedTuple
 
-# Path of a field in a scenario, and the power of the source's sigma that it holds; `*`: every item of a tuple
+# Path of a field in a scenario, and the power of the sigma that it contains; `*`: every item of a tuple
 Field = tuple[tuple[str, ...], int]
 
-# Keys of draws that are not those of one source.
+# Keys of draws that do not belong to a single source.
 IMU_NOISE = "inertial unit white noise"
 CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START, PHASE_NOISE = (
     "receiver clock",
@@ -21,7 +21,12 @@ CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START, PHASE_NOISE = (
 
 
 class Source(NamedTuple):
-    """A source: key, label, and the fields of a scenario that its sigma stands in."""
+    """An error source.
+
+    key : Key of its random draws.
+    label : Name in error budgets.
+    fields : Fields of a scenario with its sigma.
+    """
 
     key: str
     label: str
@@ -73,7 +78,7 @@ _OTHERS = {
     "recorded receiver error": (),
     "wild samples": (),
 }
-# Every source that is no sensor's own, by key
+# Every source except those of sensors, by key
 SOURCES = {
     source.key: source
     for source in (
@@ -88,13 +93,14 @@ SOURCES = {
 
 
 def label_of(key: str) -> str:
-    """Return the name that a budget prints for a source; of a sensor's own error the key."""
+    """Return the label of a source in error budgets; for an error of a sensor that is the key."""
     return SOURCES[key].label if key in SOURCES else key
 
 
 def fields_of(label: str) -> tuple[Field, ...]:
-    """Return the fields that hold the sigma of the source that a budget calls so; none if it has no field. Those of one
-    of several inertial units, such as `unit 2 gyro random walk`, are in its card.
+    """Return the fields with the sigma of the source of a label; an empty tuple if there are none.
+
+    The fields of an IMU of an array, such as `unit 2 gyro random walk`, are those of its card.
     """
     numbered = re.fullmatch(r"unit (\d+) (.+)", label)
     if numbered:

@@ -1,7 +1,7 @@
-"""The units that quantities are written in: what datasheets use, each with its size in SI and its dimension.
+"""Units of quantities, as used in datasheets, each with its size in SI and its dimension.
 
-What is not listed here is refused, prefixes included: a library's list of all units reads ``kg`` as a thousand standard
-gravities where ``g`` is gravity, ``mil`` as a tenth of one, and ``t`` or ``kmg`` as whatever letters make of it.
+Units and prefixes that are not listed are refused: a library with all units reads ``kg`` as a thousand standard
+gravities where ``g`` is gravity, ``mil`` as a tenth of one, and finds a meaning for ``t`` or ``kmg``.
 Reasons: docs/decisions/0068-units-are-a-list.md.
 """
 
@@ -15,10 +15,13 @@ Dimension = Mapping[str, float]
 
 
 class Unit(NamedTuple):
-    """A unit: its size in SI as a product of numbers to powers, its dimension as powers of base units, and what a
-    temperature scale adds (K).
+    """A unit.
 
-    Powers of few numbers, and not their product, so that what cancels in ``deg/h/sqrt(h)`` cancels exactly.
+    The size is a product of powers, so that common numbers in ``deg/h/sqrt(h)`` cancel exactly.
+
+    size : Size in SI: powers of numbers.
+    dimension : Powers of base units.
+    offset : K. Offset of a temperature scale.
     """
 
     size: Powers
@@ -27,8 +30,12 @@ class Unit(NamedTuple):
 
 
 class _Listed(NamedTuple):
-    """A unit by all its spellings: symbols, which take its prefixes as letters, and words, which take them in full and
-    have a plural.
+    """A unit with all its spellings.
+
+    symbols : Symbols, with prefixes as letters.
+    words : Words, with prefixes in full and a plural.
+    size, dimension, offset : As in `Unit`.
+    prefixes : Letters of the allowed prefixes.
     """
 
     symbols: str

@@ -23,7 +23,7 @@ _DEEPEST = 10  # brackets within each other
 
 
 class UnknownUnitError(ValueError):
-    """A unit that is none: `part` is the part of it that is not known, `remedy` what may be meant."""
+    """An unknown unit: `part` is the part of the text that is unknown, `remedy` a suggestion."""
 
     def __init__(self, part: str, remedy: str = "") -> None:
         super().__init__(part)
@@ -31,8 +31,11 @@ class UnknownUnitError(ValueError):
 
 
 class Product(NamedTuple):
-    """A product of units: the numbers of its size above and below the fraction line, each with its power (above zero),
-    its dimension, and the offset of a temperature scale that stands alone.
+    """A product of units.
+
+    above, below : Numbers in numerator and denominator of its size in SI, each with its power (> 0).
+    dimension : Powers of the base units.
+    offset : K. Offset of a temperature scale, if it is the only factor.
     """
 
     above: Mapping[float, float]
@@ -43,8 +46,8 @@ class Product(NamedTuple):
 
 @lru_cache(maxsize=4096)
 def product(text: str) -> Product:
-    """Return the product of units that a text spells; `UnknownUnitError` names the part that is none."""
-    spelled = _SUPERSCRIPT.sub(lambda found: f"^{found[0].translate(_RAISED)}", text)
+    """Return the product of units in a text; `UnknownUnitError` names the part that is unknown."""
+    spelled = _SUPERSCRIPT.sub(lambda match: f"^{match[0].translate(_RAISED)}", text)
     spelled = spelled.translate(_SIGNS).replace("\u00bd", "^0.5")
     reader = _Reader(text, spelled)
     factors = reader.factors(0)
@@ -60,14 +63,14 @@ def product(text: str) -> Product:
         for base, power in unit.dimension.items():
             dimension[base] = dimension.get(base, 0.0) + power * exponent
     alone = len(factors) == 1 and factors[0][1] == 1.0
-    left = {base: power for base, power in dimension.items() if power != 0.0}
-    return Product(above, below, left, factors[0][0].offset if alone else 0.0)
+    remaining = {base: power for base, power in dimension.items() if power != 0.0}
+    return Product(above, below, remaining, factors[0][0].offset if alone else 0.0)
 
 
 def conversion(source: Product, target: Product) -> float:
-    """Return by what a number of `source` is multiplied to be one of `target`, of the same dimension.
+    """Return the factor from numbers in `source` to numbers in `target`, a unit of the same dimension.
 
-    A number that is above and below the fraction line cancels before anything is multiplied.
+    Numbers in numerator and denominator cancel before the multiplication, so that the factor is exact where possible.
     """
     above, below = dict(source.above), dict(source.below)
     for number, power in target.above.items():
@@ -86,7 +89,7 @@ def conversion(source: Product, target: Product) -> float:
 
 
 class _Reader:
-    """Reads the factors of `spelled` from its start; `text` is what the user wrote."""
+    """Parser of the factors of `spelled`, the normalised form of `text` as the user wrote it."""
 
     def __init__(self, text: str, spelled: str) -> None:
         self.text, self.spelled, self.at, self.depth = text, spelled, 0, 0
@@ -95,12 +98,12 @@ class _Reader:
         """Return the factors of a product or quotient, each with its exponent."""
         if depth > _DEEPEST:
             raise UnknownUnitError(self.text)
-        found = self._power(depth)
+        factors = self._power(depth)
         while self.at < len(self.spelled) and self.spelled[self.at] in "*/":
             sign = -1.0 if self.spelled[self.at] == "/" else 1.0
             self.at += 1
-            found += [(unit, sign * exponent) for unit, exponent in self._power(depth)]
-        return found
+            factors += [(unit, sign * exponent) for unit, exponent in self._power(depth)]
+        return factors
 
     def _power(self, depth: int) -> list[tuple[Unit, float]]:
         root = self._taken(_ROOT)
@@ -134,7 +137,7 @@ class _Reader:
         return [(units()[name[0]], 1.0)]
 
     def _taken(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
-        found = pattern.match(self.spelled, self.at)
-        if found is not None:
-            self.at = found.end()
-        return found
+        match = pattern.match(self.spelled, self.at)
+        if match is not None:
+            self.at = match.end()
+        return match

@@ -1,4 +1,4 @@
-"""Quantity fields: "0.01 deg/h" becomes SI here and nowhere else."""
+"""Quantities with units: fields of cards such as "0.01 deg/h" are converted to SI here and nowhere else."""
 
 import math
 import re
@@ -38,8 +38,7 @@ _BESIDE = re.compile(rf"((?:{_SIZE})?{_NUMBER})([^\W\d]\S*|[%\u00b0]\S*)")  # a 
 _SEPARATED = re.compile(r"[+-]?[0-9.]+[ ,_']+[0-9]|[+-]?[0-9]+\.[0-9]+\.")
 _MINUS = re.compile(r"^\u2212|(?<=[0-9.][eE])\u2212")
 
-# Logarithms of ratios, and multiples of a filter's own sigma, have spellings of their own and no factor; each has what
-# is added to it.
+# Logarithmic units, and multiples of the filter's sigma, by spelling: the number to add for the reference unit.
 _LEVELS = {
     "dB-Hz": {"dB-Hz": 0.0, "dBHz": 0.0, "dB*Hz": 0.0, "dB\u00b7Hz": 0.0},
     "dB": {"dB": 0.0},
@@ -51,18 +50,20 @@ _LEVELS = {
 
 @lru_cache(maxsize=4096)
 def parse(text: str, unit: str, has_sign: bool = True) -> float:
-    """Return the number of SI `unit` that the text states.
+    """Return a quantity, written as text, in an SI unit.
 
-    The text is one number, one space and one unit in the datasheet's spelling (``0.2 deg/sqrt(h)``, ``0.2 deg/rt-h``,
-    ``50 ug/sqrt(Hz)``); the number has a decimal point and no thousands separators. Units are those of `unit_list`.
-
-    has_sign : whether the quantity may be negative; one that may not, such as a sigma, is read with a plus-minus sign
+    Parameters
+    ----------
+    text : one number, one space and one unit in the spelling of datasheets (``0.2 deg/sqrt(h)``, ``50 ug/sqrt(Hz)``),
+        with a decimal point and without thousands separators. Units are those of `unit_list`.
+    unit : SI unit of the result.
+    has_sign : whether the quantity may be negative. Otherwise, as for a sigma, a plus-minus sign is allowed.
 
     Raises
     ------
     ValueError
-        In one line: the text is anything else, the unit is unknown or of another dimension (an angle is a dimension),
-        the number is not finite or beyond `limits.LARGEST`, or a temperature is below absolute zero.
+        The text is no quantity, the unit is unknown or of another dimension (an angle is a dimension), the number is
+        not finite or beyond `limits.LARGEST`, or a temperature is below absolute zero. The message has one line.
     """
     if len(text) > QUANTITY_LENGTH:
         raise ValueError(f"{quoted(text)} is not a quantity: {len(text)} characters, at most {QUANTITY_LENGTH}")
@@ -87,14 +88,14 @@ def parse(text: str, unit: str, has_sign: bool = True) -> float:
 
 
 def with_ascii_minus(text: str) -> str:
-    """Return a text with the sign of its number, and of its exponent, in ASCII: a PDF has U+2212 there."""
+    """Return a text with ASCII minus signs in number and exponent; text copied from a PDF has U+2212 instead."""
     return _MINUS.sub("-", text)
 
 
 def _no_quantity(text: str, unit: str) -> str:
-    """Say what is wrong with a text that is no number, space and unit."""
+    """Return the error of a text that is not a number, a space and a unit."""
     number, _, _ = text.partition(" ")
-    letter = next((one for one in number if not one.isascii() and one not in "\u00b1\u00b0\u00b5\u03bc"), "")
+    letter = next((char for char in number if not char.isascii() and char not in "\u00b1\u00b0\u00b5\u03bc"), "")
     if letter:
         named = f"U+{ord(letter):04X} {unicodedata.name(letter, 'without a name')}"
         return f"{quoted(text)} is not a quantity: {named}; write digits 0 to 9, '-' and a space, as in '-0.5 deg/h'"
@@ -107,7 +108,7 @@ def _no_quantity(text: str, unit: str) -> str:
 
 
 def _converted(text: str, value: float, spelled: str, unit: str) -> float:
-    """Return a value of the unit `spelled` in SI `unit`."""
+    """Return a value in the unit `spelled` converted to SI `unit`."""
     if unit in _LEVELS:
         if spelled not in _LEVELS[unit]:
             raise ValueError(f"{text!r} has the wrong unit; expected {unit}")
@@ -126,7 +127,7 @@ def _converted(text: str, value: float, spelled: str, unit: str) -> float:
         return math.inf
 
 
-# SI units that quantities are held in, with units that they are written in
+# SI units, with the quantity and units in which it is written
 EXAMPLES = {
     "m": "length (m, km, cm)",
     "s": "time (s, ms, min)",
@@ -167,15 +168,15 @@ EXAMPLES = {
 
 
 def example(unit: str) -> str:
-    """Return what a quantity of SI `unit` is, with units that it is written in."""
+    """Return the name of the quantity with SI `unit`, and units in which it is written."""
     return EXAMPLES.get(unit, unit)
 
 
 def quantity(unit: str, minimum: float | None = None, above: float | None = None) -> Any:
-    """Return the pydantic annotation of a float held in SI `unit` and written with a unit in the card.
+    """Return the pydantic annotation of a float in SI `unit` that a card writes with a unit.
 
-    It is refused below `minimum`, and unless it is greater than `above` (both SI). Dumped in JSON mode it becomes text
-    again (``"0.0003 m/s"``), so that a resolved card reads back to the same number.
+    The value must be at least `minimum` and greater than `above` (both SI). Dumped in JSON mode it becomes text again
+    (``"0.0003 m/s"``), which is read back to the same number.
     """
     has_sign = not any(bound is not None and bound >= 0.0 for bound in (minimum, above))
     return Annotated[
@@ -188,7 +189,7 @@ def quantity(unit: str, minimum: float | None = None, above: float | None = None
 
 
 def at_most(annotation: Any, largest: float, written: str) -> Any:
-    """Return the annotation of a quantity that is refused above `largest` (SI), which is `written` with its unit."""
+    """Return the annotation of a quantity of at most `largest` (SI), which messages print as `written`."""
 
     def check(value: Any) -> Any:
         if max(value if isinstance(value, tuple) else (value,)) > largest * (1.0 + 1e-9):
@@ -199,7 +200,7 @@ def at_most(annotation: Any, largest: float, written: str) -> Any:
 
 
 def at_least(annotation: Any, least: float, written: str) -> Any:
-    """Return the annotation of a quantity that is refused below `least` (SI), which is `written` with its unit."""
+    """Return the annotation of a quantity of at least `least` (SI), which messages print as `written`."""
 
     def check(value: float) -> float:
         if value < least * (1.0 - 1e-9):
@@ -210,7 +211,7 @@ def at_least(annotation: Any, least: float, written: str) -> Any:
 
 
 def read(value: Any, unit: str, has_sign: bool = True) -> float:
-    """Return the number of SI `unit` that a field of a card states; ValueError where it is none, as of `parse`."""
+    """Return the value of a card's field in SI `unit`; ValueError as in `parse`, or if a number has no unit."""
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise ValueError(f"expected a quantity in a unit of {example(unit)}")
     if isinstance(value, str):
@@ -221,18 +222,18 @@ def read(value: Any, unit: str, has_sign: bool = True) -> float:
 
 
 def _stricter(schema: Any) -> Any:
-    """Return a part of a schema in which numbers refuse truth values, and lists of known words refuse repetitions."""
+    """Return a schema whose numbers reject booleans, and whose lists of literals reject repetitions."""
     if isinstance(schema, list):
-        return [_stricter(one) for one in schema]
+        return [_stricter(item) for item in schema]
     if not isinstance(schema, dict) or schema.get("type") == "model":
         return schema
-    found: Any = {key: value if key == "serialization" else _stricter(value) for key, value in schema.items()}
-    if found.get("type") in ("int", "float"):
-        return core_schema.no_info_before_validator_function(_plain_number, found)
-    items = found.get("items_schema") if found.get("type") == "tuple" else None
+    strict: Any = {key: value if key == "serialization" else _stricter(value) for key, value in schema.items()}
+    if strict.get("type") in ("int", "float"):
+        return core_schema.no_info_before_validator_function(_plain_number, strict)
+    items = strict.get("items_schema") if strict.get("type") == "tuple" else None
     if isinstance(items, list) and len(items) == 1 and items[0].get("type") == "literal":
-        return core_schema.no_info_after_validator_function(distinct, found)
-    return found
+        return core_schema.no_info_after_validator_function(distinct, strict)
+    return strict
 
 
 def _plain_number(value: Any) -> Any:
@@ -246,7 +247,7 @@ def _plain_number(value: Any) -> Any:
 
 
 def distinct(values: Sequence[Any]) -> Sequence[Any]:
-    """Return the values; ValueError names the first that is listed twice."""
+    """Return the values; ValueError if a value is listed twice."""
     for index, value in enumerate(values):
         if value in values[:index]:
             raise ValueError(f"{quoted(value)} is listed twice")
@@ -254,21 +255,21 @@ def distinct(values: Sequence[Any]) -> Sequence[Any]:
 
 
 def require_rising(name: str, values: Sequence[float]) -> None:
-    """ValueError where a column of a card does not rise from entry to entry."""
+    """Raise ValueError if a column of a card does not rise from entry to entry."""
     if any(later <= earlier for earlier, later in pairwise(values)):
         raise ValueError(f"{name} must rise from entry to entry")
 
 
 class Card(BaseModel):
-    """Base of every settings object: frozen, and a key that it does not know is an error.
+    """Base of all settings. Instances are frozen.
 
-    So are a truth value where a number belongs, a number that is not finite, and a known word that is listed twice.
+    Unknown keys, booleans in place of numbers, numbers that are not finite, and repeated literals in a list are errors.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     def _faults(self) -> Iterable[str]:
-        """Return what makes these settings impossible, in words; the first is the error."""
+        """Return the errors of these settings, as messages; only the first is raised."""
         return ()
 
     @model_validator(mode="after")
@@ -282,14 +283,14 @@ class Card(BaseModel):
         """Return pydantic's schema of the settings with the stricter rules for numbers and lists of words."""
         schema = handler(source)
         whole: Any = handler.resolve_ref_schema(schema)
-        while whole["type"] != "model":  # rules of the whole stand around it
+        while whole["type"] != "model":  # validators of the whole model wrap its schema
             whole = whole["schema"]
         whole["schema"] = _stricter(whole["schema"])
         return schema
 
 
 class NamedCard(Card):
-    """A card of something that has a name, and where its numbers are from."""
+    """A card with a name and the sources of its numbers."""
 
     name: str
     source: str = Field(description="where each number is from")
@@ -304,7 +305,7 @@ class NamedCard(Card):
 
 
 def _share(value: Any) -> Any:
-    """Return the number of a fraction that is written with a unit: ``99.73 %``; anything else as it is."""
+    """Return the number of a fraction written with a unit, such as ``99.73 %``; other values unchanged."""
     if not isinstance(value, str) or not (" " in value or "%" in value):
         return value
     fraction = parse(value, "dimensionless")
@@ -317,7 +318,7 @@ Share = Annotated[
     BeforeValidator(_share),
     WithJsonSchema({"type": ["number", "string"], "description": "number, or a fraction with a unit (99.73 %)"}),
 ]
-"""A probability, a confidence or another part of one: a plain number or a percentage."""
+"""A probability, a confidence level or another fraction: a plain number or a percentage."""
 
 Length = quantity("m")
 Duration = quantity("s")
@@ -331,7 +332,7 @@ Gain = quantity("dBi")
 Level = quantity("dBW")
 SignedFraction = quantity("dimensionless")
 
-# These have no sign: a mass, the length of a pause, and every one-sigma.
+# Quantities without a sign, such as a mass, a duration and every sigma
 Mass = quantity("kg", minimum=0.0)
 Power = quantity("W", minimum=0.0)
 Volume = quantity("m**3", minimum=0.0)
@@ -364,7 +365,7 @@ FluxDensitySigma = quantity("T", minimum=0.0)
 JerkGain = quantity("1/s**2", minimum=0.0)
 RangeGain = quantity("m*s**2", minimum=0.0)
 
-# And these divide.
+# Quantities above zero, because they divide
 Frequency = quantity("Hz", above=0.0)
 TimeConstant = quantity("s", above=0.0)
 Force = quantity("N", above=0.0)
@@ -376,14 +377,14 @@ AngleLimit = quantity("rad", above=0.0)
 # Of sensors: below these a gyro is clipped by any manoeuvre, an accelerometer by a tenth of gravity
 AngularRateLimit = at_least(quantity("rad/s", above=0.0), math.pi / 180.0, "1 deg/s")
 AccelerationLimit = at_least(quantity("m/s**2", above=0.0), 0.980665, "0.1 g")
-# How often a sensor or a filter takes a step
+# Rates of sensors and filters
 StepRate = at_most(Frequency, 2e4, "20 kHz")
-# One-sigma of an attitude: beyond half a turn it says nothing
+# Sigma of an attitude, at most half a turn
 AttitudeSigma = at_most(AngleSigma, math.pi, "180 deg")
 
 
 def _epoch(text: str) -> str:
-    """Return an ISO 8601 time; ValueError where it is none, or not of the age of space flight."""
+    """Return an ISO 8601 time; ValueError if it is none, or outside the years of space flight."""
     try:
         year = datetime.fromisoformat(text).year if text.isascii() else 0
     except ValueError:

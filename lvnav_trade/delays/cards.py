@@ -195,10 +195,10 @@ IonosphereModel = Annotated[_Ionosphere, Field(discriminator="kind")]
 
 
 class AtmosphereCard(Card):
-    """The true atmosphere: a model each, and by how much a day differs from it.
+    """The true atmosphere: models of troposphere and ionosphere, and the variation of the delays between runs.
 
-    A run's delay is the model's times (1 + scale), scale drawn once per run with the sigma given, for all satellites;
-    with a time it varies as a Gauss-Markov process of that sigma.
+    The delay in a run is that of the model times (1 + scale). The scale is the same for all satellites. It is constant
+    in a run, or a Gauss-Markov process if a time constant is given.
     """
 
     troposphere: TroposphereModel = NoTroposphere()
@@ -210,13 +210,13 @@ class AtmosphereCard(Card):
 
 
 class Matched(Card):
-    """The model that is true."""
+    """Correction by the model of the true atmosphere."""
 
     kind: Literal["matched"] = "matched"
 
 
 class CorrectionsCard(Card):
-    """What is subtracted from the measurements before a filter sees them; `matched` takes the model that is true."""
+    """Corrections subtracted from the measurements before the filter processes them; `matched` uses the true model."""
 
     troposphere: Annotated[_Troposphere | Matched, Field(discriminator="kind")] = NoTroposphere()
     ionosphere: Annotated[_Ionosphere | Matched, Field(discriminator="kind")] = NoIonosphere()
@@ -231,8 +231,15 @@ class CorrectionsCard(Card):
 def correction_models(
     corrections: CorrectionsCard, atmosphere: AtmosphereCard, has_ionosphere: bool = True
 ) -> tuple[TroposphereModel, IonosphereModel]:
-    """Return the models to correct with: the card's own, or the true ones where `matched` is asked for. Measurements
-    that have no ionosphere are not corrected for it.
+    """Return the tropospheric and ionospheric models of the corrections.
+
+    Parameters
+    ----------
+    corrections : CorrectionsCard
+    atmosphere : AtmosphereCard
+        The true atmosphere, whose models replace `matched`.
+    has_ionosphere : bool
+        Whether the measurements contain an ionospheric delay; without it there is no correction either.
     """
     troposphere = corrections.troposphere
     ionosphere = corrections.ionosphere if has_ionosphere else NoIonosphere()

@@ -1,1 +1,1 @@
-"""Scalar measurements, truth side and model side together."""
+"""Scalar measurements: truth side and filter side of each observable and sensor."""

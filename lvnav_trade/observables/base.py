@@ -1,29 +1,29 @@
-"""Form of a measurement's row of the Jacobian.
+"""Layout of the Jacobian row of a scalar measurement, and small functions of the measurement kernels.
 
-A row is z - z_hat = h . x + v with x = truth minus estimate. Its entries stand for the columns of `COLUMNS`:
-position (3), attitude (3), velocity (3), clock (1), body rate (3); a row type uses the first so many of them that it
-needs.
+A scalar measurement is z - z_hat = h . x + v with x = truth minus estimate. The entries of h are the derivatives by
+position (3), attitude (3), velocity (3), clock (1) and body rate (3). A measurement uses only the leading entries that
+it needs.
 """
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, sqrt
 
 _HALVINGS = 3
-# Where the entries of a row stand; H_RATE: of the error of the body rate, by the antenna's swing.
+# Indices of the entries; H_RATE: error of the body rate, through the rotation of the antenna about the IMU.
 H_POS, H_ATT, H_VEL, H_CLOCK, H_RATE, N_ENTRY = 0, 3, 6, 9, 10, 13
-# Where those of the earlier epoch of a difference stand, behind all others; its extra states follow.
+# Indices of the entries for the earlier epoch of a difference, after all others; its extra states follow.
 D_POS, D_ATT, D_CLOCK, D_EXTRA = 0, 3, 6, 7
 
 
 @jit
 def add(out, truth, e0, e1, e2):
-    """Set out[:3] to what a sensor measures of up to three quantities: the true ones, truth[:3], plus errors."""
+    """Set out[:3] to the measured values of up to three quantities: the true values truth[:3] plus errors."""
     out[0], out[1], out[2] = truth[0] + e0, truth[1] + e1, truth[2] + e2
 
 
 @jit
 def clear(h):
-    """Set the entries of a Jacobian row (10,) to zero, those of extra states apart."""
+    """Set the entries of a Jacobian row (N_ENTRY,) to zero; entries of extra states do not change."""
     zero = like(h[0], 0.0)
     for i in range(N_ENTRY):
         h[i] = zero
@@ -31,7 +31,10 @@ def clear(h):
 
 @jit
 def turned(c, s, error):
-    """Return cosine and sine of an angle, of which they are given, plus an error (rad): exact to 1e-10 below 0.1."""
+    """Return cosine and sine of an angle plus an error (rad), from cosine c and sine s of the angle.
+
+    The series is exact to 1e-10 for errors below 0.1 rad.
+    """
     square = error * error
     # series to the fifth power
     cosine, sine = 1.0 - 0.5 * square * (1.0 - square / 12.0), error * (1.0 - square / 6.0 * (1.0 - 0.05 * square))
@@ -40,10 +43,13 @@ def turned(c, s, error):
 
 @jit
 def angle_of(opposite, adjacent):
-    """Return the angle (rad) of a right triangle, -pi/2 to pi/2, where its tangent is below 10 to 1e-8 rad."""
+    """Return the angle (rad) of a right triangle, -pi/2 to pi/2, to 1e-8 rad for tangents below 10.
+
+    The compiled lanes have no arctangent: halve the angle, then use the series.
+    """
     t = opposite / adjacent
     for _ in range(_HALVINGS):
-        t = t / (1.0 + sqrt(1.0 + t * t))
+        t = t / (1.0 + sqrt(1.0 + t * t))  # tangent of half the angle
     t2 = t * t
     series = 1.0 - t2 * (1.0 / 3.0 - t2 * (0.2 - t2 * (1.0 / 7.0 - t2 / 9.0)))
     return 2.0**_HALVINGS * t * series

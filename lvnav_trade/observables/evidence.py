@@ -1,13 +1,13 @@
-"""Evidence for a model: the tests that check it, and what it leaves out."""
+"""Evidence for a model: the tests that verify it, and the effects that it omits."""
 
 from typing import NamedTuple
 
 
 class Check(NamedTuple):
-    """A test that compares a model with something independent of it.
+    """A test that compares a model with an independent result.
 
-    by : What it is compared with, one of the sorts in `report/templates/models.toml`.
-    shown : What the test shows, and how closely.
+    by : Kind of comparison, one of those in `report/templates/models.toml`.
+    shown : Verified property and accuracy.
     test : Id of the test.
     """
 
@@ -17,7 +17,7 @@ class Check(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """What the report says of a model: its name, the tests that check it, what it leaves out."""
+    """Evidence for a model as printed in the report: name, tests that verify it, omitted effects."""
 
     name: str
     checks: tuple[Check, ...]

@@ -13,14 +13,14 @@ Direction = tuple[float, float, float]
 
 
 def axes_of(boresight: Direction) -> Floats:
-    """Return the quaternion (4,) from axes of a sensor to the body's: z along the boresight, x and y across."""
+    """Return the quaternion (4,) from sensor axes to body axes: z along the boresight, x and y across it."""
     z = unit(np.array(boresight))
     x = unit(np.cross(np.eye(3)[np.argmin(np.abs(z))], z))
     return np.asarray(quaternions(np.stack([x, np.cross(z, x), z], axis=-1)[None])[0])
 
 
 def no_direction(boresight: Direction) -> Iterator[str]:
-    """Yield the fault of a boresight (3,) in body axes that has no direction."""
+    """Yield the input error of a boresight (3,), body axes, of zero or infinite length."""
     if not 0.0 < math.hypot(*boresight) < math.inf:
         yield f"boresight {boresight} has no direction"
 
@@ -31,9 +31,9 @@ def angle(a: Floats, b: Floats) -> Floats:
 
 
 def earth_disc(flight: FlightView) -> tuple[Floats, Floats]:
-    """Return the Earth as a vehicle sees it: direction of its centre (n, 3), frame i, and angle (n,) rad of its limb.
+    """Return direction of the Earth's centre (n, 3), frame i, and angular radius (n,) rad of the Earth from a vehicle.
 
-    It is taken for a sphere through the point below the vehicle.
+    The Earth is approximated by a sphere through the point below the vehicle.
     """
     distance = np.linalg.norm(flight.r_i, axis=1)
     return -flight.r_i / distance[:, None], np.arcsin(np.clip(1.0 - flight.height / distance, 0.0, 1.0))

@@ -1,8 +1,8 @@
 """Partial derivatives of measurements beyond the navigation state: biases, delays, timing, lever arm.
 
-Truth and model both ask here, each with its own geometry: a shared error of the measurement on one side, an extra
-state of the filter on the other. A channel is an observable of one satellite (tight: pseudorange and range rate, then
-what else the filter measures of it) or an axis of the receiver's solution (loose: position, velocity).
+Truth and filter model both use these functions, each with its own geometry: for correlated measurement errors, and for
+extra states. A channel is an observable of a satellite (tight coupling: pseudorange, range rate, then further
+observables) or an axis of the receiver's solution (loose coupling: position, velocity).
 """
 
 from collections.abc import Iterator
@@ -14,10 +14,10 @@ from lvnav_trade.layout import BY_SATELLITE, RELATIVE
 from lvnav_trade.records import Floats, Ints
 
 FURTHER = ("carrier_phase", "tdcp", "delta_pseudorange")
-"""Observables of a satellite beside pseudorange and range rate, in the order of their channels."""
+"""Observables of a satellite other than pseudorange and range rate, in the order of their channels."""
 PHASES = ("carrier_phase", "tdcp")
 DIFFERENCES = {"tdcp": "carrier_phase", "delta_pseudorange": "pseudorange"}
-"""Observables that are the difference of two successive epochs, and of what."""
+"""Observables that are the difference of another observable at two successive epochs."""
 LABELS = {
     "pseudorange": "range",
     "range_rate": "range rate",
@@ -25,7 +25,7 @@ LABELS = {
     "tdcp": "phase difference",
     "delta_pseudorange": "range difference",
 }
-# Errors of a single observable: the state that a filter has for each.
+# Extra states for the error of a single observable.
 OF_ONE = {"ambiguity": "carrier_phase", "phase_noise": "tdcp", "code_noise": "delta_pseudorange"}
 LEVER_AXES = ("lever_x", "lever_y", "lever_z")
 RANGE_ONLY = ("range_bias", "time_offset")
@@ -44,8 +44,14 @@ SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing", "troposphere_scale
 
 
 class SensorState(NamedTuple):
-    """An extra state of the filter for a lasting error of a sensor: name, label, initial sigma, time constant (s),
-    unit (SI unit, unit and factor for people), partial (n_epoch, n_scalar) of the scalars, all as the filter assumes.
+    """An extra state of the filter for a lasting error of a sensor, as the filter models it.
+
+    name : Name of the state.
+    label : Label of the error; empty for a single error.
+    sigma : SI. Initial standard deviation.
+    time_constant : s. Infinite for a constant.
+    unit : SI unit, display unit, and factor from SI to display unit.
+    partial : (n_epoch, n_scalar). Derivative of the scalars by the state.
     """
 
     name: str
@@ -57,8 +63,12 @@ class SensorState(NamedTuple):
 
 
 class SensorChannels(NamedTuple):
-    """The channels of a sensor beside the receiver: name, what it measures, a label for each scalar, and the states
-    that a filter may have for its lasting errors.
+    """Channels of a sensor other than the receiver.
+
+    name : Name of the sensor in the scenario.
+    measures : Name of its measurement.
+    labels : Label of each scalar.
+    states : Extra states that a filter may have for its lasting errors.
     """
 
     name: str
@@ -68,9 +78,15 @@ class SensorChannels(NamedTuple):
 
 
 class Channels(NamedTuple):
-    """The channels of a case: tight; satellites (n_sat,) names, systems letters, seen whether ever tracked; receiver:
-    what it measures is processed; sensors beside the receiver, whose channels come last; further: what is measured of
-    each satellite beside range and range rate.
+    """Measurement channels of a case, those of the receiver first.
+
+    tight : Whether the filter measures satellites (tight coupling).
+    satellites : (n_sat,). Names of the satellites.
+    systems : (n_sat,). Letters of their systems.
+    seen : (n_sat,). Whether the satellite is ever tracked.
+    receiver : Whether the filter uses the receiver.
+    sensors : Other sensors, in the order of their channels.
+    further : Observables of each satellite in addition to pseudorange and range rate.
     """
 
     tight: bool
@@ -83,40 +99,38 @@ class Channels(NamedTuple):
 
     @property
     def observables(self) -> tuple[str, ...]:
-        """What the channels of a satellite are of, in their order."""
+        """Observables of a satellite, in the order of its channels."""
         return ("pseudorange", "range_rate", *self.further)
 
     def of(self, observable: str) -> slice:
-        """Return the channels of an observable of the satellites."""
+        """Return the channels of an observable of all satellites."""
         return slice(self.observables.index(observable), self.n_receiver, len(self.observables))
 
     @property
     def n_channel(self) -> int:
-        """How many channels there are."""
+        """Number of channels."""
         return self.n_receiver + sum(len(sensor.labels) for sensor in self.sensors)
 
     @property
     def n_receiver(self) -> int:
-        """How many of them are the receiver's: they come first."""
+        """Number of channels of the receiver."""
         return len(self.observables) * len(self.satellites) if self.tight else 6
 
     @property
     def first(self) -> tuple[int, ...]:
-        """The first channel of each sensor."""
+        """First channel of each sensor."""
         counts = [0, *(len(sensor.labels) for sensor in self.sensors)]
         return tuple(self.n_receiver + sum(counts[: k + 1]) for k in range(len(self.sensors)))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the channels: what is measured of each satellite in turn, or the receiver's position and
-        velocity, then those of the sensors.
-        """
+        """Names of the channels: observables satellite by satellite, or axes of the solution, then those of sensors."""
         if self.tight:
-            found = [f"{name} {LABELS[what]}" for name in self.satellites for what in self.observables]
+            labels = [f"{name} {LABELS[what]}" for name in self.satellites for what in self.observables]
         else:
-            found = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
-        found += [" ".join((s.name, label)).strip() for s in self.sensors for label in s.labels]
-        return tuple(found)
+            labels = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
+        labels += [" ".join((s.name, label)).strip() for s in self.sensors for label in s.labels]
+        return tuple(labels)
 
 
 class Geometry(NamedTuple):
@@ -145,12 +159,23 @@ class Geometry(NamedTuple):
 
 
 def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
-    """Return the components of a kind by their labels, and which one stands in each channel, (n_channel,), -1 none.
+    """Return the components of a kind of error, and the component in each channel.
 
-    A range bias, or a scale factor by satellite, has a component for each satellite that is ever tracked, and so have
-    an ambiguity and the noise of an observable; a time offset one for each system but GPS (or the first), a solution's
-    bias one for each axis of frame i, a relative bias of two inertial units one for each body axis, everything else one
-    for all channels.
+    Parameters
+    ----------
+    kind : str
+        Kind of the error, a key of `layout.EXTRAS` or a lever-arm axis.
+    channels : Channels
+
+    Returns
+    -------
+    labels : tuple of str
+        Label of each component. There is one component for each satellite ever tracked (range bias, scale factor by
+        satellite, ambiguity, noise of an observable), for each system except GPS or the first (time offset), for each
+        axis of frame i (bias of the solution) or of the body (relative bias of two IMUs), otherwise one for all
+        channels.
+    member : (n_channel,)
+        Component in each channel, -1 none.
     """
     member, n = np.full(channels.n_channel, -1, dtype=np.int64), channels.n_receiver
     if kind in RELATIVE.values():
@@ -184,22 +209,23 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
 
 
 def sensor_states(name: str, channels: Channels) -> Iterator[tuple[SensorState, Ints, Floats]]:
-    """Yield the states of a name for lasting errors of sensors, each with its component in each channel, (n_channel,)
-    -1 none, and its partials (n_epoch, n_channel).
+    """Yield the extra states of a name for lasting errors of sensors.
+
+    Each comes with its component in each channel, (n_channel,) with -1 for none, and its partials (n_epoch, n_channel).
     """
     for first, sensor in zip(channels.first, channels.sensors, strict=True):
-        own = slice(first, first + len(sensor.labels))
+        columns = slice(first, first + len(sensor.labels))
         for state in sensor.states:
             if state.name == name:
                 member = np.full(channels.n_channel, -1, dtype=np.int64)
-                member[own] = np.where(np.any(state.partial != 0.0, axis=0), 0, -1)
-                entering = np.zeros((len(state.partial), channels.n_channel))
-                entering[:, own] = state.partial
-                yield state, member, entering
+                member[columns] = np.where(np.any(state.partial != 0.0, axis=0), 0, -1)
+                partials = np.zeros((len(state.partial), channels.n_channel))
+                partials[:, columns] = state.partial
+                yield state, member, partials
 
 
 def _is_in(kind: str, observable: str) -> bool:
-    """Return whether an error of a kind may be in an observable of the satellites."""
+    """Return whether an error of a kind affects an observable of the satellites."""
     if kind in OF_ONE:
         return OF_ONE[kind] == observable
     is_rate = observable == "range_rate"
@@ -207,15 +233,25 @@ def _is_in(kind: str, observable: str) -> bool:
 
 
 def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
-    """Return the derivative (n_epoch, n_channel) of the measurements with respect to their component of a kind.
+    """Return the derivative (n_epoch, n_channel) of the measurements with respect to an error of a kind.
 
-    Units: m/m and (m/s)/m of biases and lever arms, m/1 and (m/s)/1 of scale factors of delays, m/s and m/s^2 of a
-    timing error. A measurement that is late by s seconds is that of s seconds before.
+    Parameters
+    ----------
+    kind : str
+        Kind of the error, as in `members`.
+    geometry : Geometry
+    channels : Channels
+
+    Returns
+    -------
+    (n_epoch, n_channel)
+        Biases and lever arms: m/m and (m/s)/m. Scale factors of delays: m and m/s. Timing error: m/s and m/s^2,
+        negative, because a measurement with latency s is that of s seconds earlier.
     """
-    found, n = np.zeros((len(geometry.rate), channels.n_channel)), channels.n_receiver
+    derivative, n = np.zeros((len(geometry.rate), channels.n_channel)), channels.n_receiver
     if channels.tight:
         for observable in channels.observables:
-            found[:, channels.of(observable)] = _of_range(kind, geometry, observable)
+            derivative[:, channels.of(observable)] = _of_range(kind, geometry, observable)
     else:
         first, second = slice(0, 3), slice(3, n)
         pairs: dict[str, Any] = {
@@ -224,14 +260,16 @@ def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
             "ionosphere_scale": np.hsplit(geometry.solution_ionosphere, 2),
             **dict.fromkeys(("position_bias", "velocity_bias"), (1.0, 1.0)),
         }
-        found[:, first], found[:, second] = pairs.get(BY_SATELLITE.get(kind, kind), (0.0, 0.0))
-    return found
+        derivative[:, first], derivative[:, second] = pairs.get(BY_SATELLITE.get(kind, kind), (0.0, 0.0))
+    return derivative
 
 
 def _of_range(kind: str, geometry: Geometry, observable: str) -> Any:
-    """Return the derivative (n_epoch, n_sat), or one number, of an observable of the satellites, see `partial`. That of
-    a difference of two epochs is its derivative with respect to the later one.
+    """Return the derivative (n_epoch, n_sat), or a single number, of an observable of the satellites, see `partial`.
+
+    For a difference of two epochs it is the derivative with respect to the error at the later epoch.
     """
+    # the ionosphere delays the code and advances the carrier
     is_rate, carrier = observable == "range_rate", -1.0 if observable in PHASES else 1.0
     if kind in (*RANGE_ONLY, *RATE_ONLY, *OF_ONE):
         return float(_is_in(kind, observable))

@@ -1,4 +1,4 @@
-"""Base classes of the sensors: what every card, every filter model and every registration of a sensor has."""
+"""Base classes of the sensors: card, filter model, registration, and the flight as sensors see it."""
 
 import math
 from abc import abstractmethod
@@ -17,9 +17,9 @@ from lvnav_trade.units import Card, Frequency, NamedCard, Pause
 from lvnav_trade.world.conditions import Conditions
 
 N_TRUTH = 4
-"""Numbers of a sensor's truth at an epoch."""
+"""Number of entries of a sensor's true values at an epoch."""
 N_KNOWN = 16
-"""Numbers of what a filter knows of a sensor at an epoch."""
+"""Number of entries of the filter's known parameters of a sensor at an epoch."""
 
 
 class FlightView(NamedTuple):
@@ -52,15 +52,22 @@ class FlightView(NamedTuple):
 
 
 def each_scalar(n_scalar: int, *own: int) -> Callable[[FlightView], Floats]:
-    """Return partials (1, n_scalar, n) of errors that each act on one scalar: the n scalars `own`, all of them if none
-    is named.
+    """Return a function for the partials (1, n_scalar, n) of n errors that each affect a single scalar.
+
+    own : Indices of these scalars; without any, all scalars.
     """
     picked = np.eye(n_scalar)[:, list(own) if own else slice(None)]
     return lambda _: picked[None]
 
 
 class StateUnit(NamedTuple):
-    """An extra state of a filter for a lasting error: its name, SI unit, unit and factor for people."""
+    """Name and units of an extra state for a lasting error.
+
+    name : Name of the state.
+    unit : SI unit.
+    label_unit : Display unit.
+    label_factor : Factor from SI to the display unit.
+    """
 
     name: str
     unit: str
@@ -69,11 +76,12 @@ class StateUnit(NamedTuple):
 
 
 class SensorModel(Card):
-    """A sensor as the filter models it: one-sigma noise of a measurement and whatever its variance depends on.
+    """A sensor as the filter models it: noise, latency, and extra states for lasting errors.
 
-    latency: what a filter with `delay_compensation` compensates. states: extra states that stand for lasting errors, by
-    the field that holds their sigma here and in the card; a field of that name and `_time` holds the time constant,
-    without it (or None) they are constant. noise_field: the one that holds the one-sigma of a constant noise.
+    latency : s. Latency that a filter with `delay_compensation` compensates.
+    states : Extra states for lasting errors, by the name of the field with their sigma, here and in the sensor's card.
+        The field of that name with `_time` is the time constant; without it (or None) the error is constant.
+    noise_field : Name of the field with the standard deviation of the noise, if that is constant.
     """
 
     states: ClassVar[Mapping[str, StateUnit]] = {}
@@ -82,30 +90,35 @@ class SensorModel(Card):
     latency: Pause = Field(0.0, description="as delay_compensation takes it")
 
     def time_constant(self, field: str) -> float:
-        """Return the time constant (s) that the filter assumes of a lasting error; inf: constant."""
+        """Return the time constant (s) that the filter assumes for the lasting error of a field; inf: constant."""
         return float(getattr(self, f"{field}_time", None) or math.inf)
 
     def variance(self, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, n_scalar) that the filter assumes of the noise, SI; 1 in place of a number: the
-        same at all epochs, of all scalars.
-        """
+        """Return the assumed noise variance (n_epoch, n_scalar), SI; a dimension of 1 means that it is constant."""
         return np.array([[getattr(self, self.noise_field) ** 2]])
 
     def known(self, flight: FlightView) -> Floats:
-        """Return what the filter knows of the sensor, (n_epoch, at most N_KNOWN), as its kernels read it: a mounting,
-        the place of a station, a map along the flight.
+        """Return the parameters of the sensor that the filter knows, (n_epoch, at most N_KNOWN), as its kernels use
+        them: a mounting, the position of a station, a map along the flight.
         """
         return np.zeros((flight.t.size, 0))
 
 
 class SensorCard(Conditions, NamedCard):
-    """A sensor beside the IMU and the receiver: true errors, and when it measures: at its rate, while conditions hold.
+    """A sensor other than the IMU and the receiver. It measures at its rate while its conditions are true.
 
-    A member of the family states `kind` (a literal of one word), `measurement` (the name that a filter lists), `model`
-    (the class of its filter model), `labels` of its scalars and their `unit`, what their Jacobian depends on
-    (`jacobian`: position, velocity, attitude), and the name of its noise as an error source; its module registers it.
-    What is `at_once` is known to the computer or formed in it, and has no latency. `able` says in messages when it is
-    available.
+    Subclasses set the class attributes below and the literal `kind`, and their module registers them.
+
+    measurement : Name of the measurement in a filter card.
+    model : Class of the filter model.
+    labels : Labels of the scalars.
+    unit : Unit of the scalars.
+    jacobian : Quantities that the Jacobian depends on: position, velocity, attitude.
+    noise : Name of the noise as an error source.
+    noise_fields : Fields with the standard deviations of the noise.
+    on_pad : Whether it measures on the pad only.
+    at_once : Whether the measurement is formed in the navigation computer and has no latency.
+    able : Phrase in messages for "it is available".
     """
 
     measurement: ClassVar[str]
@@ -124,60 +137,59 @@ class SensorCard(Conditions, NamedCard):
     resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")
 
     def matched(self) -> SensorModel:
-        """Return the filter model that takes every number from this card."""
+        """Return the filter model with all numbers of this card."""
         return self.model.model_construct(**{name: getattr(self, name) for name in self.model.model_fields})
 
     @abstractmethod
     def truth(self, flight: FlightView) -> Floats:
-        """Return what the sensor would measure without error, (n_epoch, at most 4), as its kernels read it."""
+        """Return the error-free measurement, (n_epoch, at most N_TRUTH), as the kernels of the sensor use it."""
 
     def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return the true one-sigma of the white noise, (n_epoch, n_scalar), SI; 1 in place of a number: the same at
-        all epochs, of all scalars.
+        """Return the true standard deviation (n_epoch, n_scalar) of the white noise, SI; a dimension of 1 means that it
+        is constant.
         """
         return np.array([[getattr(self, self.noise_fields[0]) if self.noise_fields else 0.0]])
 
     @property
     def scalars(self) -> tuple[str, ...]:
-        """Labels of the scalars that this sensor measures: all of the family's, unless the card picks some."""
+        """Labels of the scalars that this sensor measures: all of its class, unless the card selects some."""
         return self.labels
 
     def assumed_variance(self, model: SensorModel, flight: FlightView) -> Floats:
-        """Return the variance that a filter assumes of the noise of what it measures, as `SensorModel.variance`."""
+        """Return the noise variance that a filter with this model assumes, as `SensorModel.variance`."""
         return model.variance(flight)
 
     def known(self, model: SensorModel, flight: FlightView) -> Floats:
-        """Return what a filter knows of it, (n_epoch, at most N_KNOWN): of its model, and of where it stands."""
+        """Return the parameters that a filter with this model knows, (n_epoch, at most N_KNOWN)."""
         return model.known(flight)
 
     def available(self, flight: FlightView) -> Bools:
-        """Return whether it can measure at the epochs, (n_epoch,), beside its rate and its conditions."""
+        """Return whether it can measure at the epochs, (n_epoch,) bool, apart from its rate and its conditions."""
         return np.ones(flight.t.size, dtype=np.bool_)
 
     @property
     def limiting(self) -> str:
-        """The field that keeps it from measuring where it never can, empty where it has none."""
+        """Field to change if the sensor never measures; empty if there is none."""
         return self.stated[0] if self.stated else ""
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
-        """Return its errors that last."""
+        """Return its errors that are correlated over time or between scalars."""
         return ()
 
     def refusal(self, epoch: str) -> str:
-        """Return why it cannot be simulated on a flight that lifts off at a time (UTC), empty if it can."""
+        """Return why it cannot be simulated on a flight with lift-off at an epoch (UTC, ISO 8601); empty if it can."""
         return ""
 
 
 class Registration(NamedTuple):
-    """A sensor as the family holds it; a module of `observables/sensors` states its own in `SENSORS`.
+    """Registration of a sensor, in the tuple `SENSORS` of its module in `observables/sensors`.
 
-    card : Card of the sensor; its `model` is the filter's.
-    evidence : Tests that check the sensor, and what it leaves out; two that share one are one model in the report.
-    fill : Kernel that sets Jacobian rows and innovations; it names the arguments that it takes of those of `fill`
-    there.
-    measure : Kernel that sets what is measured, by the arguments of `measure` there; None: the engines do.
-    order : Place among the sensors, and so of the measurement in a filter card: cards of earlier versions keep theirs.
-    Those that state none come last, by name.
+    card : Class of the card; its `model` is the filter model.
+    evidence : Tests that verify the sensor, and its omissions; sensors with common evidence are one row of the report.
+    fill : Kernel that sets Jacobian rows and innovations; its arguments are a selection of those of `sensors.fill`.
+    measure : Kernel that sets the measured values, with arguments of `sensors.measure`; None: the engines set them.
+    order : Rank among the sensors and of the measurement in a filter card, fixed for compatibility. Sensors without it
+        come last, by name.
     """
 
     card: type[SensorCard]

@@ -6,14 +6,19 @@ from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
 
 @jit
 def row(h, at, scalar):
-    """Set the row of a scalar and return its prediction (m, m/s) at the antenna; h (13,), at (21,)."""
+    """Set the Jacobian row of a scalar of the solution and return its prediction (m or m/s) at the antenna.
+
+    h : (13,) output.
+    at : (21,) antenna state, as `line_of_sight.antenna` sets it.
+    scalar : 0 to 5, index of the scalar.
+    """
     zero, axis = 0.0 * at[0], scalar % 3
     first = scalar - axis  # 0 or 3
     for i in range(3):
         h[H_POS + i], h[H_VEL + i] = zero, zero
         h[H_RATE + i] = at[12 + 3 * axis + i] if first == 3 else zero
     h[(H_VEL if first == 3 else H_POS) + axis] = zero + 1.0
-    # the antenna moves by att x lever arm, and swings by att x the arm's rate
+    # a small rotation phi moves the antenna by phi x l, and changes its velocity by phi x (w x l)
     h[H_ATT + axis] = zero
     h[H_ATT + (axis + 1) % 3] = at[6 + first + (axis + 2) % 3]
     h[H_ATT + (axis + 2) % 3] = -at[6 + first + (axis + 1) % 3]
@@ -23,5 +28,5 @@ def row(h, at, scalar):
 
 @jit
 def observe(true_value, sigma, normal):
-    """Return a scalar of the solution (m, m/s): the true one plus white noise of one-sigma `sigma`."""
+    """Return a scalar of the solution (m or m/s): the true value plus white noise of standard deviation `sigma`."""
     return true_value + sigma * normal

@@ -1,4 +1,4 @@
-"""Cards of a filter's tuning that depends on the part of the flight: measurement weights, process noise."""
+"""Cards for filter tuning by flight region: under-weighting of measurements, process noise."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ else:
 
 
 class UnderweightingCard(Conditions):
-    """Measurements given less weight than the model of their errors asks for, while conditions hold.
+    """Reduced weight of measurements while conditions are true.
 
-    The filter assumes beta h P h' + factor R in place of R: Lear's under-weighting (Zanetti, DeMars and Bishop 2010,
-    scalar by scalar) and a larger noise. Where several hold, betas add and factors multiply.
+    The filter uses beta h P h' + factor R in place of R: Lear's under-weighting (Zanetti, DeMars and Bishop 2010, by
+    scalar) and a larger noise. Where several cards apply, betas add and factors multiply.
     """
 
     beta: float = Field(0.0, ge=0.0, description="of h P h', the variance that the state brings to the innovation")
@@ -47,10 +47,11 @@ class UnderweightingCard(Conditions):
 
 
 class RegionNoiseCard(Conditions):
-    """Process noise at a change of operating region: one-sigma that is added to states at that time.
+    """Process noise at a change of operating region: sigmas added to the states at that time.
 
-    With a threshold: whenever the specific force or the rate of the nominal flight has changed by it since the last
-    time, while the conditions hold. Without: when the conditions begin to hold and when they end.
+    With a threshold noise is added, while the conditions are true, whenever the specific force or rate of the nominal
+    flight has changed by the threshold since the last addition. Without a threshold it is added when the conditions
+    become true and when they cease to be true.
     """
 
     force_change: Annotated[AccelerationSigma, Field(gt=0.0)] | None = Field(
@@ -82,9 +83,9 @@ DRIVEN = ("attitude", "velocity", "position")
 
 
 class ProcessNoiseTable(OverFlight):
-    """Process noise over one quantity of the nominal flight, beyond that of the card: a covariance that is adapted.
+    """Process noise as a function of one quantity of the nominal flight, in addition to that of the filter card.
 
-    Two entries from zero are a density in proportion to the quantity. Variances of several tables add.
+    Two entries that start at zero make the density proportional to the quantity. Variances of several tables add.
     """
 
     attitude: tuple[AngleRandomWalk, ...] = Field((), description="root PSD per axis, at these values")

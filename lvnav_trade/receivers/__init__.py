@@ -1,1 +1,1 @@
-"""Position and velocity solutions that a receiver outputs."""
+"""Position and velocity solutions of a receiver: point solution, Kalman filter, carrier smoothing."""

@@ -6,8 +6,9 @@ B v = <a, a> / 2 (rows of B are the a, M = diag(1, 1, 1, -1)) and L = <y, y> / 2
 2 (<u, v> - 1) L + <v, v> = 0. Bancroft, IEEE Trans. AES-21(1), 1985. Satellites are counted from `near`, which keeps y
 small and the equations as well conditioned as the geometry is.
 
-With more than four satellites the closed form weighs rows by the square of their distance; Newton steps then give the
-least squares that the covariance belongs to. A run without four satellites, or with satellites in one cone, has no fix.
+With more than four satellites the closed form weights measurements by the square of their distance; Newton steps then
+give the least-squares solution to which the covariance belongs. A run with fewer than four satellites, or with all
+satellites in one cone, has no fix.
 """
 
 import numpy as np
@@ -27,15 +28,15 @@ from lvnav_trade.receivers.base import (
     UNTESTED,
 )
 
-# A pivot below this share of its diagonal is a satellite geometry of DOP beyond 1e5.
+# A pivot below this fraction of its diagonal element corresponds to a DOP beyond 1e5.
 _SINGULAR = 1e-10
-# The other root is taken where its squared residuals are this much smaller; between, the nearer one is.
+# A root is chosen if its squared residuals are smaller by this factor; otherwise the root nearer to `near`.
 _DECIDED = 100.0
 
 
 @jit
 def measured(ranges, slot):
-    """Return weight, pseudorange and range rate of a slot; zeros in the runs where either is not a number."""
+    """Return weight, pseudorange and range rate of a slot; zeros in runs in which either is NaN."""
     together = ranges[slot, 0] + ranges[slot, 1]
     on = together == together
     return where(on, 1.0, 0.0), where(on, ranges[slot, 0], 0.0), where(on, ranges[slot, 1], 0.0)
@@ -43,9 +44,9 @@ def measured(ranges, slot):
 
 @jit
 def factorise(A):
-    """Replace the lower triangle of the symmetric A (4, 4) by L D L'; return the least pivot as share of its diagonal.
+    """Replace the lower triangle of the symmetric A (4, 4) by L D L'; return the smallest pivot over its diagonal.
 
-    A pivot that is not positive becomes one, so that what follows is finite, and its share zero.
+    A pivot that is not positive is replaced by 1, so that the results are finite, and its ratio by zero.
     """
     least = like(A[0, 0], np.inf)
     for i in range(4):
@@ -143,8 +144,9 @@ def _misfit(rx, y, satellite, used, n_used, ranges):
 
 @jit
 def _choose(rx, satellite, used, n_used, ranges):
-    """Set position and clock of the root whose residuals are small, or else of the one nearer to `near`; return whether
-    there is a real root.
+    """Set position and clock of the root with small residuals, or else of the root nearer to `near`.
+
+    Returns whether the roots are real.
     """
     u, v = rx.sides[0], rx.sides[1]
     a, b, c = _product(u, u), _product(u, v) - 1.0, _product(v, v)
@@ -167,37 +169,40 @@ def _choose(rx, satellite, used, n_used, ranges):
 
 @jit
 def _linearise(rx, satellite, satellite_velocity, used, n_used, ranges):
-    """Set and factorise the normal equations at the fix; sides hold lacking ranges, and rates less the satellites'."""
+    """Set and factorise the normal equations at the fix.
+
+    The right-hand sides are the range residuals, and the range rates less those due to the satellites.
+    """
     _clear(rx)
     for slot in range(n_used):
         weight, rho, rate = measured(ranges, slot)
         s, moving = satellite[used[slot]], satellite_velocity[used[slot]]
         ux, uy, uz, distance = line_of_sight(s, rx.fix)
-        lacking = rho - distance - rx.fix[FIX_BIAS]
+        residual = rho - distance - rx.fix[FIX_BIAS]
         along = rate - (ux * moving[0] + uy * moving[1] + uz * moving[2])
-        _add_row(rx, weight, (-ux, -uy, -uz, like(ux, 1.0)), lacking, along)
+        _add_row(rx, weight, (-ux, -uy, -uz, like(ux, 1.0)), residual, along)
     return factorise(rx.normal)
 
 
 @jit
 def _normalised_residuals(rx, satellite, satellite_velocity, used, n_used, ranges, model):
-    """Return the sum of squares of residuals of ranges and rates, each over the sigma that is assumed of it."""
+    """Return the sum of squared residuals of ranges and range rates, each normalised by its assumed sigma."""
     total = like(rx.near[0], 0.0)
     for slot in range(n_used):
         weight, rho, rate = measured(ranges, slot)
         s, moving = satellite[used[slot]], satellite_velocity[used[slot]]
         ux, uy, uz, distance = line_of_sight(s, rx.fix)
-        left = rho - distance - rx.fix[FIX_BIAS]
+        residual = rho - distance - rx.fix[FIX_BIAS]
         wx, wy, wz = moving[0] - rx.fix[FIX_VEL], moving[1] - rx.fix[FIX_VEL + 1], moving[2] - rx.fix[FIX_VEL + 2]
-        left_rate = rate - (ux * wx + uy * wy + uz * wz) - rx.fix[FIX_DRIFT]
-        squares = left * left / model.range_variance + left_rate * left_rate / model.rate_variance
+        rate_residual = rate - (ux * wx + uy * wy + uz * wz) - rx.fix[FIX_DRIFT]
+        squares = residual * residual / model.range_variance + rate_residual * rate_residual / model.rate_variance
         total = total + weight * squares
     return total
 
 
 @jit
 def _invert(rx):
-    """Set the inverse of the normal matrix from its factors; a side is used up."""
+    """Set the inverse of the normal matrix from its factors; the first right-hand side is overwritten."""
     zero = like(rx.near[0], 0.0)
     for column in range(4):
         for i in range(4):
@@ -214,15 +219,22 @@ def fix(rx, model, satellite, satellite_velocity, used, n_used, ranges):
 
     Parameters
     ----------
-    rx : Receiver; near says where to look; fix, inverse and verdict are set, to zeros in a run without a fix
+    rx : Receiver
+        `near` is the guess of the position; `fix`, `inverse` and `verdict` are set, to zeros in a run without a fix.
     model : PointModel
-    satellite, satellite_velocity : (n_sat, 3) at transmission, frame i (m, m/s)
-    used : (n_slot,) int, satellite of each slot; n_used : slots in use
-    ranges : (n_slot, 2) pseudorange (m) and range rate (m/s), not-a-number where a run lacks one
+    satellite, satellite_velocity : (n_sat, 3) m, m/s, frame i
+        Satellites at transmission.
+    used : (n_slot,) int
+        Satellite of each slot.
+    n_used : int
+        Number of slots in use.
+    ranges : (n_slot, 2) m, m/s
+        Pseudorange and range rate, NaN if a run lacks them.
 
     Returns
     -------
-    quality: no fix, residuals inconsistent, four satellites (untested), or residuals consistent
+    quality
+        NO_FIX, INCONSISTENT (residuals), UNTESTED (four satellites), or CONSISTENT.
     """
     count, least = _closed_form(rx, satellite, used, n_used, ranges)
     sound = (count >= 4.0) & (least > _SINGULAR)
@@ -257,8 +269,10 @@ def fix(rx, model, satellite, satellite_velocity, used, n_used, ranges):
 
 @jit
 def solution(rx, model, satellite, satellite_velocity, used, n_used, ranges):
-    """Output the point solution of an epoch: solution and covariance are set, not-a-number where the quality is below
-    the least that is output; `near` moves to the fix. Parameters as of `fix`; returns its quality.
+    """Set solution and covariance of a receiver to the point solution of an epoch; return its quality.
+
+    The solution is NaN if its quality is below the lowest that is output. `near` moves to the fix. Parameters are those
+    of `fix`.
     """
     quality = fix(rx, model, satellite, satellite_velocity, used, n_used, ranges)
     good = quality >= model.least_quality

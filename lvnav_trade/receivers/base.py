@@ -1,7 +1,7 @@
 """Receivers that compute position and velocity: settings as numbers, and the arrays of a run.
 
-A solution is position, velocity, clock bias and drift in frame i from pseudoranges and range rates of satellites given
-at transmission. What is not measured in a run is not-a-number there; what is not known has quality zero.
+A solution is position, velocity, clock bias and clock drift in frame i from pseudoranges and range rates of satellites
+whose positions are given at transmission. Missing measurements of a run are NaN; the quality of no solution is zero.
 """
 
 import math
@@ -15,23 +15,28 @@ from lvnav_trade.kernels.lanes import zeros_of
 from lvnav_trade.observables.base import N_ENTRY
 from lvnav_trade.records import Floats, Ints
 
-# Where a point solution stands.
+# Indices of a point solution.
 FIX_POS, FIX_VEL, FIX_BIAS, FIX_DRIFT, N_FIX = 0, 3, 6, 7, 8
 
-# What a quality number says of a point solution, and of a filtered one: the more the better.
+# Quality numbers of a point solution, then of a filtered solution; larger is better.
 NO_FIX, INCONSISTENT, UNTESTED, CONSISTENT = 0.0, 1.0, 2.0, 3.0
 PROPAGATED, PARTIAL, FULL = 1.0, 2.0, 3.0
 
-# States of the receiver's filter: acceleration stands where the common kernels have attitude.
+# States of the receiver's filter: acceleration takes the place of attitude in the common kernels.
 ACC, VEL, POS, BIAS, DRIFT, N_STATE = 0, 3, 6, 9, 10, 11
 
-# What the filter remembers beside its state and covariance.
+# Indices of the memory of the filter, which it has besides state and covariance.
 STARTED, IDLE, MISSES, SINCE, LAST_VELOCITY, ACCELERATION, N_MEMORY = 0, 1, 2, 3, 4, 7, 10
 
 
 class ReportedCovariance(NamedTuple):
-    """The covariance that goes out with a solution: the solver's own (times a factor, with or without its
-    correlations), or two constant variances (m^2, m^2/s^2) per axis.
+    """Settings of the covariance reported with a solution.
+
+    own : Whether it is the covariance of the solver; otherwise it is constant and diagonal.
+    correlated : Whether the covariance of the solver is reported with its correlations.
+    factor : Factor on the covariance of the solver.
+    position_variance : m^2. Constant variance of position per axis.
+    velocity_variance : m^2/s^2. Constant variance of velocity per axis.
     """
 
     own: bool = True
@@ -42,8 +47,14 @@ class ReportedCovariance(NamedTuple):
 
 
 class PointModel(NamedTuple):
-    """Settings of the point solution: Newton steps after the closed form; limits (n,) of the sum of squared normalised
-    residuals by number of satellites; variances that the receiver assumes (m^2, m^2/s^2); least quality that is output.
+    """Settings of the point solution.
+
+    refinements : Number of Newton steps after the closed form.
+    limits : (n,). Limit of the sum of squared normalised residuals, by number of satellites.
+    range_variance : m^2. Variance that the receiver assumes for a pseudorange.
+    rate_variance : m^2/s^2. Variance that the receiver assumes for a range rate.
+    least_quality : Lowest quality that is output.
+    reported : Covariance that is reported with the solution.
     """
 
     refinements: int
@@ -55,7 +66,7 @@ class PointModel(NamedTuple):
 
 
 class ReceiverFilter(NamedTuple):
-    """Settings of the receiver's own Kalman filter, as numbers for one interval between epochs.
+    """Settings of the receiver's Kalman filter, as numbers for the interval between epochs.
 
     interval : s. Time between epochs.
     blocks : (n_block, 9). 3 x 3 blocks that the transition matrix has beyond the identity.
@@ -110,8 +121,11 @@ class ReceiverFilter(NamedTuple):
 
 
 class Solver(NamedTuple):
-    """How a receiver makes a solution of its measurements: the point solution, the filter behind it, and the carrier
-    smoothing in front of both (or None).
+    """Processing of a receiver's measurements.
+
+    point : Point solution.
+    filter : Kalman filter (ReceiverFilter); None: the point solution is output.
+    smoothing : Carrier smoothing of the ranges before the solution; None: none.
     """
 
     point: PointModel
@@ -165,7 +179,11 @@ class Receiver(NamedTuple):
 
 
 def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
-    """Return the arrays of a receiver that is switched off: one run, or `lanes` runs on the last axis."""
+    """Return the arrays of a receiver before `switch_on`.
+
+    lanes : Number of runs on the last axis; 0: a single run without that axis.
+    n_sat : Number of satellites of the constellation.
+    """
     n = N_STATE
     shapes = {
         "near": (3,),
@@ -192,7 +210,7 @@ def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
 
 @jit
 def switch_on(rx: Any, x: Any, y: Any, z: Any) -> None:
-    """Bring a receiver to its state before the first epoch; it looks for its first fix near (x, y, z), frame i (m)."""
+    """Set a receiver to its state before the first epoch; x, y, z (m, frame i) is the guess for its first fix."""
     zero = 0.0 * x
     rx.near[0], rx.near[1], rx.near[2] = x, y, z
     for i in range(N_STATE):
@@ -201,7 +219,7 @@ def switch_on(rx: Any, x: Any, y: Any, z: Any) -> None:
             rx.P[i, j] = zero
     for i in range(N_MEMORY):
         rx.memory[i] = zero
-    rx.memory[SINCE] = zero - 1.0
+    rx.memory[SINCE] = zero - 1.0  # negative: no point solution yet
     for s in range(rx.average.shape[0]):
         rx.average[s] = zero
 
@@ -215,10 +233,22 @@ def point_model(
     least_quality: int = 1,
     most: int = 64,
 ) -> PointModel:
-    """Turn settings of the point solution into numbers; `most` satellites at once.
+    """Return the settings of the point solution as numbers.
 
-    false_alarm is the probability that the residuals of good measurements are called inconsistent: two rows a satellite
-    and eight unknowns leave 2 (n - 4) degrees of freedom.
+    Parameters
+    ----------
+    reported : ReportedCovariance
+    range_sigma, rate_sigma : float
+        Standard deviations (m, m/s) that the receiver assumes.
+    refinements : int
+        Newton steps after the closed form.
+    false_alarm : float
+        Probability that the residuals of good measurements are declared inconsistent. With two measurements per
+        satellite and eight unknowns their sum of squares is chi-square with 2 (n - 4) degrees of freedom.
+    least_quality : int
+        Lowest quality that is output.
+    most : int
+        Largest number of satellites in a solution.
     """
     limits = np.full(most + 1, math.inf)
     limits[5:] = chdtri(2 * (np.arange(5, most + 1) - 4), false_alarm)
@@ -226,7 +256,10 @@ def point_model(
 
 
 def _acting(dt: float, time: float) -> tuple[float, float, float]:
-    """Return what is left of an acceleration after dt, and what it has done to velocity and position, per unit."""
+    """Return decay factor of an acceleration over dt (s), and its effect on velocity (s) and position (s^2).
+
+    time : s. Time constant of the acceleration; infinite: constant.
+    """
     if math.isinf(time):
         return 1.0, dt, 0.5 * dt * dt
     to_velocity = -time * math.expm1(-dt / time)
@@ -234,7 +267,7 @@ def _acting(dt: float, time: float) -> tuple[float, float, float]:
 
 
 class FilterSettings(NamedTuple):
-    """Settings of the receiver's own filter.
+    """Settings of the receiver's Kalman filter.
 
     range_sigma : m. Noise of a pseudorange.
     rate_sigma : m/s. Noise of a range rate.
@@ -242,12 +275,12 @@ class FilterSettings(NamedTuple):
         itself, m/s^2.
     clock_noise : m/s^2. Sigma of the derivative of the clock drift, constant over an interval.
     acceleration : Whether the acceleration is a state.
-    acceleration_time : s. In which it decays; None: a random walk.
-    drive_gain : 1/s^2, without acceleration states a number. Driving variance per squared acceleration, where larger.
-    range_gain : m s^2. Variance of a pseudorange per acceleration, where larger.
-    rate_gain : m. Variance of a range rate per acceleration, where larger.
+    acceleration_time : s. Time constant of its decay; None: a random walk.
+    drive_gain : 1/s^2, without acceleration states a number. Driving variance per squared acceleration, if larger.
+    range_gain : m s^2. Variance of a pseudorange per acceleration, if larger.
+    rate_gain : m. Variance of a range rate per acceleration, if larger.
     start_acceleration : m/s^2. Sigma of the acceleration at the start.
-    gate : Sigmas beyond which a row is rejected; None: no limit, like the settings below.
+    gate : Normalised innovation beyond which a measurement is rejected; None: no limit, like the settings below.
     range_limit : m. Innovation of a pseudorange beyond which it is rejected.
     rate_limit : m/s. Innovation of a range rate beyond which it is rejected.
     restart_after : Epochs with most measurements rejected after which the filter restarts.
@@ -272,12 +305,13 @@ class FilterSettings(NamedTuple):
 
 
 def receiver_filter(reported: ReportedCovariance, interval: float, settings: FilterSettings) -> ReceiverFilter:
-    """Turn settings of the receiver's filter into numbers for one interval (s) between epochs."""
+    """Return the settings of the receiver's filter as numbers for an interval (s) between epochs."""
     dt, acceleration, time = interval, settings.acceleration, settings.acceleration_time
     decay, to_velocity, to_position = _acting(dt, math.inf if time is None else time)
     pairs = [(POS, VEL, dt)]
     if acceleration:
-        pairs += [(POS, ACC, to_position), (VEL, ACC, to_velocity), (ACC, ACC, decay - 1.0)]  # as they act, one by one
+        # the kernel applies the blocks in this order: position and velocity first, by the acceleration before its decay
+        pairs += [(POS, ACC, to_position), (VEL, ACC, to_velocity), (ACC, ACC, decay - 1.0)]
     blocks = np.array([value * np.eye(3).ravel() for _, _, value in pairs])
     drive = [dt, 0.5 * dt**2, dt**3 / 6.0] if acceleration else [0.0, dt, 0.5 * dt**2]
     return ReceiverFilter(
@@ -309,7 +343,7 @@ def receiver_filter(reported: ReportedCovariance, interval: float, settings: Fil
 
 
 def _limit(limit: float | None) -> float:
-    """Return a limit; infinity where there is none."""
+    """Return a limit as a number; None becomes infinity."""
     return math.inf if limit is None else float(limit)
 
 

@@ -4,13 +4,12 @@ All errors are truth minus estimate. Over an epoch the receiver's error e follow
 
     e+ = (I - K H)(Phi e + d + w) - K v
 
-with H the rows of ranges and range rates, v the errors in them (white ones and those that measurements share), w what
-the true clock does beside its transition and d = x - Phi x_before what the true motion does, the same in every run. The
-navigation filter takes the solution, of error S e, for a measurement: its innovation is H_nav e_nav - S e. So e belongs
-into the joint vector, with its own gains K: it is coloured, and a covariance that takes it for white noise at every
-epoch is the better the slower the navigation filter forgets, and too small.
+with H the Jacobian of ranges and range rates, v their errors (white and correlated), w the noise of the true clock, and
+d = x - Phi x_before the mismatch of the true motion, which is the same in every run. The navigation filter measures the
+solution, whose error is S e: its innovation is H_nav e_nav - S e. Hence e is part of the joint vector, with its own
+gains K. It is coloured: a covariance that treats it as white noise at every epoch is too small.
 
-What stands here is written in dense matrices.
+Matrices are dense here.
 """
 
 from typing import NamedTuple
@@ -34,15 +33,19 @@ from lvnav_trade.receivers.base import (
 from lvnav_trade.receivers.ekf_gnss import adapted, drive
 from lvnav_trade.records import Bools, Floats
 
-# The solution's six components among the states of the receiver's filter.
+# Position and velocity of the solution among the states of the receiver's filter.
 SOLUTION = np.array([*range(POS, POS + 3), *range(VEL, VEL + 3)])
-# States of the point solution, in its own order.
+# States of the point solution, in the order of `FIX_POS` to `FIX_DRIFT`.
 FIX_STATES = np.array([*SOLUTION, BIAS, DRIFT])
 
 
 class Gains(NamedTuple):
-    """What the receiver does at an epoch: phi (11, 11), keep (11, 11) = I - K H, gain (11, n_row) = K, and its own
-    covariance P (11, 11) after it. A fix that starts the filter keeps nothing: keep is zero.
+    """Linear error propagation of the receiver over an epoch.
+
+    phi : (11, 11). Transition matrix.
+    keep : (11, 11). I - K H; zero for a fix that starts the filter.
+    gain : (11, n_row). Gain K.
+    P : (11, 11). Covariance of the receiver's filter after the epoch.
     """
 
     phi: Floats
@@ -52,35 +55,45 @@ class Gains(NamedTuple):
 
 
 def design(r_i: Floats, v_i: Floats, satellite: Floats, moving: Floats) -> Floats:
-    """Return the rows (2 n_sat, 11) of pseudorange and range rate in turn; satellites (n_sat, 3), all in frame i."""
+    """Return the Jacobian H (2 n_sat, 11), satellite by satellite: pseudorange, range rate.
+
+    Parameters
+    ----------
+    r_i, v_i : (3,) m, m/s, frame i
+        Receiver.
+    satellite, moving : (n_sat, 3) m, m/s, frame i
+        Position of the satellites at transmission, and its derivative by reception time.
+    """
     seen = sight(satellite - r_i, moving - v_i)
-    found = np.zeros((2 * len(satellite), N_STATE))
-    found[0::2, POS : POS + 3] = -seen.direction
-    found[0::2, BIAS] = 1.0
-    found[1::2, POS : POS + 3] = -seen.turning
-    found[1::2, VEL : VEL + 3] = -seen.direction
-    found[1::2, DRIFT] = 1.0
-    return found
+    jacobian = np.zeros((2 * len(satellite), N_STATE))
+    jacobian[0::2, POS : POS + 3] = -seen.direction
+    jacobian[0::2, BIAS] = 1.0
+    jacobian[1::2, POS : POS + 3] = -seen.turning
+    jacobian[1::2, VEL : VEL + 3] = -seen.direction
+    jacobian[1::2, DRIFT] = 1.0
+    return jacobian
 
 
 def point_gain(rows: Floats) -> Floats:
-    """Return G (8, n_row) of the point solution: position, velocity, bias, drift get the error -G v from errors v.
+    """Return the gain G (8, n_row) of the point solution: measurement errors v cause the error -G v.
 
-    Position and bias come from the pseudoranges alone; a wrong position then turns the lines of sight of the rates.
-    Fewer than four satellites have none: numpy.linalg.LinAlgError, or not enough rows, is the caller's to avoid.
+    Position and bias follow from the pseudoranges alone. The position error then rotates the lines of sight of the
+    range rates.
+
+    rows : (n_row, 11). Jacobian as from `design`, of at least four satellites.
     """
     ranges, rates = rows[0::2], rows[1::2]
     place = np.linalg.pinv(ranges[:, [*range(POS, POS + 3), BIAS]])
     speed = np.linalg.pinv(rates[:, [*range(VEL, VEL + 3), DRIFT]])
-    found = np.zeros((N_FIX, len(rows)))
-    found[np.ix_([0, 1, 2, 6], range(0, len(rows), 2))] = place
-    found[np.ix_([3, 4, 5, 7], range(1, len(rows), 2))] = speed
-    found[np.ix_([3, 4, 5, 7], range(0, len(rows), 2))] = -speed @ rates[:, POS : POS + 3] @ place[:3]
-    return found
+    gain = np.zeros((N_FIX, len(rows)))
+    gain[np.ix_([0, 1, 2, 6], range(0, len(rows), 2))] = place
+    gain[np.ix_([3, 4, 5, 7], range(1, len(rows), 2))] = speed
+    gain[np.ix_([3, 4, 5, 7], range(0, len(rows), 2))] = -speed @ rates[:, POS : POS + 3] @ place[:3]
+    return gain
 
 
 def noises(model: ReceiverFilter, acceleration: Floats, n_row: int) -> tuple[Floats, Floats]:
-    """Return the filter's own process noise (11, 11) and variances (n_row,) of rows under a nominal acceleration."""
+    """Return the filter's process noise (11, 11) and measurement variances (n_row,) for an acceleration (3,) m/s^2."""
     x, y, z, ranges, rates = adapted(*(float(a) for a in acceleration), model)
     noise = np.zeros((N_STATE, N_STATE))
     drive(noise, model, x, y, z)
@@ -88,23 +101,30 @@ def noises(model: ReceiverFilter, acceleration: Floats, n_row: int) -> tuple[Flo
 
 
 def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
-    """Return the acceleration (n_epoch, 3) that the receiver's filter would adapt by on the nominal motion.
+    """Return the acceleration (n_epoch, 3) m/s^2 that adapts the receiver's filter on the nominal motion.
 
-    The difference of velocities (n_epoch, 3) at the last two epochs with a point solution, `fixed` (n_epoch,), over the
-    time between them; before there are two of them zero, and while there is none the last one.
+    It is the difference of the velocities at the last two epochs with a point solution over the time between them. It
+    is zero before the second such epoch and constant until the next.
+
+    v_i : (n_epoch, 3) m/s. Nominal velocity.
+    fixed : (n_epoch,). Whether the epoch has a point solution.
+    interval : s. Time between epochs.
     """
-    found, before = np.zeros_like(v_i), -1
+    acceleration, before = np.zeros_like(v_i), -1
     for k in range(len(v_i)):
-        found[k] = found[k - 1] if k else 0.0
+        acceleration[k] = acceleration[k - 1] if k else 0.0
         if fixed[k]:
             if before >= 0:
-                found[k] = (v_i[k] - v_i[before]) / (interval * (k - before))
+                acceleration[k] = (v_i[k] - v_i[before]) / (interval * (k - before))
             before = k
-    return found
+    return acceleration
 
 
 def point_solution(model: PointModel, rows: Floats) -> Gains:
-    """Return an epoch of the point solution, which keeps nothing of the one before."""
+    """Return the error propagation of a point solution, which is independent of the previous epoch.
+
+    rows : (n_row, 11). Jacobian as from `design`.
+    """
     P, gain = np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, len(rows)))
     gain[FIX_STATES] = point_gain(rows)
     for at, variance, part in (
@@ -116,15 +136,29 @@ def point_solution(model: PointModel, rows: Floats) -> Gains:
 
 
 def started(model: ReceiverFilter, point: PointModel, rows: Floats) -> Gains:
-    """Return the epoch of the fix that starts the filter; the error of acceleration is the whole of it afterwards."""
-    found, acceleration = point_solution(point, rows), range(ACC, ACC + 3)
-    found.P[acceleration, acceleration] = model.start
-    found.keep[acceleration, acceleration] = 1.0
-    return found
+    """Return the error propagation of the fix that starts the filter.
+
+    The filter starts with zero acceleration, so that its acceleration error is the true acceleration.
+    """
+    gains, acceleration = point_solution(point, rows), range(ACC, ACC + 3)
+    gains.P[acceleration, acceleration] = model.start
+    gains.keep[acceleration, acceleration] = 1.0
+    return gains
 
 
 def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Floats) -> Gains:
-    """Return the epoch of a running filter whose covariance was P; with no rows it carries on."""
+    """Return the error propagation of the running filter over an epoch.
+
+    Parameters
+    ----------
+    P : (11, 11)
+        Covariance after the previous epoch.
+    model : ReceiverFilter
+    rows : (n_row, 11)
+        Jacobian as from `design`; without rows the filter only propagates.
+    acceleration : (3,) m/s^2
+        Acceleration that adapts the noise, as from `nominal_acceleration`.
+    """
     noise, variance = noises(model, acceleration, len(rows))
     phi = transition(model)
     P = phi @ P @ phi.T + noise
@@ -134,19 +168,20 @@ def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Float
 
 
 def mismatch(model: ReceiverFilter, acceleration: Floats, v_i: Floats, r_i: Floats) -> Floats:
-    """Return d (n_epoch, 11): what true motion (n_epoch, 3) adds to the filter's error; at the first epoch the state.
+    """Return the mismatch d = x - Phi x_before (n_epoch, 11) of the true motion; at the first epoch the state x itself.
 
-    Without acceleration states there is no error of them: give zeros for the acceleration.
+    acceleration : (n_epoch, 3) m/s^2. True acceleration; zeros for a filter without acceleration states.
+    v_i, r_i : (n_epoch, 3) m/s, m. True velocity and position.
     """
     state = np.zeros((len(r_i), N_STATE))
     state[:, ACC : ACC + 3], state[:, VEL : VEL + 3], state[:, POS : POS + 3] = acceleration, v_i, r_i
-    found = state.copy()
-    found[1:] -= state[:-1] @ transition(model).T
-    return found
+    difference = state.copy()
+    difference[1:] -= state[:-1] @ transition(model).T
+    return difference
 
 
 def reported_covariance(reported: ReportedCovariance, P: Floats) -> Floats:
-    """Return the covariance (6, 6) that goes out with a solution whose own covariance is P (11, 11)."""
+    """Return the covariance (6, 6) reported with a solution of a filter with covariance P (11, 11)."""
     if not reported.own:
         return np.diag([reported.position_variance] * 3 + [reported.velocity_variance] * 3)
     R = np.asarray(reported.factor * P[np.ix_(SOLUTION, SOLUTION)])

@@ -1,14 +1,14 @@
-"""The receiver's own filter: position, velocity, acceleration and clock from ranges and range rates (EKF-GNSS).
+"""The receiver's Kalman filter: position, velocity, acceleration and clock from ranges and range rates (EKF-GNSS).
 
-Canepa and Servidia, section 4.2, in frame i and on the kernels of the navigation filter: `predict` sees acceleration,
-velocity, position where that one has attitude, velocity, position, and the rows are those of tight coupling without a
-lever arm. Noise of the driving jerk (or, without acceleration states, of the acceleration itself) is taken as constant
-over the interval: its covariance is g q g' per axis with g = (T, T^2/2, T^3/6), added whole after the propagation, as
-eq. 4.8 and 4.16 have it; half of a diagonal noise before and half after would give the position nearly twice as much.
+Canepa and Servidia, section 4.2, in frame i and with the kernels of the navigation filter: acceleration takes the place
+of attitude in `predict`, and the Jacobian rows are those of tight coupling without a lever arm. The driving jerk (or,
+without acceleration states, the acceleration) is constant over the interval: its covariance is g q g' per axis with
+g = (T, T^2/2, T^3/6), added after the propagation as in eq. 4.8 and 4.16. A diagonal noise, added half before and half
+after the propagation, would give nearly twice the position variance.
 
-The acceleration that noise is adapted by (eq. 4.23 to 4.28) is that of the last two point solutions; the one into an
-epoch is known when that epoch is filtered, so it already governs the propagation into it. While there is no point
-solution the last one stands.
+The noise is adapted by the acceleration between the last two point solutions (eq. 4.23 to 4.28). The point solution of
+an epoch is computed first, so that it already affects the propagation to that epoch. Without a new point solution the
+acceleration does not change.
 """
 
 import numpy as np
@@ -56,10 +56,10 @@ def _larger(a, b):
 
 @jit
 def adapted(ax, ay, az, model):
-    """Return variances under an acceleration (m/s^2): of the driving noise per axis, of ranges and of range rates.
+    """Return the variances under an acceleration (m/s^2): driving noise by axis (3), range, range rate.
 
-    Eq. 4.25 to 4.28 (4.27 with the acceleration along z). With gains of zero they are the constant floors. Linear
-    covariance asks with the difference of nominal velocities; the runs ask with that of noisy point solutions.
+    Eq. 4.25 to 4.28 (4.27 with the acceleration along z). With zero gains they are the constant floors. Linear
+    covariance uses the difference of nominal velocities, Monte Carlo runs that of noisy point solutions.
     """
     size = sqrt(ax * ax + ay * ay + az * az)
     return (
@@ -73,7 +73,7 @@ def adapted(ax, ay, az, model):
 
 @jit
 def drive(P, model, x, y, z):
-    """Add the noise of an interval to the covariance: driving variances x, y, z per axis, and the clock's."""
+    """Add the process noise of an interval to the covariance: driving variances x, y, z by axis, and clock noise."""
     variance = (x, y, z)
     blocks = (ACC, VEL, POS)
     for i in range(3):
@@ -102,22 +102,25 @@ def propagate(rx, model, x, y, z):
 
 @jit
 def _update_acceleration(rx, model, fixed):
-    """Take the acceleration of the last two point solutions; the interval since the last one may be several epochs."""
+    """Set the acceleration to the velocity difference of the last two point solutions over the time between them."""
     memory = rx.memory
     ever = memory[SINCE] >= 0.0
     since = where(ever, memory[SINCE] + model.interval, model.interval)
-    known = fixed & ever
+    has_both = fixed & ever
     for i in range(3):
         velocity = rx.fix[FIX_VEL + i]
         slope = (velocity - memory[LAST_VELOCITY + i]) / since
-        memory[ACCELERATION + i] = where(known, slope, memory[ACCELERATION + i])
+        memory[ACCELERATION + i] = where(has_both, slope, memory[ACCELERATION + i])
         memory[LAST_VELOCITY + i] = where(fixed, velocity, memory[LAST_VELOCITY + i])
     memory[SINCE] = where(fixed, 0.0, where(ever, since, -1.0))
 
 
 @jit
-def _take_row(rx, model, innovation, limit, variance, entries, columns):
-    """Update by the row in h, brought to unit variance; return 1 if it was accepted, and its normalised innovation."""
+def _update_by_scalar(rx, model, innovation, limit, variance, entries, columns):
+    """Update by the scalar measurement with Jacobian row h, scaled to unit variance.
+
+    Returns 1 if it was accepted (else 0), and the normalised innovation.
+    """
     scale = 1.0 / sqrt(variance)
     for e in range(N_ENTRY):
         rx.h[e] = rx.h[e] * scale
@@ -130,8 +133,9 @@ def _take_row(rx, model, innovation, limit, variance, entries, columns):
 
 @jit
 def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ranges, variances):
-    """Process what is measured of the satellites in use, all rows at one point; return how many rows there were, were
-    accepted, and how many satellites have one that was.
+    """Process the measurements of the satellites in use, all linearised about the same state.
+
+    Returns the numbers of measurements, of accepted measurements, and of satellites with an accepted measurement.
 
     variances : of a range (m^2) and of a range rate (m^2/s^2).
     """
@@ -142,7 +146,7 @@ def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ra
         rx.at[i], rx.at[3 + i], rx.at[6 + i], rx.at[9 + i] = nav[POS + i], nav[VEL + i], zero, zero
     for i in range(N_STATE):
         x[i] = zero
-    asked, accepted, satellites = zero, zero, zero
+    count, accepted, satellites = zero, zero, zero
     for channel in range(rx.innovation.shape[0]):
         rx.innovation[channel] = like(zero, np.nan)
     for slot in range(n_used):
@@ -150,25 +154,25 @@ def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ra
         ux, uy, uz, distance = line_of_sight(satellite[s], rx.at)
         rho = where(rx.memory[STARTED] > 0.0, ranges[slot, 0], np.nan)
         rate = where(rx.memory[STARTED] > 0.0, ranges[slot, 1], np.nan)
-        asked = asked + where(rho == rho, 1.0, 0.0) + where(rate == rate, 1.0, 0.0)
+        count = count + where(rho == rho, 1.0, 0.0) + where(rate == rate, 1.0, 0.0)
         innovation = rho - range_row(rx.h, rx.at, ux, uy, uz, distance, nav[BIAS])
-        one, rx.innovation[2 * s] = _take_row(
+        range_accepted, rx.innovation[2 * s] = _update_by_scalar(
             rx, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS
         )
         innovation = rate - rate_row(rx.h, rx.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
-        two, rx.innovation[2 * s + 1] = _take_row(
+        rate_accepted, rx.innovation[2 * s + 1] = _update_by_scalar(
             rx, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS
         )
-        accepted = accepted + one + two
-        satellites = satellites + where(one + two > 0.0, 1.0, 0.0)
+        accepted = accepted + range_accepted + rate_accepted
+        satellites = satellites + where(range_accepted + rate_accepted > 0.0, 1.0, 0.0)
     for i in range(N_STATE):
         nav[i] = nav[i] + x[i]
-    return asked, accepted, satellites
+    return count, accepted, satellites
 
 
 @jit
 def _start(rx, model, point, begin):
-    """Start the filter from the point solution in the runs that begin."""
+    """Start the filter from the point solution in the runs with `begin`."""
     nav, P = rx.nav, rx.P
     for i in range(N_STATE):
         for j in range(N_STATE):
@@ -191,8 +195,8 @@ def _start(rx, model, point, begin):
 
 
 @jit
-def _hand_out(rx, model, satellites):
-    """Set solution and covariance: of the filter, or not-a-number where it is off or has coasted too long."""
+def _output(rx, model, satellites):
+    """Set solution and reported covariance; the solution is NaN before the start and after too long a coast."""
     memory = rx.memory
     valid = (memory[STARTED] > 0.0) & (memory[IDLE] <= model.coast)
     quality = where(satellites >= 4.0, FULL, where(satellites > 0.0, PARTIAL, PROPAGATED))
@@ -216,12 +220,17 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
 
     Parameters
     ----------
-    rx : Receiver, after `switch_on`; updated. model : ReceiverFilter; point : PointModel, of the fix that starts it
-    satellite, satellite_velocity, used, n_used, ranges : as of `bancroft.fix`
+    rx : Receiver
+        Updated; `switch_on` has set its initial state.
+    model : ReceiverFilter
+    point : PointModel
+        Settings of the point solution that starts the filter and adapts its noise.
+    satellite, satellite_velocity, used, n_used, ranges : as in `bancroft.fix`
 
     Returns
     -------
-    quality of the filtered solution: none, propagated without a row, fewer than four satellites, or four and more
+    quality
+        NO_FIX, PROPAGATED (no measurement), PARTIAL (fewer than four satellites), or FULL.
     """
     quality = fix(rx, point, satellite, satellite_velocity, used, n_used, ranges)
     fixed = quality >= point.least_quality
@@ -231,13 +240,13 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
         memory[ACCELERATION], memory[ACCELERATION + 1], memory[ACCELERATION + 2], model
     )
     propagate(rx, model, x, y, z)
-    asked, accepted, satellites = _update_by_ranges(
+    count, accepted, satellites = _update_by_ranges(
         rx, model, satellite, satellite_velocity, used, n_used, ranges, (range_variance, rate_variance)
     )
-    memory[MISSES] = where(fixed & (accepted < 0.5 * asked), memory[MISSES] + 1.0, 0.0)
+    memory[MISSES] = where(fixed & (accepted < 0.5 * count), memory[MISSES] + 1.0, 0.0)
     begin = fixed & ((memory[STARTED] == 0.0) | (memory[MISSES] >= model.restart))
     _start(rx, model, point, begin)
-    for channel in range(rx.innovation.shape[0]):  # where the filter has just begun again there are none
+    for channel in range(rx.innovation.shape[0]):  # no innovations at the epoch of a restart
         rx.innovation[channel] = where(begin, np.nan, rx.innovation[channel])
     memory[STARTED] = where(begin, 1.0, memory[STARTED])
     memory[MISSES] = where(begin, 0.0, memory[MISSES])
@@ -246,18 +255,22 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
     for i in range(3):
         rx.near[i] = where(memory[STARTED] > 0.0, rx.nav[POS + i], rx.near[i])
     rx.used[1] = accepted
-    _hand_out(rx, model, satellites)
+    _output(rx, model, satellites)
     return rx.used[0]
 
 
 @jit
 def solve(rx, point, filtering, satellite, satellite_velocity, used, n_used, ranges):
-    """Set solution and covariance of a receiver (Receiver, updated) at an epoch; return their quality.
+    """Set solution and covariance of a receiver at an epoch; return their quality.
 
     Parameters
     ----------
-    point : PointModel; filtering : ReceiverFilter, or None where the point solution itself is output
-    satellite, satellite_velocity, used, n_used, ranges : as of `bancroft.fix`
+    rx : Receiver
+        Updated.
+    point : PointModel
+    filtering : ReceiverFilter or None
+        None: output the point solution.
+    satellite, satellite_velocity, used, n_used, ranges : as in `bancroft.fix`
     """
     if filtering is None:
         return solution(rx, point, satellite, satellite_velocity, used, n_used, ranges)

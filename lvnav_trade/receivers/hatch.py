@@ -1,9 +1,9 @@
-"""Pseudoranges smoothed by carrier phase before they are solved (Hatch filter), satellite by satellite.
+"""Carrier smoothing of pseudoranges before the solution (Hatch filter), satellite by satellite.
 
-The average of code minus carrier follows D' = a d + (1 - a) D with d = P - phi, and the smoothed range is phi + D':
-noise of the code is averaged, motion and clock go through the carrier at once. The gain a is 1/n at the n-th epoch
-since the carrier was locked, and no less than that of the window. Hatch, The synergism of GPS code and carrier
-measurements, 3rd Int. Symp. on Satellite Doppler Positioning, 1982.
+The average of code minus carrier follows D' = a d + (1 - a) D with d = P - phi, and the smoothed range is phi + D'. The
+code noise is averaged, while motion and clock enter through the carrier without delay. The gain a is 1/n at the n-th
+epoch of carrier lock, and at least that of the window. Hatch, The synergism of GPS code and carrier measurements, 3rd
+Int. Symp. on Satellite Doppler Positioning, 1982.
 """
 
 from typing import NamedTuple
@@ -17,9 +17,12 @@ from lvnav_trade.records import Bools, Floats
 
 
 class Smoothing(NamedTuple):
-    """A Hatch filter at the epochs: gain (n_epoch, n_sat), zero where a satellite is not in use; sigma (n_epoch, n_sat)
-    m of the carrier phase; code (n_family, n_epoch, n_sat) code minus carrier with respect to the errors that
-    measurements share; source: word of the draws of phase noise.
+    """A Hatch filter at the epochs.
+
+    gain : (n_epoch, n_sat). Gain; zero if the satellite is not in use.
+    sigma : (n_epoch, n_sat) m. White noise of the carrier phase.
+    code : (n_family, n_epoch, n_sat). Derivative of code minus carrier by the correlated measurement errors.
+    source : Key of the draws of phase noise.
     """
 
     gain: Floats
@@ -29,35 +32,37 @@ class Smoothing(NamedTuple):
 
 
 def gains(tracked: Bools, locked: Bools, longest: int) -> Floats:
-    """Return the gains (n_epoch, n_sat) of satellites tracked (n_epoch, n_sat) at the epochs; locked (n_epoch, n_sat):
-    without interruption since the epoch before; longest: window in epochs.
+    """Return the gains (n_epoch, n_sat) of the Hatch filter.
+
+    tracked : (n_epoch, n_sat). Whether the satellite is tracked.
+    locked : (n_epoch, n_sat). Whether its carrier was tracked without interruption since the previous epoch.
+    longest : Window in epochs.
     """
-    count, found = np.zeros(tracked.shape[1]), np.zeros(tracked.shape)
+    count, gain = np.zeros(tracked.shape[1]), np.zeros(tracked.shape)
     for epoch in range(len(tracked)):
         count = np.where(tracked[epoch], np.where(locked[epoch], count + 1.0, 1.0), 0.0)
-        found[epoch] = np.where(tracked[epoch], 1.0 / np.clip(count, 1.0, longest), 0.0)
-    return found
+        gain[epoch] = np.where(tracked[epoch], 1.0 / np.clip(count, 1.0, longest), 0.0)
+    return gain
 
 
 def smoothing_error(gain: Floats, difference: Floats) -> Floats:
-    """Return what smoothing adds to the errors of the code on the nominal flight, (n_epoch, n_sat) m.
+    """Return the range error (n_epoch, n_sat) m due to the lag of the smoothing filter on the nominal flight.
 
-    gain : (n_epoch, n_sat), zero where a satellite is not in use
-    difference : (n_epoch, n_sat) m, code minus carrier: twice the ionospheric delay, less what cycle slips have added
-        to the carrier
+    The average of code minus carrier lags behind a changing difference: the error is average minus present value.
 
-    The average of code minus carrier trails a changing difference: the error is the average less the present value.
+    gain : (n_epoch, n_sat). Gain as from `gains`.
+    difference : (n_epoch, n_sat) m. Code minus carrier: twice the ionospheric delay, less the accumulated cycle slips.
     """
-    average, found = np.zeros(gain.shape[1]), np.zeros(gain.shape)
+    average, error = np.zeros(gain.shape[1]), np.zeros(gain.shape)
     for epoch, a in enumerate(gain):
         average = a * difference[epoch] + (1.0 - a) * average
-        found[epoch] = np.where(a > 0.0, average - difference[epoch], 0.0)
-    return found
+        error[epoch] = np.where(a > 0.0, average - difference[epoch], 0.0)
+    return error
 
 
 @jit
 def _code_minus_carrier(shared, errors, smoothing, epoch, s):
-    """Return what the errors (n_component,) that measurements share put into code minus carrier of satellite s."""
+    """Return code minus carrier (m) of satellite s due to the correlated measurement errors (n_component,)."""
     total = like(errors[0], 0.0)
     for family in range(smoothing.code.shape[0]):
         partial = smoothing.code[family, epoch, s]
@@ -68,10 +73,19 @@ def _code_minus_carrier(shared, errors, smoothing, epoch, s):
 
 @jit
 def smooth(rx, work, smoothing, signals, word, epoch, key):
-    """Smooth the pseudoranges of an epoch, with the same draws of code noise that are in them.
+    """Smooth the pseudoranges of an epoch. The code noise is drawn again with the key of the ranges: the same values.
 
-    rx : Receiver, `average` updated; work : Work of the run: its number, `ranges` (n_slot, 2), updated, and `shared`
-    (n_component,) errors that measurements share; smoothing : Smoothing, or None; word, key : of the ranges' draws
+    Parameters
+    ----------
+    rx : Receiver
+        `average` is updated.
+    work : Work
+        Of the run: its number; `ranges` (n_slot, 2), updated; `shared` (n_component,) correlated measurement errors.
+    smoothing : Smoothing or None
+    signals : Signals
+    word, key
+        Counter word and key of the draws of range noise.
+    epoch : int
     """
     if smoothing is None:
         return

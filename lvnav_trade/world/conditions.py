@@ -15,16 +15,15 @@ from lvnav_trade.world.events import Instant, resolve
 
 Mask = NDArray[np.bool_]
 Intervals = tuple[tuple[float, float], ...]
-"""Times (s), each from its start (included) to its end (excluded), one after the other; infinite where nothing bounds
-them."""
+"""Intervals of time (s) in order, each with its start and without its end; infinite without a bound."""
 
-ROUNDING = 1e-6  # s; an epoch that rounding has moved by less still lies on an interval's edge
-_STEP, _MOST = 0.1, 20_000  # s between samples of a flight and how many there are at most
-_HALVINGS = 40  # of a step: far below rounding of a time
+ROUNDING = 1e-6  # s; an epoch closer than this to the edge of an interval counts as on it
+_STEP, _MOST = 0.1, 20_000  # s between samples of a flight, and their largest number
+_HALVINGS = 40  # bisections of a step: far below rounding of a time
 
 
 class Conditions(Card):
-    """When something is switched on: while all of the conditions hold that are stated."""
+    """Conditions that switch a sensor or fault on. It is on while every given condition is true."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
@@ -43,7 +42,7 @@ class Conditions(Card):
 
     @property
     def stated(self) -> tuple[str, ...]:
-        """The conditions that are stated, as they are written."""
+        """Keys of the conditions that the card gives, as the user writes them."""
         names = ("from_", "until", *BOUNDS, *ELEVATIONS)
         return tuple(name.rstrip("_") for name in names if getattr(self, name, None) is not None)
 
@@ -55,7 +54,7 @@ class Conditions(Card):
 
 
 class SightConditions(Conditions):
-    """Conditions where something is seen, by its elevation."""
+    """Conditions that may also depend on the elevation of a satellite or transmitter."""
 
     elevation_above: Angle | None = Field(None, description="on at and above this elevation of what is seen")
     elevation_below: Angle | None = Field(None, description="on below this elevation of what is seen")
@@ -68,11 +67,11 @@ class SightConditions(Conditions):
 
     @property
     def by_elevation(self) -> tuple[str, ...]:
-        """The conditions on elevation that are stated."""
+        """Keys of the conditions on elevation that the card gives."""
         return tuple(name for name in ELEVATIONS if getattr(self, name) is not None)
 
     def sights(self, elevation: Floats) -> Mask:
-        """Return which elevations (...,) rad meet the conditions on it, (...,)."""
+        """Return which elevations (...,) rad meet the conditions on elevation, (...,) bool."""
         low = -np.inf if self.elevation_above is None else self.elevation_above
         high = np.inf if self.elevation_below is None else self.elevation_below
         return np.asarray((elevation >= low) & (elevation < high))
@@ -86,46 +85,62 @@ BOUNDS = {
     "dynamic_pressure_above": (2, True),
     "dynamic_pressure_below": (2, False),
 }
-"""The bounds of what a flight reaches: row of `Course.values`, and whether it holds above."""
+"""Bounds on the flight: row of `Course.values`, and whether the condition is true above the bound."""
 ELEVATIONS = ("elevation_above", "elevation_below")
 PAIRS = tuple((f"{name}above", f"{name}below") for name in ("", "speed_", "dynamic_pressure_", "elevation_"))
 _SHOWN = (("altitude", 1e-3, "km"), ("speed", 1.0, "m/s"), ("dynamic pressure", 1e-3, "kPa"))
 
 
 class Course:
-    """A flight as conditions see it.
+    """A flight as conditions evaluate it.
 
-    instants: times (s) of its events by name, ``start`` and ``end`` among them; at: altitude (m), speed relative to the
-    Earth (m/s) and dynamic pressure (Pa) at times t (n,) s, as (3, n), needed where something depends on them.
+    Parameters
+    ----------
+    instants : mapping
+        Times (s since lift-off) of the events by name, with ``start`` and ``end``.
+    at : callable, optional
+        Function of times (n,) s that returns altitude (m), speed relative to the Earth (m/s) and dynamic pressure (Pa)
+        as (3, n). Required by conditions on these quantities.
     """
 
     def __init__(self, instants: Mapping[str, float], at: Callable[[Floats], Floats] | None = None) -> None:
         self.instants, self._at = instants, at
 
     def begin(self, start: float) -> float:
-        """Return the start (s) of an interval, that of the flight where it has none."""
+        """Return the start (s) of an interval; for an interval without a start that of the flight."""
         return self.instants["start"] if start == -np.inf else start
 
     @cached_property
     def times(self) -> Floats:
-        """Times (n,) s at which the flight is sampled."""
+        """Sampling times (n,) s of the flight."""
         start, end = self.instants["start"], self.instants["end"]
         count = int(min(_MOST, max(1.0, np.ceil((end - start) / _STEP))))
         return np.linspace(start, end, count + 1)
 
     @cached_property
     def values(self) -> Floats:
-        """Altitude, speed and dynamic pressure at these times, (3, n)."""
+        """Altitude (m), speed (m/s) and dynamic pressure (Pa) at the sampling times, (3, n)."""
         return self.sampled(self.times)
 
     def sampled(self, t: Floats) -> Floats:
-        """Return altitude, speed and dynamic pressure at times t (n,) s, (3, n)."""
+        """Return altitude (m), speed (m/s) and dynamic pressure (Pa) at times t (n,) s, (3, n)."""
         if self._at is None:
             raise ValueError("conditions on altitude, speed or dynamic pressure need a flight")
         return self._at(t)
 
     def beyond(self, name: str, level: float) -> Intervals:
-        """Return when the flight meets a bound of `BOUNDS` (SI), infinite where it begins or ends so."""
+        """Return the intervals in which the flight meets a bound.
+
+        Crossings are found by bisection between samples. An interval that lasts to the start or end of the flight is
+        infinite there.
+
+        Parameters
+        ----------
+        name : str
+            Key of `BOUNDS`.
+        level : float
+            Value of the bound (SI).
+        """
         row, up = BOUNDS[name]
         on = (self.values[row] >= level) == up
         at = np.flatnonzero(on[1:] != on[:-1])
@@ -138,19 +153,22 @@ class Course:
         return tuple(pair for k, pair in enumerate(pairwise(edges)) if bool(on[0]) == (k % 2 == 0))
 
     def holding(self, conditions: Conditions) -> Intervals:
-        """Return when all conditions hold, those on elevation apart.
+        """Return the intervals in which all conditions are true, except those on elevation.
 
-        InputError, with the field as its path, where an event is not one of the flight.
+        Raises
+        ------
+        InputError
+            The flight has no such event. The path is the field.
         """
-        found: Intervals = (self.window(conditions),)
+        intervals: Intervals = (self.window(conditions),)
         for name in BOUNDS:
             level = getattr(conditions, name)
             if level is not None:
-                found = both(found, self.beyond(name, level))
-        return found
+                intervals = both(intervals, self.beyond(name, level))
+        return intervals
 
     def window(self, conditions: Conditions) -> tuple[float, float]:
-        """Return the interval that the conditions on time leave; InputError as of `holding`."""
+        """Return the interval (s) that the conditions on time define; InputError as in `holding`."""
         return self._time(conditions, "from", -np.inf), self._time(conditions, "until", np.inf)
 
     def _time(self, conditions: Conditions, field: str, otherwise: float) -> float:
@@ -158,7 +176,7 @@ class Course:
         return otherwise if text is None else self.time(text, field)
 
     def time(self, text: str, field: str) -> float:
-        """Return the time (s) that a text states; InputError with the field as its path where there is none."""
+        """Return the time (s) of a text such as "stage1_cutoff + 20 s"; InputError as in `holding`."""
         try:
             return float(resolve(text, self.instants))
         except InputError as error:
@@ -166,23 +184,24 @@ class Course:
 
 
 def both(one: Intervals, other: Intervals) -> Intervals:
-    """Return the times that lie in both."""
+    """Return the intersection of two lists of intervals."""
     cut = ((max(a, c), min(b, d)) for a, b in one for c, d in other)
     return tuple(sorted((start, end) for start, end in cut if start < end))
 
 
 def inside(intervals: Intervals, t: Floats) -> Mask:
-    """Return which times (n,) s lie in one of the intervals, rounding forgiven, (n,)."""
-    found = np.zeros(t.shape, dtype=bool)
+    """Return which times t (n,) s lie in one of the intervals, (n,) bool, with a tolerance of `ROUNDING`."""
+    within = np.zeros(t.shape, dtype=bool)
     for start, end in intervals:
-        found |= (t >= start - ROUNDING) & (t < end - ROUNDING)
-    return found
+        within |= (t >= start - ROUNDING) & (t < end - ROUNDING)
+    return within
 
 
 def never(conditions: Conditions, course: Course) -> Mistake | None:
-    """Return why conditions hold at no time of a flight, with the field to mend as its path; None where they do.
+    """Return the input error of conditions that are true at no time of a flight; None if there is such a time.
 
-    InputError as of `Course.holding`. Conditions on elevation are left out.
+    The path of the error is the field to change. Conditions on elevation are not examined. InputError as in
+    `Course.holding`.
     """
     first, last = course.instants["start"], course.instants["end"]
     flight: Intervals = ((first, last),)

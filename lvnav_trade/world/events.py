@@ -14,11 +14,19 @@ _TIMED = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset
 
 
 def resolve(text: str, events: Mapping[str, float]) -> float:
-    """Return the time in s since lift-off that a text states: an event's name, with a duration added or taken away
-    (``"stage1_cutoff + 20 s"``), or a time (``"100 s"``).
+    """Return the time, in s since lift-off, of an event, an event plus or minus a duration, or a plain time.
 
-    events: times of the events of the flight, s. InputError where the event is not one of the flight (the nearest name
-    is offered), or the duration has no unit.
+    Parameters
+    ----------
+    text : str
+        Such as ``"stage1_cutoff"``, ``"stage1_cutoff + 20 s"`` or ``"100 s"``.
+    events : mapping
+        Times (s) of the events of the flight.
+
+    Raises
+    ------
+    InputError
+        The flight has no such event (the message offers the nearest name), or the duration has no unit.
     """
     match = _TIMED.match(text)
     if match is None:
@@ -40,7 +48,7 @@ def _seconds(part: str, text: str) -> float:
 
 
 def _instant(text: str) -> str:
-    """Return a text that is a time as far as it can be seen without a flight; ValueError where its duration is none."""
+    """Return the text after a check of its duration; ValueError if that is no time. Events are checked later."""
     match = _TIMED.match(text)
     part = text if match is None else match["offset"]
     try:
@@ -51,4 +59,4 @@ def _instant(text: str) -> str:
 
 
 Instant = Annotated[str, AfterValidator(_instant)]
-"""A text that `resolve` reads; its unit is checked with the card, its event with the flight."""
+"""Text for `resolve`. The unit is checked when the card is read, the event when the flight is known."""

@@ -1,4 +1,4 @@
-"""Cards of the faults that a campaign names: what fails, when, and by how much."""
+"""Cards of faults: the failed device or signal, the time, and the size."""
 
 import math
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
 
 
 class Timed(Conditions):
-    """What every fault has: when it starts and how long it lasts, or conditions while which it holds, or both."""
+    """Time of a fault: a start and a duration, or conditions, or both."""
 
     start: Instant | None = Field(
         None, description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'; with a duration"
@@ -50,25 +50,25 @@ class Timed(Conditions):
 
 
 class TimedInSight(Timed, SightConditions):
-    """The same of a fault that affects the satellites of some elevations."""
+    """Time of a fault of satellites, which may depend on their elevation."""
 
 
 class SatelliteOutage(TimedInSight):
-    """All satellites lost, or all but `keep` (the highest at the start of the outage)."""
+    """Loss of all satellites, or of all but `keep` (the highest at the start of the outage)."""
 
     kind: Literal["satellite_outage"] = "satellite_outage"
     keep: int = Field(0, ge=0)
 
 
 class AntennaFailure(Timed):
-    """Antennas that receive nothing, by their numbers from 1 in the receiver's list."""
+    """Failure of antennas, given by their numbers from 1 in the receiver's list."""
 
     kind: Literal["antenna_failure"] = "antenna_failure"
     antennas: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AfterValidator(distinct)] = Field(min_length=1)
 
 
 class DegradedNoise(TimedInSight):
-    """White noise of the measurements grown by a factor; the filter does not know it."""
+    """White noise of the measurements multiplied by a factor that the filter does not model."""
 
     kind: Literal["degraded_noise"] = "degraded_noise"
     factor: float = Field(gt=0.0)
@@ -76,7 +76,7 @@ class DegradedNoise(TimedInSight):
 
 
 class RangeBias(TimedInSight):
-    """Pseudoranges of some satellites wrong by a step and a drift (a satellite's clock that runs away)."""
+    """Step and drift of the pseudoranges of some satellites, as by a failed satellite clock."""
 
     kind: Literal["range_bias"] = "range_bias"
     satellites: Names = Field((), description="such as G05; the highest at the start if empty")
@@ -85,7 +85,7 @@ class RangeBias(TimedInSight):
 
 
 class Jump(Conditions):
-    """Something that jumps once."""
+    """A single jump, at a start or when conditions first become true."""
 
     start: Instant | None = Field(
         None, description="time, or relative to an event; or conditions, once they begin to hold"
@@ -93,7 +93,7 @@ class Jump(Conditions):
 
     @property
     def duration(self) -> float:
-        """A jump takes no time."""
+        """Zero: a jump is instantaneous."""
         return 0.0
 
     def _faults(self) -> Iterator[str]:
@@ -112,21 +112,21 @@ class Jump(Conditions):
 
 
 class ClockJump(Jump):
-    """The receiver's clock jumps by so much range, once."""
+    """Single jump of the receiver clock, in metres of range."""
 
     kind: Literal["clock_jump"] = "clock_jump"
     size: Length
 
 
 class ClockDrift(Timed):
-    """The frequency of the receiver's clock is off by so much range rate: ranges and range rates of all satellites."""
+    """Frequency error of the receiver clock, in m/s of range rate; it affects the measurements of all satellites."""
 
     kind: Literal["clock_drift"] = "clock_drift"
     rate: Speed
 
 
 class CycleSlip(Jump):
-    """The carrier phases of some satellites jump by so many cycles, once, and the receiver does not notice."""
+    """Single jump of the carrier phases of some satellites, in cycles, which the receiver does not detect."""
 
     kind: Literal["cycle_slip"] = "cycle_slip"
     satellites: Names = Field((), description="such as G05; the highest at the start if empty")
@@ -139,7 +139,7 @@ class CycleSlip(Jump):
 
 
 class WildSamples(TimedInSight):
-    """Measurements with a further random error, new at every epoch: ranges, or each axis of the solution."""
+    """Additional white error of the measurements: of ranges, or of each axis of the solution."""
 
     kind: Literal["wild_samples"] = "wild_samples"
     sigma: LengthSigma
@@ -147,23 +147,22 @@ class WildSamples(TimedInSight):
 
 
 class FrozenOutput(Timed):
-    """The receiver goes on putting out what it measured when the fault began."""
+    """The receiver repeats its output of the time at which the fault began."""
 
     kind: Literal["frozen_output"] = "frozen_output"
 
 
 class InvalidOutput(Timed):
-    """One of the receiver's own checks marks its output as invalid; a filter whose logic does not ask for that flag
-    uses the output all the same.
-    """
+    """The receiver flags its output as invalid. A filter whose mode logic ignores that flag still uses the output."""
 
     kind: Literal["invalid_output"] = "invalid_output"
     flag: Flag = Field("checksum", description="which: integrity or checksum, hardware, time synchronisation")
 
 
 class Spoofing(Timed):
-    """Ranges, rates and phases of all satellites are those of a place that moves away from the antenna, at the power of
-    the true signals: the solution walks off and its ranges stay consistent.
+    """Ranges, range rates and phases of all satellites are those of a point that moves away from the antenna.
+
+    The power is that of the true signals. The solution drifts while its ranges stay consistent.
     """
 
     kind: Literal["spoofing"] = "spoofing"
@@ -176,7 +175,7 @@ class Spoofing(Timed):
 
 
 class Jamming(Timed):
-    """A transmitter on the ground in the receiver's band: C/N0 falls as the link budget says."""
+    """A transmitter on the ground in the receiver's band, which lowers C/N0 according to the link budget."""
 
     kind: Literal["jamming"] = "jamming"
     latitude: Annotated[Angle, Field(ge=-0.5 * math.pi, le=0.5 * math.pi)]  # geodetic, of the transmitter
@@ -195,7 +194,7 @@ class Jamming(Timed):
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
-        # not by whether they were given: levels of an axis come with every default
+        # compare with the defaults: the levels of an axis set every field, so that "given by the user" says nothing
         fields = type(self).model_fields
         pointed = [name for name in ("azimuth", "elevation") if getattr(self, name) != fields[name].default]
         if self.pattern is None and pointed:
@@ -203,48 +202,48 @@ class Jamming(Timed):
 
 
 class LatencyChange(Timed):
-    """Measurements arrive later than the filter knows."""
+    """Latency of the measurements beyond the latency assumed by the filter."""
 
     kind: Literal["latency_change"] = "latency_change"
     by: Duration
 
 
 class UnitFault(Timed):
-    """A fault of one of several inertial units."""
+    """A fault of one IMU."""
 
     unit: int = Field(1, ge=1, description="its number in the list of units")
 
 
 class GyroBiasStep(UnitFault):
-    """A step of the gyros' bias, along the (first three) axes of the unit."""
+    """Step of the gyro bias along the (first three) axes of the IMU."""
 
     kind: Literal["gyro_bias_step"] = "gyro_bias_step"
     size: tuple[AngularRate, AngularRate, AngularRate]
 
 
 class AccelBiasStep(UnitFault):
-    """A step of the accelerometers' bias, along the (first three) axes of the unit."""
+    """Step of the accelerometer bias along the (first three) axes of the IMU."""
 
     kind: Literal["accel_bias_step"] = "accel_bias_step"
     size: tuple[Acceleration, Acceleration, Acceleration]
 
 
 class GyroScaleFactorStep(UnitFault):
-    """A step of the gyros' scale factor, along the (first three) axes of the unit."""
+    """Step of the gyro scale factor along the (first three) axes of the IMU."""
 
     kind: Literal["gyro_scale_factor_step"] = "gyro_scale_factor_step"
     size: tuple[SignedFraction, SignedFraction, SignedFraction]
 
 
 class AccelScaleFactorStep(UnitFault):
-    """A step of the accelerometers' scale factor, along the (first three) axes of the unit."""
+    """Step of the accelerometer scale factor along the (first three) axes of the IMU."""
 
     kind: Literal["accel_scale_factor_step"] = "accel_scale_factor_step"
     size: tuple[SignedFraction, SignedFraction, SignedFraction]
 
 
 class DeadAxis(UnitFault):
-    """A sensing element that answers no more; bias and noise of its electronics go on."""
+    """A sensing element that no longer responds to its input; bias and noise of its electronics remain."""
 
     kind: Literal["dead_axis"] = "dead_axis"
     sensor: Literal["gyro", "accelerometer"]
@@ -253,7 +252,7 @@ class DeadAxis(UnitFault):
 
 
 class DroppedSamples(UnitFault):
-    """Increments of the inertial unit that do not arrive; the strapdown sees none, or the last one again."""
+    """Lost increments of an IMU, which the strapdown replaces by zero or by the last increment."""
 
     kind: Literal["dropped_samples"] = "dropped_samples"
     instead: Literal["nothing", "last"] = "nothing"

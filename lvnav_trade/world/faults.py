@@ -1,4 +1,4 @@
-"""Faults of a campaign: effects on satellites and receiver at the epochs."""
+"""Faults of a case: their effects on satellites and receiver at the epochs."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -62,34 +62,47 @@ def _about(number: int, field: str, message: str) -> InputError:
 
 
 def missing_antenna(number: int, n_antenna: int) -> str:
-    """Say that a receiver has no antenna of this number."""
+    """Return the message that a receiver has no antenna of this number."""
     if n_antenna == 0:
         return "the receiver has no antennas; it sees all satellites above its mask"
     return f"antenna {number}: the receiver has {n_antenna}, counted from 1"
 
 
 def missing_axis(number: int, n_axis: int) -> str:
-    """Say that an inertial unit has no sensing axis of this number."""
+    """Return the message that an IMU has no sensing axis of this number."""
     return f"axis {number}: the unit has {n_axis}, counted from 1"
 
 
 def missing_satellite(name: str, names: Sequence[str]) -> str:
-    """Say that a constellation has no satellite of this name, and how its own are called."""
+    """Return the message that a constellation has no satellite of this name, with some of its names."""
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""
     return f"{name!r} is not in the constellation (it has {', '.join(names[:4])}{more})"
 
 
 def periods(number: int, fault: AnyFault, course: Course) -> Intervals:
-    """Return when a fault holds on a flight; a clock jumps at the start of the one interval, which has no length.
+    """Return the intervals (s) in which a fault is active.
 
-    InputError names the fault where an event is not one of the flight.
+    A jump has one interval of zero length, at which it occurs.
+
+    Parameters
+    ----------
+    number : int
+        Index of the fault in the scenario, for messages.
+    fault : card
+    course : Course
+        The flight, for its events and conditions.
+
+    Raises
+    ------
+    InputError
+        The flight has no such event. The path names the fault.
     """
     try:
         start = None if fault.start is None else course.time(fault.start, "start")
         if isinstance(fault, Jump):
             if start is not None:
                 return ((start, start),)
-            return tuple((course.begin(one), course.begin(one)) for one, _ in course.holding(fault)[:1])
+            return tuple((course.begin(first), course.begin(first)) for first, _ in course.holding(fault)[:1])
         if start is None or fault.duration is None:
             return course.holding(fault)
         timed = (start, start + fault.duration)
@@ -99,32 +112,66 @@ def periods(number: int, fault: AnyFault, course: Course) -> Intervals:
 
 
 def active(faults: Sequence[AnyFault], kind: type[Card], course: Course, t: Floats) -> Iterable[Any]:
-    """Yield number (from 0), card, mask (n_epoch,) of the epochs at which it holds, start and end (s) of every interval
-    of the faults of a kind.
+    """Yield every active interval of the faults of a class.
 
-    InputError where a start cannot be resolved, or a fault lies wholly before or after the epochs.
+    Parameters
+    ----------
+    faults : sequence of fault cards
+        All faults of the scenario.
+    kind : type
+        Class of the cards to yield.
+    course : Course
+    t : (n_epoch,) s
+        Epochs, rising.
+
+    Yields
+    ------
+    number : int
+        Index of the fault, from 0.
+    fault : card
+    mask : (n_epoch,) bool
+        Epochs at which the fault is active.
+    start, end : float
+        Interval (s).
+
+    Raises
+    ------
+    InputError
+        A start cannot be resolved, or a fault of any class lies outside the flight.
     """
     for number, fault in enumerate(faults):
-        found = periods(number, fault, course)
-        if t.size and not any(end >= t[0] - ROUNDING and t[-1] + ROUNDING >= start for start, end in found):
-            raise _about(number, "start" if fault.start else fault.stated[0], _outside(fault, found, t))
+        intervals = periods(number, fault, course)
+        if t.size and not any(end >= t[0] - ROUNDING and t[-1] + ROUNDING >= start for start, end in intervals):
+            raise _about(number, "start" if fault.start else fault.stated[0], _outside(fault, intervals, t))
         if isinstance(fault, kind):
-            for start, end in found:
+            for start, end in intervals:
                 yield number, fault, inside(((start, end),), t), course.begin(start), end
 
 
-def _outside(fault: AnyFault, found: Intervals, t: Floats) -> str:
+def _outside(fault: AnyFault, intervals: Intervals, t: Floats) -> str:
     what = "outage" if isinstance(fault, SatelliteOutage) else fault.kind.replace("_", " ")
-    when = f" from {found[0][0]:g} s to {found[0][1]:g} s" if found else ""
+    when = f" from {intervals[0][0]:g} s to {intervals[0][1]:g} s" if intervals else ""
     return f"the {what}{when} lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
 
 
 def lost(faults: Sequence[AnyFault], course: Course, t: Floats, elevation: Floats, visible: Mask) -> Mask:
-    """Return which satellites outages take away, (n_epoch, n_sat) bool.
+    """Return which satellites are lost to outages, (n_epoch, n_sat) bool.
 
-    A fault holds from its start (included) to its end (excluded); where several hold, each takes its share. t
-    (n_epoch,) s, rising; elevation (n_epoch, n_sat) rad; visible: whether the satellite could be tracked without any
-    fault. InputError as of `active`.
+    Outages that overlap add up: a satellite is lost if any of them removes it.
+
+    Parameters
+    ----------
+    faults, course : as in `active`
+    t : (n_epoch,) s
+        Epochs, rising.
+    elevation : (n_epoch, n_sat) rad
+    visible : (n_epoch, n_sat) bool
+        Whether the satellite could be tracked without faults.
+
+    Raises
+    ------
+    InputError
+        As in `active`.
     """
     gone = np.zeros_like(visible)
     for number, fault, within, *_ in active(faults, SatelliteOutage, course, t):
@@ -136,10 +183,10 @@ def lost(faults: Sequence[AnyFault], course: Course, t: Floats, elevation: Float
 
 
 def antennas_alive(faults: Sequence[AnyFault], course: Course, t: Floats, n_antenna: int) -> Mask:
-    """Return which antennas receive, (n_epoch, n_antenna) bool; InputError where a fault names one that is none."""
+    """Return which antennas work, (n_epoch, n_antenna) bool; InputError if a fault names an antenna that is missing."""
     alive = np.ones((t.size, n_antenna), dtype=bool)
     for number, fault, _, start, end in active(faults, AntennaFailure, course, t):
-        # what is said of an epoch holds since the epoch before, so the one that the failure begins with still has all
+        # an epoch describes the interval before it, so that the epoch at which the failure starts is not affected
         within = (t > start + ROUNDING) & (t <= end + ROUNDING)
         for antenna in fault.antennas:
             if antenna > n_antenna:
@@ -149,7 +196,7 @@ def antennas_alive(faults: Sequence[AnyFault], course: Course, t: Floats, n_ante
 
 
 def delay(faults: Sequence[AnyFault], course: Course, t: Floats) -> Floats:
-    """Return by how much later than the filter knows measurements arrive, (n_epoch,) s."""
+    """Return the latency of the measurements beyond the latency assumed by the filter, (n_epoch,) s."""
     late = np.zeros(t.size)
     for _, fault, within, *_ in active(faults, LatencyChange, course, t):
         late[within] += fault.by
@@ -164,9 +211,9 @@ def _named(number: int, wanted: tuple[str, ...], names: tuple[str, ...]) -> Mask
 
 
 def _affected(number: int, fault: TimedInSight, within: Mask, elevation: Floats, candidates: Mask) -> Mask:
-    """Return which satellites a fault affects by their elevation, while it holds, (n_epoch, n_sat).
+    """Return which satellites an active fault affects by their elevation, (n_epoch, n_sat) bool.
 
-    InputError where it would affect none of the candidates (n_epoch, n_sat) at any time of the flight.
+    InputError if it would affect none of the candidates (n_epoch, n_sat) at any time of the flight.
     """
     sighted = fault.sights(elevation)
     if fault.by_elevation and within.size and not np.any(sighted & candidates):
@@ -177,8 +224,10 @@ def _affected(number: int, fault: TimedInSight, within: Mask, elevation: Floats,
 def singled_out(
     faults: Sequence[AnyFault], course: Course, t: Floats, names: tuple[str, ...], elevation: Floats, tracked: Mask
 ) -> list[tuple[str, ...]]:
-    """Return the satellites that each fault affects by name, or as the highest at its start; none where it affects
-    others or all. Parameters as of `failures`.
+    """Return the names of the satellites that each fault affects individually.
+
+    They are those that the card names, or the highest at the start of the fault. A fault of all satellites or of the
+    receiver has none. Parameters are those of `failures`.
     """
     found = []
     for number, fault in enumerate(faults):
@@ -199,8 +248,20 @@ def failures(
     elevation: Floats,
     tracked: Mask,
 ) -> Failures:
-    """Return what faults do to the measurements at the epochs t (n_epoch,) s, rising; names (n_sat,); elevation (rad)
-    and tracked (n_epoch, n_sat).
+    """Return the effects of faults on the measurements at the epochs.
+
+    Parameters
+    ----------
+    faults, course, t : as in `active`
+    names : (n_sat,)
+        Names of the satellites.
+    elevation : (n_epoch, n_sat) rad
+    tracked : (n_epoch, n_sat) bool
+
+    Raises
+    ------
+    InputError
+        As in `active`, or a fault names a satellite that the constellation does not have.
     """
     n, shape = t.size, (t.size, len(names))
     bias, drift, slip, jump, wild, solution_wild = (np.zeros(size) for size in (shape, shape, shape, (n, 2), shape, n))
@@ -234,23 +295,26 @@ def failures(
             solution_wild[within] = np.hypot(solution_wild[within], fault.sigma)
     for _, _, within, *_ in active(faults, FrozenOutput, course, t):
         frozen |= within
-    frozen[:1] = False  # there is nothing yet to be held
+    frozen[:1] = False  # the first epoch has no earlier output to repeat
     for _, fault, within, *_ in active(faults, InvalidOutput, course, t):
         invalid[within, FLAGS.index(fault.flag)] = True
     return out
 
 
 def _add_drift(jump: Floats, t: Floats, since: float, rate: float) -> None:
-    """Let a clock drift from a time on: drift changes at the next epoch, bias by what has come up until then."""
+    """Add a clock drift from a time on: at the next epoch the drift changes, and the bias by the drift accumulated."""
     if since <= t[-1] + ROUNDING:
         first = int(np.searchsorted(t, since - ROUNDING))
         jump[first] += rate * max(0.0, t[first] - since), rate
 
 
 def highest(elevation: Floats, candidates: Mask, count: int) -> Any:
-    """Return which of the candidates are the `count` highest, along the last axis; equal heights keep their order.
+    """Return which candidates have the `count` highest elevations along the last axis, (..., n_sat) bool.
 
-    elevation (..., n_sat) rad; candidates (..., n_sat) bool; all candidates where they are no more than `count`.
+    Equal elevations are taken in order. With no more than `count` candidates the result is all of them.
+
+    elevation : (..., n_sat) rad
+    candidates : (..., n_sat) bool
     """
     order = np.argsort(np.where(candidates, -elevation, np.inf), axis=-1, kind="stable")
     rank = np.argsort(order, axis=-1, kind="stable")

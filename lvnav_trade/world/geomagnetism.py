@@ -33,7 +33,7 @@ def _table() -> tuple[Floats, Floats, Floats]:
 
 
 def year_of(epoch: str) -> float:
-    """Return an ISO 8601 time (UTC) as a decimal year."""
+    """Return the decimal year of an ISO 8601 time (UTC)."""
     moment = datetime.fromisoformat(epoch)
     moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
     start, end = (datetime(moment.year + k, 1, 1, tzinfo=UTC) for k in (0, 1))
@@ -47,9 +47,9 @@ def covered() -> tuple[float, float]:
 
 
 def coefficients(year: float) -> tuple[Floats, Floats]:
-    """Return g, h (14, 14) nT at a decimal year: linear between those of every fifth year.
+    """Return the coefficients g, h (14, 14) nT at a decimal year, by degree and order.
 
-    ValueError where the model does not cover it.
+    They are linear between the five-year epochs of the model. ValueError outside the years of the model.
     """
     years, g, h = _table()
     if not years[0] <= year <= years[-1]:
@@ -61,8 +61,20 @@ def coefficients(year: float) -> tuple[Floats, Floats]:
 
 
 def field(r_e: Floats, year: float, degree: int = DEGREE) -> Floats:
-    """Return the field (..., 3) in T, Earth-fixed axes, at places r_e (..., 3) m off the polar axis; terms up to a
-    degree.
+    """Return the magnetic field (..., 3) T in frame e.
+
+    Parameters
+    ----------
+    r_e : (..., 3) m, frame e
+        Positions, not on the polar axis.
+    year : float
+        Decimal year.
+    degree : int
+        Largest degree of the expansion.
+
+    Notes
+    -----
+    The field is -grad V with the potential V = a sum (a / r)^(n + 1) (g cos m lon + h sin m lon) P_n^m(cos colatitude).
     """
     g, h = coefficients(year)
     r_e = np.asarray(r_e, dtype=float)
@@ -86,8 +98,9 @@ def field(r_e: Floats, year: float, degree: int = DEGREE) -> Floats:
 
 
 def legendre(cosine: Floats, sine: Floats, degree: int) -> tuple[list[list[Floats]], list[list[Floats]]]:
-    """Return Schmidt semi-normalised associated Legendre functions of the colatitude, by degree and order, and their
-    derivatives with respect to it (rad); arguments (...,).
+    """Return Schmidt semi-normalised associated Legendre functions, by degree and order, and their derivatives.
+
+    cosine, sine : (...,). Cosine and sine of the colatitude. Derivatives are with respect to the colatitude (rad).
     """
     one, none = np.ones_like(cosine), np.zeros_like(cosine)
     P, dP = [[one]], [[none]]
@@ -109,8 +122,9 @@ def legendre(cosine: Floats, sine: Floats, degree: int) -> tuple[list[list[Float
 
 
 def gradient(r_e: Floats, year: float, degree: int = DEGREE, step: float = 1e3) -> Floats:
-    """Return the derivative (..., 3, 3) of the field (rows) by place (columns) in T/m, Earth-fixed axes: central
-    differences over `step` (m), good to a millionth.
+    """Return the gradient (..., 3, 3) T/m of the field (rows) by position (columns) in frame e.
+
+    Central differences over `step` (m), accurate to 1e-6 of the gradient. Parameters are those of `field`.
     """
     columns = []
     for axis in range(3):

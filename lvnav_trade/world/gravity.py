@@ -7,7 +7,7 @@ from pydantic import Field
 from lvnav_trade.layout import NO_SENSOR, ErrorTerm
 from lvnav_trade.units import AccelerationSigma, Card, TimeConstant
 
-# Not a sensor's error: it pushes along the axes of frame i.
+# Driver of a disturbance that is no sensor error: an acceleration along the axes of frame i.
 GRAVITY = -2
 
 
@@ -21,7 +21,7 @@ class GravityCard(Card):
 
 
 def disturbance(card: GravityCard | None) -> tuple[ErrorTerm, ...]:
-    """Return the disturbance as a true error term; none where the card names none."""
+    """Return the disturbance as a true error term in a tuple; an empty tuple without a card or with zero sigma."""
     if card is None or card.sigma == 0.0:
         return ()
     return (ErrorTerm("gravity disturbance", 0, NO_SENSOR, GRAVITY, card.sigma, 0.0, card.time or math.inf),)

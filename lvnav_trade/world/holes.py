@@ -1,4 +1,4 @@
-"""Gaps in the rows of a file: largest length allowed, and remarks on gaps that a spline bridges."""
+"""Gaps between the rows of a data file: largest length allowed, and remarks on gaps that a spline bridges."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,11 +8,16 @@ import numpy as np
 from lvnav_trade.errors import InputError
 from lvnav_trade.records import Floats
 
-_MANY = 6.0  # times the longer of the intervals beside it: more than that is a hole, less a change of rate
+_MANY = 6.0  # times the longer neighbouring interval: above it an interval is a gap, below it a change of rate
 
 
 class Hole(NamedTuple):
-    """A stretch from `start` to `end` (s) without rows, after row `row`, where the rows around are `usual` s apart."""
+    """A gap between two rows of a file.
+
+    row : Index of the last row before the gap.
+    start, end : s. Times of the rows before and after it.
+    usual : s. Longer of the intervals around it.
+    """
 
     row: int
     start: float
@@ -26,20 +31,35 @@ class Hole(NamedTuple):
 
 
 def holes(t: Floats) -> list[Hole]:
-    """Return the holes between rising times t (n,) in s."""
+    """Return the gaps between rising times t (n,) in s."""
     interval = np.diff(t)
-    beside = np.maximum(np.append(interval[1:], 0.0), np.append(0.0, interval[:-1]))
-    found = np.flatnonzero((interval > _MANY * beside) & (beside > 0.0)).tolist()
-    return [Hole(k, float(t[k]), float(t[k + 1]), float(beside[k])) for k in found]
+    neighbour = np.maximum(np.append(interval[1:], 0.0), np.append(0.0, interval[:-1]))
+    gaps = np.flatnonzero((interval > _MANY * neighbour) & (neighbour > 0.0)).tolist()
+    return [Hole(k, float(t[k]), float(t[k + 1]), float(neighbour[k])) for k in gaps]
 
 
 def bridged(
     t: Floats, needed: float, longest: float, file: str, places: Sequence[str] = ()
 ) -> tuple[list[Hole], Hole | None]:
-    """Return the holes that a spline through rows at rising t (n,) bridges, and the one before which the rows end.
+    """Return the gaps that a spline bridges, and the gap at which the data end.
 
-    needed: time (s) up to which rows are wanted; longest: hole (s) that is bridged. A longer one ends the rows where
-    nothing is needed behind it, and else is an InputError. places: where each row stands in the file.
+    Parameters
+    ----------
+    t : (n,) s
+        Rising times of the rows.
+    needed : float
+        Time (s) up to which data are required. At a longer gap after it the data end.
+    longest : float
+        Longest gap (s) that a spline bridges.
+    file : str
+        Name of the file for messages.
+    places : sequence of str
+        Line of each row, for messages.
+
+    Raises
+    ------
+    InputError
+        A gap longer than `longest` begins before `needed`.
     """
     short: list[Hole] = []
     for hole in holes(t):
@@ -57,7 +77,7 @@ def bridged(
 
 
 def described(short: Sequence[Hole]) -> list[str]:
-    """Return in words which holes a spline bridges; nothing where there are none."""
+    """Return the remark on the gaps that a spline bridges; an empty list without gaps."""
     if not short:
         return []
     longest = max(short, key=lambda hole: hole.length)

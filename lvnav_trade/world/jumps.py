@@ -1,4 +1,4 @@
-"""Jumps of the specific force in the rows of a file: where an event is probably missing, as YAML to paste."""
+"""Jumps of the specific force in a trajectory file: events that are probably missing, as YAML to paste."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -8,18 +8,23 @@ import numpy as np
 
 from lvnav_trade.records import Floats
 
-_SIDE = 3  # intervals on each side of a jump, through which the force is a straight line
-_SMALLEST = 1.0  # m/s^2; a fairing or a throttled engine may make less and is no reason to ask
-_SIGNIFICANT = 10.0  # sigmas of an interval's force that a jump must exceed; two extrapolated lines differ by 2.2
-_BURIED = 1.6  # of that limit, up to which noise may bend the lines beside a jump too far
-_STRAIGHT = 0.15  # of the jump by which the force may leave the lines beside it: ramps and single wrong rows do more
-_FLAT = 0.5  # of the jump by which those lines may rise or fall
-_COAST = 0.25  # of the force on the other side of a jump, below which an engine is taken for off
-_NEAR = 0.5  # s, and two intervals: an event that is declared so close to a jump is that of the jump
+_SIDE = 3  # intervals on each side of a jump, to which a straight line is fitted
+_SMALLEST = 1.0  # m/s^2; smaller jumps (a fairing, a throttled engine) are not reported
+_SIGNIFICANT = 10.0  # threshold in sigmas of one interval's force; the difference of the two lines has 2.2 sigmas
+_BURIED = 1.6  # of that threshold: up to this size noise may spoil the fit of a true jump
+_STRAIGHT = 0.15  # of the jump: largest deviation from the lines; ramps and single wrong rows have more
+_FLAT = 0.5  # of the jump: largest rise or fall of those lines
+_COAST = 0.25  # of the force on the other side of a jump: below it the engine counts as off
+_NEAR = 0.5  # s, plus two intervals: a declared event so close to a jump explains it
 
 
 class Jump(NamedTuple):
-    """A jump of the specific force at `time` (s), from `before` to `after` (m/s^2), in an interval of `width` s."""
+    """A jump of the specific force.
+
+    time : s. Estimated time within the interval.
+    before, after : m/s^2. Specific force at either side.
+    width : s. Length of the interval.
+    """
 
     time: float
     before: float
@@ -28,11 +33,21 @@ class Jump(NamedTuple):
 
 
 def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float = 0.0) -> list[Jump]:
-    """Return the jumps of a force in order of time.
+    """Return the jumps of a specific force in order of time.
 
-    t (n + 1,): rising times in s; force (n,): mean specific force (m/s^2) over each interval; noise: one sigma (m/s) of
-    the velocities that it comes from, at each time or at all, as far as known. What noise may explain is no jump:
-    intervals are joined two by two, up to `coarsest` s, for jumps that the noise of shorter ones hides.
+    Jumps that noise may explain are not returned. Intervals are joined in pairs, again and again, to find the jumps
+    that noise hides in shorter intervals.
+
+    Parameters
+    ----------
+    t : (n + 1,) s
+        Rising times.
+    force : (n,) m/s^2
+        Mean specific force over each interval.
+    coarsest : float
+        Longest joined interval (s).
+    noise : float or (n + 1,)
+        One sigma (m/s) of the velocities from which the force is computed; 0 if unknown.
     """
     found: list[Jump] = []
     stated, hidden = np.broadcast_to(noise, t.shape), np.full(force.shape, np.inf)
@@ -56,26 +71,31 @@ def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float
 
 
 def _noise(force: Floats) -> float:
-    """Return one sigma of the force of an interval, from what neighbours do not share; few jumps do not count."""
+    """Return one sigma of the force of an interval, estimated robustly from second differences.
+
+    The median ignores a few jumps. A second difference of white noise has sqrt(6) sigmas; the median absolute value of
+    a Gaussian is 0.6745 sigmas.
+    """
     return float(np.median(np.abs(np.diff(force, 2)))) / (0.6745 * math.sqrt(6.0))
 
 
 def _separate(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iterator[Jump]:
-    """Yield the jumps from `limit` to `hidden` (n,) m/s^2 of an interval, the clearest first, none within the lines
-    beside another.
+    """Yield the jumps whose size is between `limit` and `hidden` (n,) m/s^2, the clearest first.
+
+    None lies within the fitted lines of another.
     """
     level, slope, middle, off = _lines(0.5 * (t[1:] + t[:-1]), force)
     k = np.arange(_SIDE, force.size - _SIDE)
     first, second = k - _SIDE, k + 1  # the lines before and after an interval
     before, after = (level[j] + slope[j] * (t[[k, k + 1]] - middle[j]) for j in (first, second))  # at both ends
-    apart = after - before
+    apart = after - before  # difference of the lines at both ends of the interval
     size, worst = np.min(np.abs(apart), axis=0), np.maximum(off[first], off[second])
     span = np.mean(before, axis=0) - np.mean(after, axis=0)
     part = (force[k] - np.mean(after, axis=0)) / np.where(span == 0.0, 1.0, span)  # of the interval before the jump
     clear = (apart[0] * apart[1] > 0.0) & (worst <= _STRAIGHT * size) & (np.abs(part - 0.5) <= 0.6)
-    clear &= (size > limit[k]) & (size <= hidden[k])  # two lines that meet within the interval are a bend
+    clear &= (size > limit[k]) & (size <= hidden[k])  # lines that cross within the interval are a bend, not a jump
     drift = _SIDE * (t[k + 1] - t[k]) * np.maximum(np.abs(slope[first]), np.abs(slope[second]))
-    clear &= drift <= _FLAT * size  # wrong rows may make a straight line too, a steep one
+    clear &= drift <= _FLAT * size  # wrong rows may also lie on a straight line, but on a steep one
     score = np.where(clear, size - 3.0 * worst, 0.0)
     while score.size and np.max(score) > 0.0:
         j = int(np.argmax(score))
@@ -86,12 +106,13 @@ def _separate(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iterat
 
 
 def _lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the straight lines through `_SIDE` forces in a row, at times t (n,): level at their mean time, slope, that
-    time, and the most by which a force is off, each (n - _SIDE + 1,).
+    """Fit straight lines to every `_SIDE` successive forces (n,) at times t (n,).
+
+    Returns level at the mean time, slope, mean time, and largest residual, each (n - _SIDE + 1,).
     """
-    at, of = (np.lib.stride_tricks.sliding_window_view(one, _SIDE) for one in (t, force))
-    middle, level = at.mean(axis=1), of.mean(axis=1)
-    far, rise = at - middle[:, None], of - level[:, None]
+    times, forces = (np.lib.stride_tricks.sliding_window_view(values, _SIDE) for values in (t, force))
+    middle, level = times.mean(axis=1), forces.mean(axis=1)
+    far, rise = times - middle[:, None], forces - level[:, None]
     slope = np.sum(far * rise, axis=1) / np.sum(far**2, axis=1)
     return level, slope, middle, np.max(np.abs(rise - slope[:, None] * far), axis=1)
 
@@ -99,10 +120,11 @@ def _lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats]:
 def suggested_events(
     t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
 ) -> dict[str, str]:
-    """Return names and times of the events that jumps of a force suggest and a card does not declare.
+    """Return names and times of events that the jumps of a specific force suggest and the card does not declare.
 
-    Arguments as of `force_jumps`; declared: times (s) of the events by name. A force that ends is named a cut-off of
-    the stage in turn, one that begins an ignition of the next; other steps are named by their sense.
+    Arguments are those of `force_jumps`, and `declared`: times (s) of the declared events by name. A force that ends is
+    named the cut-off of the current stage, a force that begins the ignition of the next; other steps are named by their
+    sign.
     """
     found: dict[str, str] = {}
     stage, counts = 1, {"rise": 0, "fall": 0}
@@ -126,7 +148,7 @@ def suggested_events(
 def missing_events(
     t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
 ) -> str:
-    """Return `suggested_events` as YAML; empty where there are none."""
+    """Return the warning with `suggested_events` as YAML; empty if there are none."""
     found = suggested_events(t, force, declared, coarsest, noise)
     if not found:
         return ""

@@ -1,4 +1,4 @@
-"""Coning and vibration: the cards, and the sums of sinusoids that they become."""
+"""Coning and vibration: cards, and their evaluation as sums of sinusoids."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,7 +22,7 @@ Axis = Literal["x", "y", "z"]
 
 
 class Coning(Card):
-    """A motion in which `axis` describes a cone: a rotation vector of constant length, across it, turns about it."""
+    """Coning: `axis` describes a cone, and the rotation vector of constant length turns in the plane across it."""
 
     angle: Annotated[units.Angle, Field(gt=0.0, lt=0.5)] = Field(description="half-angle of the cone")
     frequency: units.Frequency
@@ -31,7 +31,7 @@ class Coning(Card):
 
 
 class Tone(Card):
-    """One sinusoid along or about a body axis: a thrust oscillation, a bending mode. The value given is its peak."""
+    """A sinusoid along or about a body axis, such as a thrust oscillation or a bending mode, given by its peak."""
 
     frequency: units.Frequency
     axis: Axis
@@ -47,8 +47,8 @@ class Tone(Card):
 class Noise(Card):
     """Random vibration: a one-sided spectral density over a band, as `lines` sinusoids of fixed frequency and phase.
 
-    The density is interpolated on logarithmic axes between the breakpoints. Each axis has phases of its own, which
-    depend on `name` alone: every run, case and campaign shakes alike.
+    The density is interpolated on logarithmic axes between the breakpoints. Phases differ by axis and depend on `name`
+    alone, so that the vibration is the same in every run, case and campaign.
     """
 
     name: str = "vibration"
@@ -70,11 +70,12 @@ class Noise(Card):
 
 
 class Mode(Card):
-    """A mode of a standing vehicle that the wind excites: it rocks or bends about a body axis, or twists about its own.
+    """Sway of a vehicle on its pad: rocking or bending about a body axis, or torsion, excited by wind.
 
-    The unit is turned by an angle and displaced with it by the lever arm. With a damping ratio the motion is random, of
-    the density of a damped oscillator under white torque, as `lines` sinusoids of fixed frequency and phase of equal
-    power; they depend on `name` and axis alone: every run, case and campaign sways alike. Without, it is one sinusoid.
+    The IMU is rotated by an angle and displaced by that angle times the lever arm. With a damping ratio the motion is
+    random and has the spectral density of a damped oscillator under white torque. It is a sum of `lines` sinusoids of
+    equal power, whose frequencies and phases depend on `name` and axis alone, so that it is the same in every run, case
+    and campaign. Without a damping ratio it is a single sinusoid.
     """
 
     name: str = "sway"
@@ -90,9 +91,9 @@ class Mode(Card):
 
 
 class OscillationCard(Card):
-    """Coning and vibration between two times of the flight, which grow and die away over `ramp` at either end.
+    """Coning and vibration between two times of the flight, with a ramp of length `ramp` at either end.
 
-    They are laid over the flight: the trajectory of the unit's resting point stays what it is.
+    They are added to the trajectory; the mean position and attitude of the IMU do not change.
     """
 
     start: Instant = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
@@ -109,9 +110,13 @@ class OscillationCard(Card):
 
 
 class Oscillation(NamedTuple):
-    """A small motion over [start, end] (s): the real part of sums of lines, times a window with ramps of `ramp` s.
+    """A small motion: the real part of a sum of k complex sinusoids, times a window with ramps.
 
-    omega (k,) rad/s; turn (k, 3) rotation vector (rad), shift (k, 3) displacement (m), complex, body axes, at `start`.
+    start, end : s since lift-off.
+    ramp : s. Length of the ramps.
+    omega : (k,) rad/s. Angular frequencies.
+    turn : (k, 3) rad. Complex amplitude of the rotation vector at `start`, body axes.
+    shift : (k, 3) m. Complex amplitude of the displacement at `start`, body axes.
     """
 
     start: float
@@ -123,7 +128,11 @@ class Oscillation(NamedTuple):
 
 
 class Small(NamedTuple):
-    """Rotation vector from the resting to the moving body and its rate, displacement and its two rates, (n, 3) each."""
+    """Small motion of the body relative to its mean motion at n times, body axes.
+
+    turn, turn_rate : (n, 3) rad, rad/s. Rotation vector and its derivative.
+    shift, shift_rate, shift_acceleration : (n, 3) m, m/s, m/s^2. Displacement and its two derivatives.
+    """
 
     turn: Floats
     turn_rate: Floats
@@ -133,19 +142,19 @@ class Small(NamedTuple):
 
 
 def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> Small:
-    """Return the sum of oscillations at times t (n,), body axes; nothing outside their windows."""
+    """Return the sum of oscillations at times t (n,), body axes; zero outside their windows."""
     total = Small(*(np.zeros((t.size, 3)) for _ in Small._fields))
-    for one in oscillations:
-        within = (one.start < t) & (t < one.end)
-        for whole, part in zip(total, _moved(one, t[within]), strict=True):
+    for oscillation in oscillations:
+        within = (oscillation.start < t) & (t < oscillation.end)
+        for whole, part in zip(total, _motion_of(oscillation, t[within]), strict=True):
             whole[within] += part
     return total
 
 
-def _moved(one: Oscillation, t: Floats) -> Small:
-    w, dw, ddw = (column[:, None] for column in _window(one, t))
-    parts = (np.hstack([amplitude.real, amplitude.imag]) for amplitude in (one.turn, one.shift))
-    waves = sum_of_waves(t - one.start, one.omega, *parts)
+def _motion_of(oscillation: Oscillation, t: Floats) -> Small:
+    w, dw, ddw = (column[:, None] for column in _window(oscillation, t))
+    parts = (np.hstack([amplitude.real, amplitude.imag]) for amplitude in (oscillation.turn, oscillation.shift))
+    waves = sum_of_waves(t - oscillation.start, oscillation.omega, *parts)
     turn, turn_rate, shift, rate, acceleration = np.split(waves, 5, axis=1)
     return Small(
         w * turn,
@@ -156,25 +165,39 @@ def _moved(one: Oscillation, t: Floats) -> Small:
     )
 
 
-def _window(one: Oscillation, t: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the window (n,) and its two derivatives: quintic from 0 to 1 and back, without slope and curvature at the
-    ends of a ramp, so that attitude, body rate, velocity and specific force have no jump.
+def _window(oscillation: Oscillation, t: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the window (n,) and its two derivatives.
+
+    Its ramps are quintics w = 10 x^3 - 15 x^4 + 6 x^5 with zero slope and curvature at both ends, so that attitude,
+    body rate, velocity and specific force have no jump.
     """
-    rising, falling = (t - one.start) / one.ramp, (one.end - t) / one.ramp
+    ramp = oscillation.ramp
+    rising, falling = (t - oscillation.start) / ramp, (oscillation.end - t) / ramp
     x = np.clip(np.minimum(rising, falling), 0.0, 1.0)
-    sign = np.where(rising <= falling, 1.0, -1.0) / one.ramp
+    sign = np.where(rising <= falling, 1.0, -1.0) / ramp
     w = x**3 * (10.0 + x * (6.0 * x - 15.0))
     dw = 30.0 * x**2 * (1.0 - x) ** 2 * sign
-    ddw = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / one.ramp**2
+    ddw = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / ramp**2
     return w, dw, ddw
 
 
 def oscillations(
     cards: Iterable[OscillationCard], events: Mapping[str, float], span: tuple[float, float]
 ) -> tuple[Oscillation, ...]:
-    """Return the oscillations of cards in a flight with events (s) and first and last time `span` (s).
+    """Return the oscillations of a flight.
 
-    InputError where a time is no time of the flight, or a window is too short for its ramps.
+    Parameters
+    ----------
+    cards : iterable of OscillationCard
+    events : mapping
+        Times (s) of the events by name.
+    span : (float, float)
+        First and last time (s) of the flight.
+
+    Raises
+    ------
+    InputError
+        A time lies outside the flight, or a window is too short for its ramps.
     """
     instants, found = {"start": span[0], "end": span[1], **events}, []
     for k, card in enumerate(cards, start=1):
@@ -195,7 +218,7 @@ _NONE: Complex = np.zeros(3, dtype=complex)
 
 
 def _unit(axis: Axis, step: int = 0) -> Complex:
-    """Return the unit vector of the axis `step` places after `axis` in the cycle x, y, z."""
+    """Return the unit vector of the axis `step` positions after `axis` in the cycle x, y, z."""
     return np.eye(3, dtype=complex)[("xyz".index(axis) + step) % 3]
 
 
@@ -213,9 +236,9 @@ def _tone(card: Tone) -> Row:
 
 
 def _lines(card: Noise) -> Iterable[Row]:
-    """Yield the lines of a band: equal steps of log frequency, each with one line of the step's power.
+    """Yield the lines of a band: equal steps of log frequency, each with one line that has the power of the step.
 
-    Frequencies within a step and phases come from a fixed stream, so that lines of no two axes beat together.
+    Frequencies within a step and phases are drawn from a fixed stream, so that lines of two axes do not beat.
     """
     density = card.acceleration or card.rate or ()
     edges = np.geomspace(card.frequency[0], card.frequency[-1], card.lines + 1)
@@ -230,11 +253,11 @@ def _lines(card: Noise) -> Iterable[Row]:
             yield (omega, wave / (1j * omega), _NONE) if card.rate is not None else (omega, _NONE, -wave / omega**2)
 
 
-_SLOWEST, _FASTEST = 0.02, 20.0  # of the frequency of a mode: beyond, the density has less than 1e-4 of the power
+_SLOWEST, _FASTEST = 0.02, 20.0  # times the frequency of a mode: less than 1e-4 of the power lies outside
 
 
 def _sway(card: Mode) -> Iterator[Row]:
-    """Yield the lines of a mode: of equal power, a fixed place within each part of the density, and fixed phases."""
+    """Yield the lines of a mode: of equal power, with fixed frequencies within equal parts of the density."""
     if card.damping is None:
         yield _swaying(card, card.frequency, math.sqrt(2.0) * card.angle, 0.0)
         return
@@ -245,18 +268,21 @@ def _sway(card: Mode) -> Iterator[Row]:
     power = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(ratio))])
     at = np.interp((np.arange(card.lines) + where) / card.lines, power / power[-1], ratio)
     peak = card.angle * math.sqrt(2.0 / card.lines)
-    for one, turns in zip(at.tolist(), phase.tolist(), strict=True):
-        yield _swaying(card, one * card.frequency, peak, 2.0 * math.pi * turns)
+    for factor, turns in zip(at.tolist(), phase.tolist(), strict=True):
+        yield _swaying(card, factor * card.frequency, peak, 2.0 * math.pi * turns)
 
 
 def _swaying(card: Mode, frequency: float, peak: float, phase: float) -> Row:
-    """Return one sinusoid of a mode: its rotation vector, and the displacement of a unit at the lever arm."""
+    """Return a sinusoid of a mode: its rotation vector, and the displacement of the IMU at the lever arm."""
     turn = -1j * peak * np.exp(1j * phase) * _unit(card.axis)
     return 2.0 * math.pi * frequency, turn, np.cross(turn, card.lever)
 
 
 def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
-    """Return the power (n,) from f[0] to `at` (n,) of a density given at f, straight on logarithmic axes between."""
+    """Return the power (n,) between f[0] and `at` (n,) of a density that is linear on logarithmic axes between f.
+
+    Each piece is density f^s, with the integral f^(s + 1) / (s + 1), or log f for s = -1.
+    """
     slope = np.diff(np.log(density)) / np.diff(np.log(f))
     total = np.zeros_like(at)
     for k, p in enumerate(slope + 1.0):

@@ -1,4 +1,4 @@
-"""Gain of an antenna over the angle off its boresight: patterns of receivers, and of transmitters that jam them."""
+"""Antenna gain over the angle off boresight: patterns of receiver antennas and of jamming transmitters."""
 
 import math
 from collections.abc import Iterator
@@ -37,7 +37,10 @@ Pattern = Annotated[CosineGain | TableGain, Field(discriminator="kind")]
 
 
 def pattern_gain(pattern: CosineGain | TableGain, angle: Floats) -> Floats:
-    """Return the gain (dBi) of a pattern at angles off boresight (rad, any shape)."""
+    """Return the gain (dBi) of a pattern at angles off boresight (...,) rad, same shape.
+
+    The gain of a cosine pattern is peak + 10 n log10(cos angle) in dBi, limited by the front-to-back ratio.
+    """
     if isinstance(pattern, CosineGain):
         ahead = np.clip(np.cos(angle), 1e-30, None)
         fall = np.maximum(10.0 * pattern.exponent * np.log10(ahead), -pattern.front_to_back)

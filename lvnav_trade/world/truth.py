@@ -1,6 +1,6 @@
-"""Truth as splines: position and attitude per phase, and everything that follows from them by differentiation.
+"""True trajectory as splines of position and attitude by phase; velocity, rate and specific force are derivatives.
 
-A roll of many turns and what oscillates stand beside the splines, as formulas.
+Rolls of many turns and oscillations are closed formulas added to the splines.
 """
 
 import math
@@ -22,17 +22,20 @@ from lvnav_trade.world.conditions import Course
 from lvnav_trade.world.oscillation import Oscillation, small_motion
 
 _AT_ONCE = 4096
-"""Times whose motion is worked out together: what is needed meanwhile (3 KB a time) stays in the processor's cache and
-does not become part of the process."""
-PAD_STEP = 2.5  # s between knots on the pad; the Earth's turn is so slow that rounding is the only error
-_SLIVER = 1e-9  # s; a piece of a tick shorter than this is rounding of the grid, not a piece
+"""Number of times evaluated together. Intermediate arrays (3 KB a time) then stay in the processor's cache."""
+PAD_STEP = 2.5  # s between knots on the pad; at the Earth's rate the spline error is below rounding
+_SLIVER = 1e-9  # s; a shorter piece of a tick is rounding of the grid
 
 
 class Phase(NamedTuple):
-    """A stretch without a jump of force: splines of position (m, frame i) and quaternion (q_b_i before normalising).
+    """Part of a trajectory without a jump of specific force.
 
-    spin: roll angle (rad) over time, by which the body is turned about its x axis from the splined attitude.
-    oscillations: coning and vibration, by which it is turned and displaced from there.
+    name : Name of the phase.
+    start, end : s since lift-off.
+    position : Spline of position (m, frame i).
+    attitude : Spline of the quaternion q_b_i, before normalisation.
+    spin : Roll angle (rad) over time, a rotation about the body x axis after the splined attitude.
+    oscillations : Coning and vibration, a rotation and displacement after the roll.
     """
 
     name: str
@@ -48,17 +51,20 @@ BEYOND, WARNING, NOTE = "beyond usual limits", "warning", "note"
 
 
 class Remark(NamedTuple):
-    """What a user should know of a flight: kind (`BEYOND`, `WARNING` or `NOTE`), and the text, without a full stop."""
+    """Remark on a trajectory for the user: kind (`BEYOND`, `WARNING` or `NOTE`) and text without a full stop."""
 
     kind: str
     text: str
 
 
 class Commands(NamedTuple):
-    """What the controller of a vehicle asked for, on ticks t (n,) s: how its commanded rate has changed since lift-off
-    (n, 2) (rad/s), and the nozzle's angle (n, 2) (rad), in pitch and yaw.
+    """Commands of the attitude controller in pitch and yaw.
 
-    A command that begins anew where the vehicle points, as a motor lights, is no change.
+    A command that is reset to the actual attitude at an ignition counts as no change.
+
+    t : (n,) s since lift-off. Ticks of the controller.
+    rate : (n, 2) rad/s. Change of the commanded rate since lift-off.
+    nozzle : (n, 2) rad. Commanded nozzle angle.
     """
 
     t: Floats
@@ -66,15 +72,22 @@ class Commands(NamedTuple):
     nozzle: Floats
 
     def at(self, t: Floats) -> tuple[Floats, Floats]:
-        """Return both at times t (k,) s, (k, 2) each: those of the tick before, and before the first none."""
+        """Return rate and nozzle angle, (k, 2) each, of the last tick before times t (k,) s; zero before the first."""
         k = np.searchsorted(self.t, t + _SLIVER, side="right")
         return np.vstack([np.zeros(2), self.rate])[k], np.vstack([np.zeros(2), self.nozzle])[k]
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The true flight. Phases follow one another without a gap; events (s), in order of time; facts for the report;
-    remarks on the file that it was made from; commands of the vehicle's controller, none where it is not modelled.
+    """The true trajectory.
+
+    phases : Phases without gaps between them.
+    events : Times (s since lift-off) of the events by name, in order of time.
+    theta0 : rad. Earth angle at lift-off.
+    epoch : ISO 8601 time of lift-off.
+    facts : Figures for the report, by name.
+    remarks : Remarks on the input file or the solution.
+    commands : Commands of the attitude controller; None if it is not modelled.
     """
 
     phases: tuple[Phase, ...]
@@ -90,7 +103,7 @@ class Trajectory:
 
     @property
     def start(self) -> float:
-        """Start of the first phase, s since lift-off (negative: on the pad)."""
+        """Start of the first phase, s since lift-off; negative on the pad."""
         return self.phases[0].start
 
     @property
@@ -104,12 +117,12 @@ class Trajectory:
         return {"start": self.start, "end": self.end, **self.events}
 
     def remarked(self, kind: str, texts: Iterable[str]) -> "Trajectory":
-        """Return the flight with further remarks of a kind."""
+        """Return the trajectory with further remarks of a kind."""
         return replace(self, remarks=(*self.remarks, *(Remark(kind, text) for text in texts)))
 
     @cached_property
     def course(self) -> Course:
-        """The flight as conditions on what is switched see it."""
+        """The flight as `Conditions` evaluate it: events, altitude, speed, dynamic pressure."""
         return Course(self.instants, self._reached)
 
     def _reached(self, t: Floats) -> Floats:
@@ -124,14 +137,15 @@ class Trajectory:
 def splined(
     name: str, t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike, attitude: BSpline, spin: PPoly | None = None
 ) -> Phase:
-    """Return the phase through positions r (n, 3) at t (n,), with velocity and acceleration (2, 3) at both ends."""
+    """Return the phase through positions r (n, 3) m at t (n,) s; attitude and spin as in `Phase`.
+
+    v_ends, a_ends : (2, 3) m/s, m/s^2, frame i. Velocity and acceleration at both ends.
+    """
     return Phase(name, float(t[0]), float(t[-1]), position_spline(t, r, v_ends, a_ends), attitude, spin)
 
 
 def pad_times(start: float, hold: float, step: float = PAD_STEP) -> Floats:
-    """Return times (n,) s, at most `step` apart, of a rest of `hold` seconds on the pad that ends at `start`: knots of
-    its splines.
-    """
+    """Return the knots (n,) s, at most `step` s apart, of `hold` seconds at rest on the pad that end at `start`."""
     return start + np.linspace(-hold, 0.0, max(8, int(np.ceil(hold / step))) + 1)
 
 
@@ -144,9 +158,13 @@ def pad_phase(
     spin: PPoly | None = None,
     v_end: Floats | None = None,
 ) -> tuple[Phase, ...]:
-    """Return the rest at r_e (3,) on the Earth for `hold` seconds before `start`; nothing where there is no hold.
+    """Return the phase at rest on the pad, in a tuple; an empty tuple without a hold.
 
-    v_end (3,) is the velocity (m/s, frame i) that it ends with; none: that of the Earth there.
+    r_e : (3,) m, frame e. Position on the pad.
+    theta0 : rad. Earth angle at lift-off.
+    start, hold : s. End of the phase (since lift-off) and its length.
+    attitude, spin : As in `Phase`.
+    v_end : (3,) m/s, frame i. Velocity at the end, that of the next phase; None: that of the rotating Earth.
     """
     if hold <= 0.0:
         return ()
@@ -159,25 +177,25 @@ def pad_phase(
 
 
 def position_spline(t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike) -> BSpline:
-    """Return the quintic through r (n, 3) at t (n,), with given velocity and acceleration (2, 3) at both ends."""
+    """Return the quintic spline through r (n, 3) at t (n,), with velocity and acceleration (2, 3) of both ends."""
     v, a = np.asarray(v_ends), np.asarray(a_ends)
     return make_interp_spline(t, r, k=5, bc_type=([(1, v[0]), (2, a[0])], [(1, v[1]), (2, a[1])]))
 
 
 def joined(parts: Sequence[Floats]) -> Floats:
-    """Return the samples of successive stretches as one array, those where two stretches meet once."""
+    """Return the samples of successive phases as one array, with the common sample of two phases only once."""
     return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]])
 
 
 def attitude_spline(t: Floats, q: Floats) -> BSpline:
-    """Return the quintic through quaternions q (n, 4), of continuous sign, at times t (n,)."""
+    """Return the quintic spline through quaternions q (n, 4) of continuous sign; `motion` normalises its values."""
     return make_interp_spline(t, q, k=5)
 
 
 def motion(trajectory: Trajectory, t: ArrayLike) -> Motion:
-    """Return the true motion at times t (n,), s since lift-off; at a jump the value just after it.
+    """Return the true motion at times t (n,), s since lift-off; at a jump of force the value just after it.
 
-    Times outside the trajectory are a ValueError: a spline means nothing there.
+    ValueError if a time lies outside the trajectory, where the splines would extrapolate.
     """
     t = np.atleast_1d(np.asarray(t, dtype=float))
     if t.size and not (trajectory.start <= t.min() and t.max() <= trajectory.end):
@@ -195,7 +213,7 @@ def motion(trajectory: Trajectory, t: ArrayLike) -> Motion:
 
 
 def _stretches(n: int) -> Iterator[slice]:
-    """Return slices of at most `_AT_ONCE` that make up n places."""
+    """Return slices of at most `_AT_ONCE` that together cover n indices."""
     return (slice(first, min(first + _AT_ONCE, n)) for first in range(0, n, _AT_ONCE))
 
 
@@ -209,11 +227,11 @@ def _in_phase(phase: Phase, t: Floats) -> Motion:
 
 
 def _turning(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
-    """Return quaternion (n, 4) and body rate (n, 3) at times t (n,) of the body that does not oscillate."""
+    """Return quaternion (n, 4) and body rate (n, 3) at times t (n,) of the body without its oscillations."""
     raw = phase.attitude(t)
     length = np.linalg.norm(raw, axis=1, keepdims=True)
     q, slope = raw / length, phase.attitude(t, 1) / length
-    # w = 2 vec(q* qdot); a change of length is along q and has no vector part, so qdot need not be freed of it.
+    # w = 2 vec(q* qdot). The part of qdot that changes the length is along q and has no vector part in the product.
     w, xyz, dw, dxyz = q[:, :1], q[:, 1:], slope[:, :1], slope[:, 1:]
     rate = 2.0 * (w * dxyz - dw * xyz - np.cross(xyz, dxyz))
     if phase.spin is None:
@@ -225,11 +243,11 @@ def _turning(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
 
 
 def _turning_faster(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
-    """Return the derivative (n, 3) of the body rate w_ib_b (n, 3) of `_turning`."""
+    """Return the angular acceleration (n, 3) rad/s^2: the derivative of the body rate w_ib_b (n, 3) of `_turning`."""
     raw, first, second = phase.attitude(t), phase.attitude(t, 1), phase.attitude(t, 2)
     square = np.sum(raw * raw, axis=1, keepdims=True)
     w, xyz = raw[:, :1], raw[:, 1:]
-    # The term of qdot* qdot is a number without vector part; what is left besides is the change of length.
+    # qdot* qdot is a scalar and drops out of the vector part; the last line corrects for the change of length.
     bend = 2.0 * (w * second[:, 1:] - second[:, :1] * xyz - np.cross(xyz, second[:, 1:])) / square
     rate = 2.0 * (w * first[:, 1:] - first[:, :1] * xyz - np.cross(xyz, first[:, 1:])) / square
     bend -= rate * (2.0 * np.sum(raw * first, axis=1, keepdims=True) / square)
@@ -243,11 +261,11 @@ def _turning_faster(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
 
 
 def _shaken(phase: Phase, t: Floats, r: Floats, v: Floats) -> Motion:
-    """Return the motion at times t (n,) of an oscillating body whose resting place is at r and moves with v, (n, 3).
+    """Return the motion at times t (n,) of an oscillating body; its mean position is r, its mean velocity v, (n, 3).
 
-    The displacement d in the axes of the resting body gives f_b its own acceleration and the three terms of the
-    turning axes: d'' + 2 w x d' + w' x d + w x (w x d). The rotation vector p turns the body by exp(p) at the rate J(p)
-    p', J = 1 - (1 - cos |p|) / |p|^2 [p x] + (|p| - sin |p|) / |p|^3 [p x]^2.
+    The displacement d, in the axes of the body without oscillations, adds the acceleration
+    d'' + 2 w x d' + w' x d + w x (w x d). The rotation vector p turns the body by exp(p) at the rate J(p) p', with
+    J = 1 - (1 - cos |p|) / |p|^2 [p x] + (|p| - sin |p|) / |p|^3 [p x]^2.
     """
     q, w = _turning(phase, t)
     dw = _turning_faster(phase, t, w)
@@ -266,10 +284,10 @@ def _shaken(phase: Phase, t: Floats, r: Floats, v: Floats) -> Motion:
 
 
 def _vector_rate(p: Floats, dp: Floats) -> Floats:
-    """Return the body rate (n, 3) of a rotation vector p (n, 3), below half a turn, that changes by dp (n, 3)."""
+    """Return the body rate (n, 3) rad/s of a rotation vector p (n, 3), below half a turn, with derivative dp (n, 3)."""
     x2 = np.sum(p * p, axis=1, keepdims=True)
     small = x2 < 0.01
-    x = np.sqrt(np.where(small, 1.0, x2))
+    x = np.sqrt(np.where(small, 1.0, x2))  # 1 where the series apply, to avoid 0 / 0
     a = np.where(small, 0.5 - x2 / 24.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0)), (1.0 - np.cos(x)) / x**2)
     series = 1.0 / 6.0 - x2 / 120.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))
     b = np.where(small, series, (x - np.sin(x)) / x**3)
@@ -278,44 +296,44 @@ def _vector_rate(p: Floats, dp: Floats) -> Floats:
 
 
 def rotation_quaternions(p: Floats) -> Floats:
-    """Return the quaternions (n, 4) of rotation vectors p (n, 3), continuous in p."""
+    """Return the quaternions (n, 4), scalar first, of rotation vectors p (n, 3) rad; continuous in p."""
     half = 0.5 * np.linalg.norm(p, axis=1, keepdims=True)
-    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * p], axis=1)
+    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * p], axis=1)  # numpy: sinc(x) = sin(pi x)/(pi x)
 
 
 def product(p: Floats, q: Floats) -> Floats:
-    """Return the quaternions (n, 4) of the rotation p (n, 4) followed, in the turned axes, by q (n, 4)."""
+    """Return the quaternion products p q (n, 4): rotation p (n, 4), then q (n, 4) about the rotated axes."""
     a, b, u, v = p[:, :1], q[:, :1], p[:, 1:], q[:, 1:]
     scalar = a * b - np.sum(u * v, axis=1, keepdims=True)
     return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=1)
 
 
 def oscillating(trajectory: Trajectory, oscillations: tuple[Oscillation, ...]) -> Trajectory:
-    """Return the flight with oscillations laid over it, its phases cut where a window's formula changes."""
+    """Return the trajectory with oscillations added, its phases cut at the ends of ramps so that each is smooth."""
     if not oscillations:
         return trajectory
-    edges = ((one.start, one.start + one.ramp, one.end - one.ramp, one.end) for one in oscillations)
+    edges = ((shake.start, shake.start + shake.ramp, shake.end - shake.ramp, shake.end) for shake in oscillations)
     cuts = sorted(set(chain.from_iterable(edges)))
     phases: list[Phase] = []
     for phase in trajectory.phases:
         times = [phase.start, *(cut for cut in cuts if phase.start < cut < phase.end), phase.end]
         for start, end in pairwise(times):
-            here = tuple(one for one in oscillations if one.start < end and start < one.end)
+            here = tuple(shake for shake in oscillations if shake.start < end and start < shake.end)
             phases.append(phase._replace(start=start, end=end, oscillations=here))
     return replace(trajectory, phases=tuple(phases))
 
 
 def at_rest(trajectory: Trajectory) -> Trajectory:
-    """Return the flight without its oscillations."""
+    """Return the trajectory without its oscillations."""
     return replace(trajectory, phases=tuple(phase._replace(oscillations=()) for phase in trajectory.phases))
 
 
 def reference(trajectory: Trajectory, rate: float) -> Reference:
     """Return the motion on ticks at `rate` (Hz) from the start, and the increments of an ideal IMU between them.
 
-    Increments are Gauss-Legendre integrals of body rate (rad) and specific force (m/s) over each tick, split where a
-    phase ends within it; with three nodes, exact to the sixth power of the tick, or more where the body spins or
-    oscillates. A last piece of flight shorter than a tick is left out.
+    Increments are Gauss-Legendre integrals of body rate (rad) and specific force (m/s) over each interval, split at the
+    end of a phase. They have three nodes (exact to the sixth power of the interval), or more if the body spins or
+    oscillates. The remainder of the trajectory after the last whole interval is omitted.
     """
     n_imu = math.floor((trajectory.end - trajectory.start) * rate + 1e-6)
     t = np.minimum(trajectory.start + np.arange(n_imu + 1) / rate, trajectory.end)
@@ -323,7 +341,7 @@ def reference(trajectory: Trajectory, rate: float) -> Reference:
     dtheta, dvel = np.zeros((n_imu, 3)), np.zeros((n_imu, 3))
     for phase in trajectory.phases:
         begin, end = np.maximum(t[:-1], phase.start), np.minimum(t[1:], phase.end)
-        (within,) = np.nonzero(end - begin > _SLIVER)  # the ticks that the phase has a part in, one after the other
+        (within,) = np.nonzero(end - begin > _SLIVER)  # intervals that overlap the phase, contiguous
         if within.size:
             ticks = slice(within[0], within[-1] + 1)
             _add_integrals(phase, begin[ticks], end[ticks], dtheta[ticks], dvel[ticks])
@@ -346,20 +364,18 @@ def _add_integrals(phase: Phase, begin: Floats, end: Floats, dtheta: Floats, dve
 
 
 def _fastest(phase: Phase) -> float:
-    """Return the highest angular frequency (rad/s) in a phase's force and rate, second harmonics included."""
+    """Return the highest angular frequency (rad/s) of force and rate in a phase, second harmonics included."""
     spin = 0.0
     if phase.spin is not None:
         inside = phase.spin.x[(phase.start < phase.spin.x) & (phase.spin.x < phase.end)]
         spin = float(np.max(np.abs(phase.spin(np.concatenate([[phase.start], inside, [phase.end]]), 1))))
-    return spin + 2.0 * max((float(np.max(one.omega)) for one in phase.oscillations), default=0.0)
+    return spin + 2.0 * max((float(np.max(shake.omega)) for shake in phase.oscillations), default=0.0)
 
 
 @lru_cache(maxsize=256)
 def _quadrature(angle: float) -> tuple[Floats, Floats]:
-    """Return Gauss-Legendre nodes and weights on (0, 1): three, or as many as integrate a wave over `angle` rad of its
-    phase to 1e-12.
-    """
-    n, exact = max(3, int(0.25 * angle)), np.sinc(0.5 * angle / np.pi)  # with fewer, the wave is not resolved
+    """Return Gauss-Legendre nodes and weights on (0, 1): three, or enough for `angle` rad of a sine wave to 1e-12."""
+    n, exact = max(3, int(0.25 * angle)), np.sinc(0.5 * angle / np.pi)  # fewer nodes do not resolve the wave
     while True:
         nodes, weights = np.polynomial.legendre.leggauss(n)
         if abs(0.5 * weights @ np.cos(0.5 * angle * nodes) - exact) < 1e-12:
@@ -368,9 +384,9 @@ def _quadrature(angle: float) -> tuple[Floats, Floats]:
 
 
 def body_axes(x: Floats, right: Floats, roll: Floats) -> Floats:
-    """Return C_b_i (n, 3, 3) of a body with x axis x (n, 3) and the given roll (n,) from the zero of the roll card.
+    """Return the attitude C_b_i (n, 3, 3) of a body with x axis x (n, 3), frame i, and roll angle roll (n,) rad.
 
-    At zero roll the y axis is the part of `right` (n, 3) across x; both in frame i.
+    right : (n, 3), frame i. Direction of the y axis at zero roll, before its component along x is removed.
     """
     level = unit(right - np.sum(right * x, axis=1, keepdims=True) * x)
     below = cross(x, level)

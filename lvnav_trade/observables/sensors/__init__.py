@@ -1,6 +1,6 @@
-"""The family of sensors: every module of this folder that registers one in `SENSORS` is a member.
+"""The family of sensors: all sensors that the modules of this folder register in `SENSORS`.
 
-A new sensor is a module here, a card in `configs/` and a test. Its number in the kernels is its place in `FAMILY`.
+A new sensor is a module here, a card in `configs/` and a test. Its number in the kernels is its index in `FAMILY`.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from lvnav_trade.units import Card
 
 
 def kind_of(card: type[SensorCard]) -> str:
-    """Return the word by which a scenario names a kind of sensor."""
+    """Return the kind of a sensor card, as a scenario names it."""
     return str(card.model_fields["kind"].default)
 
 
 def _family() -> tuple[Registration, ...]:
-    """Return what the modules of this folder register, in the order of their numbers."""
-    names = [found.name for found in pkgutil.walk_packages(__path__, f"{__name__}.")]
-    found = [one for name in names for one in getattr(importlib.import_module(name), "SENSORS", ())]
-    return tuple(sorted(found, key=lambda one: (one.order, kind_of(one.card))))
+    """Return the registrations of the modules of this folder, in the order of their numbers."""
+    names = [module.name for module in pkgutil.walk_packages(__path__, f"{__name__}.")]
+    members = [member for name in names for member in getattr(importlib.import_module(name), "SENSORS", ())]
+    return tuple(sorted(members, key=lambda member: (member.order, kind_of(member.card))))
 
 
 FAMILY = _family()
@@ -38,7 +38,7 @@ RANGES = ("pseudorange", "range_rate")
 OBSERVABLES = (*RANGES, *FURTHER)
 SENSOR_MEASUREMENTS = tuple(dict.fromkeys(card.measurement for card in SENSORS))
 MEASUREMENTS = (*RECEIVER_SOLUTION, *OBSERVABLES, *SENSOR_MEASUREMENTS, "imu")
-"""Names of measurements, in the order in which a filter card holds them."""
+"""Names of all measurements, in the order of a filter card."""
 
 SENSOR_STATES = {state.name: state for card in SENSORS for state in card.model.states.values()}
 """Extra states of a filter for lasting errors of sensors, by name."""
@@ -65,7 +65,7 @@ else:
 
 
 def model_of(models: SensorModels, sensor: SensorCard) -> Any:
-    """Return the filter model of a sensor: that of the filter card, or the one that takes the sensor's own numbers."""
+    """Return the filter model of a sensor: that of the filter card, or for `matched` the numbers of the sensor."""
     stated = getattr(models, sensor.measurement)
     return sensor.matched() if isinstance(stated, str) else stated
 
@@ -73,17 +73,25 @@ def model_of(models: SensorModels, sensor: SensorCard) -> Any:
 @inlined
 @choosing([member.measure for member in FAMILY])
 def measure(out, code, truth, e0, e1, e2):
-    """Set what a sensor measures.
+    """Set the measured values of a sensor.
 
-    out : (4,) set; code : the member's number; truth : (4,) at the epoch; e0, e1, e2 : errors of its scalars, SI
+    out : (4,) output.
+    code : Index of the sensor in `FAMILY`.
+    truth : (4,) error-free values at the epoch, SI.
+    e0, e1, e2 : Errors of the scalars, SI.
     """
 
 
 @inlined
 @choosing([member.fill for member in FAMILY])
 def fill(H, z, at, code, observed, nav, theta, known):
-    """Set the Jacobian rows of a sensor, from row `at` on, and measured minus predicted.
+    """Set the Jacobian rows of a sensor, from row `at` on, and its innovations (measured minus predicted).
 
-    H : (n, n_entry), z : (n,) updated; observed : (4,) of `measure`; nav : (10,) navigation state, frame i;
-    theta : rad, angle of the Earth at the epoch; known : (N_KNOWN,) what the filter knows of the sensor there
+    H : (n, n_entry) Jacobian, updated.
+    z : (n,) innovations, updated.
+    code : Index of the sensor in `FAMILY`.
+    observed : (4,) measured values, as from `measure`.
+    nav : (10,) navigation state, frame i.
+    theta : rad. Earth angle at the epoch.
+    known : (N_KNOWN,) parameters of the sensor that the filter knows, at the epoch.
     """

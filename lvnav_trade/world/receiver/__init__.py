@@ -1,4 +1,4 @@
-"""The GNSS receiver, truth side: antennas, link budget, tracking loops and channels, and the satellites that it tracks.
+"""The GNSS receiver, truth side: antennas, link budget, tracking loops, channels, and tracked satellites.
 
 Read `receiver.py` first (the card), then `visibility.py`.
 """

@@ -1,4 +1,4 @@
-"""Antennas and link budget: from what a satellite radiates to the carrier-to-noise density of the receiver."""
+"""Antennas and link budget: from the power radiated by a satellite to the C/N0 of the receiver."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -24,11 +24,11 @@ from lvnav_trade.units import (
 from lvnav_trade.world.patterns import Pattern, pattern_gain
 
 BOLTZMANN_DB = -228.599167  # dBW/K/Hz: 10 log10 of 1.380649e-23 J/K, exact since 2019
-ROOM = 290.0  # K; the temperature that noise figures refer to
+ROOM = 290.0  # K; reference temperature of noise figures
 
 
 class AntennaCard(NamedCard):
-    """An antenna on the body: where its phase centre is, which way it looks, its gain around that axis."""
+    """An antenna on the vehicle: its phase centre, boresight, and gain about the boresight."""
 
     source: str = ""
     lever_b: tuple[Length, Length, Length] = Field(
@@ -44,14 +44,16 @@ class AntennaCard(NamedCard):
 
 
 def gain(card: AntennaCard, angle: Floats) -> Floats:
-    """Return the gain (dBi) at angles off boresight (rad, any shape); -inf beyond the cut-off."""
+    """Return the gain (dBi) at angles off boresight (...,) rad, same shape; -inf beyond the cut-off."""
     return np.asarray(np.where(angle <= card.cutoff, pattern_gain(card.pattern, angle), -np.inf))
 
 
 def gains(cards: Sequence[AntennaCard], direction_b: Floats) -> Floats:
-    """Return the gain (dBi) of every antenna towards unit vectors in body axes.
+    """Return the gain (..., n_antenna) dBi of every antenna towards a direction.
 
-    direction_b (..., 3); result (..., n_antenna). Without antennas there is one that hears all directions with 0 dBi.
+    Without antennas there is one isotropic antenna of 0 dBi.
+
+    direction_b : (..., 3). Unit vectors in body axes.
     """
     if not cards:
         return np.zeros((*direction_b.shape[:-1], 1))
@@ -61,7 +63,7 @@ def gains(cards: Sequence[AntennaCard], direction_b: Floats) -> Floats:
 
 
 class LinkCard(Card):
-    """What the satellites radiate on L1 and what the front end of the receiver adds.
+    """Link budget on L1: transmitter of the satellites, losses, and noise of the receiver's front end.
 
     Defaults of the transmitter: the link budget of the technology handbook of Chungbuk National University (gain at
     elevations of 90, 50 and 5 deg for a user on the ground; additional loss of atmosphere, polarisation and mismatch).
@@ -102,20 +104,20 @@ class LinkCard(Card):
 
 
 def path_loss(card: LinkCard, distance: Floats) -> Floats:
-    """Return the free-space loss (dB) between isotropic antennas at a distance (m)."""
+    """Return the free-space loss 20 log10(4 pi d / lambda) (dB) between isotropic antennas at a distance (m)."""
     return np.asarray(20.0 * np.log10(4.0 * math.pi * distance / card.wavelength))
 
 
 def received_power(card: LinkCard, distance: Floats, off_nadir: Floats) -> Floats:
-    """Return the power (dBW) that an isotropic antenna receives.
+    """Return the power (...,) dBW received by an isotropic antenna.
 
-    distance (m) from the satellite; off_nadir (rad) the angle at the satellite between its nadir and the antenna; both
-    of the same shape.
+    distance : (...,) m. Distance to the satellite.
+    off_nadir : (...,) rad. Angle at the satellite between its nadir and the antenna.
     """
     transmitted = card.transmit_power + np.interp(off_nadir, card.transmit_angle, card.transmit_gain)
     return np.asarray(transmitted - path_loss(card, distance) - card.loss)
 
 
 def carrier_to_noise(card: LinkCard, power: Floats) -> Floats:
-    """Return C/N0 (dB-Hz) of a signal whose power at the antenna's output is given in dBW."""
+    """Return C/N0 (dB-Hz) of a signal from its power (dBW) at the output of the antenna: C - 10 log10(k T) - loss."""
     return np.asarray(power - (BOLTZMANN_DB + 10.0 * math.log10(card.system_temperature)) - card.implementation_loss)

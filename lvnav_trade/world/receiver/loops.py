@@ -1,4 +1,4 @@
-"""Code and carrier tracking loops: their noise, their lag under dynamics, and when they let go."""
+"""Code and carrier tracking loops: thermal noise, lag under dynamics, and loss of lock."""
 
 import math
 from collections.abc import Iterator
@@ -11,20 +11,20 @@ from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import AngleSigma, Card, Frequency, JitterPerForce, TimeConstant
 
-# Natural frequency (rad/s) of a loop is its noise bandwidth (Hz) over this, by order: Kaplan and Hegarty, table 5.6.
+# Noise bandwidth (Hz) over natural frequency (rad/s) by order of the loop: Kaplan and Hegarty, table 5.6.
 NATURAL = {1: 0.25, 2: 0.53, 3: 0.7845}
-WEAKEST = -30.0  # dB-Hz; what is weaker counts as this, so that every noise is a finite number
-PHASE_LIMIT = math.radians(15.0)  # a third of what a discriminator blind to data bits takes for the right side
-NEAR_THRESHOLD = 2.0  # Kaplan and Hegarty: F of the frequency loop is 1 for strong signals, 2 where it is about to slip
-_LARGEST_LOSS = 40.0  # dB; beyond, nothing is left of the signal
+WEAKEST = -30.0  # dB-Hz; lower bound of C/N0, so that every noise is a finite number
+PHASE_LIMIT = math.radians(15.0)  # a third of the pull-in range of 45 deg of a discriminator insensitive to data bits
+NEAR_THRESHOLD = 2.0  # Kaplan and Hegarty: F of the frequency loop is 1 for strong signals, 2 near threshold
+_LARGEST_LOSS = 40.0  # dB; the signal is lost at this loss
 
 
 class LoopsCard(Card):
     """Delay lock loop on the code, phase or frequency lock loop on the carrier.
 
     The rules are those of Kaplan and Hegarty, Understanding GPS, 2nd ed., chapter 5: thermal noise of the loops from
-    C/N0, steady lag behind acceleration or jerk, and lock while three sigma and the lag together lie within what the
-    discriminator can tell.
+    C/N0, steady lag under acceleration or jerk, and lock while three sigma plus the lag lie within the range of the
+    discriminator.
     """
 
     carrier: Literal["pll", "fll"] = "pll"  # phase or frequency lock loop
@@ -68,10 +68,10 @@ def _ratio(cn0: Floats) -> Floats:
 
 
 def code_sigma(card: LoopsCard, cn0: Floats) -> Floats:
-    """Return the thermal noise (m, one sigma) of the code loop at C/N0 (dB-Hz, any shape).
+    """Return the thermal noise (...,) m, one sigma, of the code loop at C/N0 cn0 (...,) dB-Hz.
 
-    A non-coherent early-minus-late discriminator; which of the three expressions holds depends on spacing times
-    front-end bandwidth (Betz and Kolodziejski, in Kaplan and Hegarty, section 5.6.3).
+    For a non-coherent early-minus-late discriminator. The product of correlator spacing and front-end bandwidth selects
+    one of three expressions (Betz and Kolodziejski, in Kaplan and Hegarty, section 5.6.3).
     """
     c, spacing, width = _ratio(cn0), card.spacing, card.front_end / card.code_rate
     squaring = 2.0 / (card.integration * c * (2.0 - spacing))
@@ -85,29 +85,45 @@ def code_sigma(card: LoopsCard, cn0: Floats) -> Floats:
 
 
 def phase_sigma(card: LoopsCard, cn0: Floats) -> Floats:
-    """Return the thermal noise (rad, one sigma) of a phase loop at C/N0 (dB-Hz)."""
+    """Return the thermal noise (rad, one sigma) of a phase loop at C/N0 (dB-Hz).
+
+    sigma^2 = B / c (1 + 1 / (2 T c)) with bandwidth B, integration time T and the ratio c of C/N0 (1/s).
+    """
     c = _ratio(cn0)
     return np.asarray(np.sqrt(card.carrier_bandwidth / c * (1.0 + 0.5 / (card.integration * c))))
 
 
 def frequency_sigma(card: LoopsCard, cn0: Floats, factor: float = 1.0) -> Floats:
-    """Return the thermal noise (Hz, one sigma) of a frequency loop at C/N0 (dB-Hz); factor: F of the book, 1 to 2."""
+    """Return the thermal noise (Hz, one sigma) of a frequency loop at C/N0 (dB-Hz).
+
+    sigma = sqrt(4 F B / c (1 + 1 / (T c))) / (2 pi T); factor F is 1 for strong signals, 2 near threshold.
+    """
     c, period = _ratio(cn0), card.integration
     spread = np.sqrt(4.0 * factor * card.carrier_bandwidth / c * (1.0 + 1.0 / (period * c)))
     return np.asarray(spread / (2.0 * math.pi * period))
 
 
 def rate_sigma(card: LoopsCard, cn0: Floats, wavelength: float) -> Floats:
-    """Return the thermal noise (m/s, one sigma) of the range rate at C/N0 (dB-Hz); wavelength in m."""
+    """Return the thermal noise (m/s, one sigma) of the range rate at C/N0 (dB-Hz).
+
+    A phase loop computes the rate from the difference of two phases with independent noise over `rate_interval`.
+
+    wavelength : m. Wavelength of the carrier.
+    """
     if card.carrier == "fll":
         return wavelength * frequency_sigma(card, cn0)
     return np.asarray(math.sqrt(2.0) * (wavelength / (2.0 * math.pi) * phase_sigma(card, cn0)) / card.rate_interval)
 
 
 def lag(card: LoopsCard, acceleration: Floats, jerk: Floats, wavelength: float) -> Floats:
-    """Return by how much the carrier loop trails under steady dynamics: rad of a phase loop, Hz of a frequency loop.
+    """Return the steady-state lag of the carrier loop under dynamics, without sign: rad (phase loop) or Hz.
 
-    acceleration (m/s^2) and jerk (m/s^3) of the range, same shape; result without sign.
+    A phase loop of order n lags by the n-th derivative of phase over omega^n; a frequency loop of order n has one
+    integrator more.
+
+    acceleration : (...,) m/s^2. Second derivative of the range.
+    jerk : (...,) m/s^3. Third derivative of the range.
+    wavelength : m. Wavelength of the carrier.
     """
     along = acceleration if card.carrier_order + (card.carrier == "fll") == 2 else jerk
     cycles = np.abs(along) / wavelength / card.natural_frequency**card.carrier_order
@@ -120,29 +136,44 @@ def shaking(card: LoopsCard, specific_force: Floats) -> Floats:
 
 
 def coherence_loss(card: LoopsCard, trail: Floats, jitter: Floats) -> Floats:
-    """Return how much C/N0 (dB) is lost because the carrier is not followed within an integration.
+    """Return the loss of C/N0 (...,) dB due to carrier errors within an integration interval.
 
-    trail as of `lag`, jitter (rad) of the oscillator; same shape. A Gaussian phase leaves exp(-sigma^2) of the power, a
-    constant error of frequency sinc^2, one of phase cos^2.
+    A Gaussian phase jitter reduces the power by exp(-sigma^2), a constant frequency error by sinc^2, and a constant
+    phase error by cos^2.
+
+    trail : (...,) rad or Hz. Lag of the carrier loop, as from `lag`.
+    jitter : (...,) rad. Phase jitter of the oscillator, one sigma.
     """
     if card.carrier == "fll":
-        left = np.sinc(np.minimum(trail * card.integration, 1.0)) ** 2
+        power = np.sinc(np.minimum(trail * card.integration, 1.0)) ** 2
     else:
-        left = np.cos(np.minimum(trail, 0.5 * math.pi)) ** 2
-    loss = 10.0 / math.log(10.0) * jitter**2 - 10.0 * np.log10(np.maximum(left, 1e-12))
+        power = np.cos(np.minimum(trail, 0.5 * math.pi)) ** 2
+    loss = 10.0 / math.log(10.0) * jitter**2 - 10.0 * np.log10(np.maximum(power, 1e-12))
     return np.asarray(np.minimum(loss, _LARGEST_LOSS))
 
 
 def holds(card: LoopsCard, cn0: Floats, trail: Floats, jitter: Floats, acceleration: Floats) -> Bools:
-    """Return whether carrier and code loop stay in lock.
+    """Return whether carrier and code loop keep lock, (...,) bool.
 
-    Phase loop: sigma + lag / 3 within 15 deg. Frequency loop: 3 sigma + lag within a quarter of the rate of
-    integrations. Code loop: 3 sigma + lag within half the spacing. All arguments of one shape: C/N0 (dB-Hz); trail as
-    of `lag`; jitter (rad) of the oscillator; acceleration (m/s^2) of the range.
+    Parameters
+    ----------
+    card : LoopsCard
+    cn0 : (...,) dB-Hz
+    trail : (...,) rad or Hz
+        Lag of the carrier loop, as from `lag`.
+    jitter : (...,) rad
+        Phase jitter of the oscillator, one sigma.
+    acceleration : (...,) m/s^2
+        Range acceleration, for the lag of an unaided code loop.
+
+    Notes
+    -----
+    Phase loop: sigma + lag / 3 within 15 deg. Frequency loop: 3 sigma + lag within 1 / (4 T), T the integration time.
+    Code loop: 3 sigma + lag within half the correlator spacing.
     """
     if card.carrier == "pll":
         carrier = np.hypot(phase_sigma(card, cn0), jitter) + trail / 3.0 <= PHASE_LIMIT
     else:
         carrier = 3.0 * frequency_sigma(card, cn0, NEAR_THRESHOLD) + trail <= 0.25 / card.integration
-    behind = 0.0 if card.code_aided else np.abs(acceleration) * (NATURAL[2] / card.code_bandwidth) ** 2
-    return np.asarray(carrier & (3.0 * code_sigma(card, cn0) + behind <= 0.5 * card.spacing * card.chip))
+    code_lag = 0.0 if card.code_aided else np.abs(acceleration) * (NATURAL[2] / card.code_bandwidth) ** 2
+    return np.asarray(carrier & (3.0 * code_sigma(card, cn0) + code_lag <= 0.5 * card.spacing * card.chip))

@@ -1,4 +1,4 @@
-"""Cards of a receiver, its oscillator and its solutions: simulated, point by point, or its own filter's."""
+"""Cards of a receiver, its oscillator, and its solution: direct, point by point, or filtered."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -18,7 +18,7 @@ from lvnav_trade.world.user_file.error_table import ErrorTable
 
 
 class OwnCovariance(units.Card):
-    """The solver's own covariance of position and velocity goes out with every solution."""
+    """The receiver reports with every solution the covariance that its solver computes."""
 
     kind: Literal["own"] = "own"
     factor: float = Field(1.0, gt=0, description="that it is multiplied by")
@@ -26,7 +26,7 @@ class OwnCovariance(units.Card):
 
 
 class ConstantCovariance(units.Card):
-    """The same sigma per axis goes out with every solution."""
+    """The receiver reports the same sigma per axis with every solution."""
 
     kind: Literal["constant"]
     position_sigma: units.LengthSigma
@@ -48,9 +48,9 @@ RateSigma = Annotated[units.SpeedSigma, Field(gt=0.0, description="and of its ra
 class SmoothingCard(units.Card):
     """Pseudoranges smoothed by carrier phase before they are solved (Hatch filter), satellite by satellite.
 
-    It starts again wherever the receiver has lost the phase: when the signal is lost, at another antenna, and at a slip
-    that the receiver notices (`cycle_slips`). A slip that it does not notice (the fault `cycle_slip`) stays in the
-    average. Phase noise is `carrier_phase_sigma`.
+    It restarts when the receiver loses the phase: when the signal is lost, when the antenna changes, and at a slip that
+    the receiver detects (`cycle_slips`). An undetected slip (the fault `cycle_slip`) remains in the average. Phase
+    noise is `carrier_phase_sigma`.
     """
 
     time: units.TimeConstant = Field(100.0, description="window: mean of so long, then a gain of interval over this")
@@ -66,7 +66,7 @@ Smoothing = Annotated[SmoothingCard | None, Field(description="of the ranges by 
 
 
 class _Solver(units.Card):
-    """What the cards of receivers that solve for themselves have in common."""
+    """Base of the cards of receivers that compute their solution from ranges."""
 
     OLD_KEYS: ClassVar[Mapping[str, str]] = {"told": "replaced by reported_covariance"}
 
@@ -85,7 +85,7 @@ def _values(card: units.Card, without: set[str]) -> dict[str, Any]:
 
 
 class DirectSolution(units.Card):
-    """No solver: true position and velocity plus white noise per axis, whatever satellites are seen."""
+    """No solver: true position and velocity plus white noise per axis, independent of the satellites in view."""
 
     kind: Literal["direct"] = "direct"
     position_sigma: units.LengthSigma
@@ -97,7 +97,7 @@ class DirectSolution(units.Card):
 
 
 class BancroftSolution(_Solver):
-    """A point solution of every epoch with four satellites or more, which knows nothing of the epoch before."""
+    """A point solution at every epoch with four satellites or more, independent of earlier epochs."""
 
     kind: Literal["bancroft"]
     range_sigma: RangeSigma  # modelled noise of a pseudorange
@@ -121,11 +121,12 @@ class BancroftSolution(_Solver):
 
 
 class FilteredSolution(_Solver):
-    """The receiver's own Kalman filter of position, velocity, clock and, driven by jerk, acceleration.
+    """The Kalman filter of the receiver, with the states position, velocity, clock and optionally acceleration.
 
-    State `jerk` for a filter with acceleration, `acceleration_noise` for one without. Noise is adapted to the
-    acceleration of the last two point solutions: its variance is the larger of the stated sigma squared and the gain
-    times acceleration squared (of range and rate: times its size); gains of zero leave it constant.
+    `jerk` gives a filter with acceleration states, `acceleration_noise` a filter without them. Process noise adapts to
+    the acceleration between the last two point solutions: its variance is the larger of sigma squared and gain times
+    acceleration squared. The variances of range and range rate adapt likewise, with gain times acceleration. Gains of
+    zero make them constant.
     """
 
     kind: Literal["filtered"]
@@ -169,13 +170,13 @@ class FilteredSolution(_Solver):
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the filter, SI, by the names of `FilterSettings`."""
         driven = {"jerk", "jerk_gain", "acceleration_noise", "acceleration_gain"}
-        found = _values(self, {"kind", "reported_covariance", "point", "reported", "smoothing", *driven})
+        values = _values(self, {"kind", "reported_covariance", "point", "reported", "smoothing", *driven})
         drive = (self.acceleration_noise, self.acceleration_gain) if self.jerk is None else (self.jerk, self.jerk_gain)
-        return found | {"acceleration": self.jerk is not None, "drive_sigma": drive[0], "drive_gain": drive[1]}
+        return values | {"acceleration": self.jerk is not None, "drive_sigma": drive[0], "drive_gain": drive[1]}
 
     @property
     def fix(self) -> BancroftSolution:
-        """The point solution that the filter starts from and adapts by."""
+        """Card of the point solution that initialises the filter and adapts its noise."""
         return self.point or BancroftSolution.model_construct(
             kind="bancroft", range_sigma=self.range_sigma, rate_sigma=self.rate_sigma
         )
@@ -185,7 +186,7 @@ SolutionCard = Annotated[DirectSolution | BancroftSolution | FilteredSolution, F
 
 
 class ClockCard(units.Card):
-    """A receiver oscillator by its power-law coefficients (one-sided): h0 (s), h_minus2 (1/s)."""
+    """A receiver oscillator: one-sided power-law coefficients h0 (s) and h_minus2 (1/s), and initial errors."""
 
     h0: float = Field(ge=0)
     h_minus2: float = Field(ge=0)
@@ -194,16 +195,16 @@ class ClockCard(units.Card):
 
 
 _SECOND = {"L1_L2": L2, "L1_L5": L5}
-_LEAST_WINDOW = 1.5  # epochs; below, a window rounds to one
-_HALF = 0.5  # of the interval; so successive differences have no phase in common
+_LEAST_WINDOW = 1.5  # epochs; a shorter window rounds to one epoch
+_HALF = 0.5  # of the interval between epochs, so that successive differences share no phase measurement
 
 
 class ReceiverCard(units.NamedCard):
-    """A GNSS receiver and its antennas: what is true of its measurements.
+    """A GNSS receiver and its antennas: true properties of its measurements.
 
-    Without antennas, link, loops and tracking it measures every satellite above the mask, at once and with constant
-    noise. Antennas alone decide which direction is heard at all; a link makes C/N0 of their gain; loops make noise and
-    lock of C/N0 and of the motion; tracking makes searching and pulling in take their time.
+    Without antennas, link, loops and tracking it measures every satellite above the mask, immediately and with constant
+    noise. Antennas limit the directions of reception. With a link, C/N0 follows from their gain. With loops, noise and
+    loss of lock follow from C/N0 and the motion. With tracking, search and pull-in take time.
     """
 
     rate: units.StepRate = Field(1.0, description="of its measurements; a filter uses all of them or every n-th")
@@ -274,17 +275,15 @@ class ReceiverCard(units.NamedCard):
 
     @property
     def is_dual(self) -> bool:
-        """Whether ranges of two frequencies are combined: they have no ionosphere of first order."""
+        """Whether ranges of two frequencies are combined, which removes the first-order ionospheric delay."""
         return self.frequencies != "L1"
 
     @property
     def amplification(self) -> float:
-        """Factor on noise and multipath of ranges and range rates by the combination; equal sigma at both frequencies,
-        independent of each other.
-        """
+        """Factor on noise and multipath due to the combination of two frequencies with equal, independent sigmas."""
         return math.hypot(*free_combination(L1, _SECOND[self.frequencies])) if self.is_dual else 1.0
 
     @property
     def lever_arms(self) -> tuple[tuple[float, float, float], ...]:
-        """Phase centres of the antennas from the inertial unit, m, body axes; `lever_b` where there are none."""
+        """Phase centres of the antennas relative to the IMU, m, body axes; `lever_b` without antennas."""
         return tuple(antenna.lever_b for antenna in self.antennas) or (self.lever_b,)

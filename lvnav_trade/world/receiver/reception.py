@@ -39,8 +39,8 @@ from lvnav_trade.world.receiver.tracking import (
     track,
 )
 
-LONGEST_STEP = 0.1  # s; channels, and what they hear, are looked at no less often
-# No motion of the carrier matters that is over before a loop has answered it; this many samples per such time.
+LONGEST_STEP = 0.1  # s; longest step of the channels and their signals
+# Samples of the motion per response time of the carrier loop, which averages faster motion.
 SAMPLES = 1.0
 
 
@@ -53,8 +53,8 @@ class Arrival(NamedTuple):
     distance : (n_epoch, n_sat) m. Distance to the satellite.
     off_nadir : (n_epoch, n_sat) rad. Angle from the satellite's nadir to the vehicle.
     elevation : (n_epoch, n_sat) rad. Elevation of the satellite.
-    pull : (n_epoch, n_sat) m/s^2. Acceleration of the range without that of the antenna itself.
-    expected : (n_epoch, n_sat). Whether it is above the mask and not behind the Earth.
+    pull : (n_epoch, n_sat) m/s^2. Range acceleration without the contribution of the antenna.
+    expected : (n_epoch, n_sat). Whether it is above the mask and not hidden by the Earth.
     faulty : (n_epoch, n_sat). Whether a fault removes it.
     """
 
@@ -70,20 +70,23 @@ class Arrival(NamedTuple):
 
 
 class Reception(NamedTuple):
-    """Signals as the receiver processes them, without their noise; see records.Sky."""
+    """Reception of the signals without noise; see records.Sky."""
 
-    tracked: Bools  # (n_epoch, n_sat), whether it is measured
+    tracked: Bools  # (n_epoch, n_sat), whether the satellite is measured
     antenna: Ints  # (n_epoch, n_sat), antenna that receives it best
     cn0: Floats  # (n_epoch, n_sat) dB-Hz, C/N0 in the tracking loops
-    every_cn0: Floats  # (n_epoch, n_sat) dB-Hz, also of signals that are not heard; NaN where none is computed
-    continuous: Bools  # (n_epoch, n_sat), whether the carrier was tracked since the epoch before
+    every_cn0: Floats  # (n_epoch, n_sat) dB-Hz, also of signals that are not received; NaN without a link
+    continuous: Bools  # (n_epoch, n_sat), whether the carrier was tracked since the previous epoch
     state: NDArray[np.int8]  # (n_epoch, n_sat), state of the receiver's channel
     transitions: tuple[Transition, ...]  # state changes of the channels in order of time
 
 
 class _Steps(NamedTuple):
-    """Times between the epochs at which channels are looked at: t (n_step,); owner (n_step,) the epoch that ends the
-    interval; each: steps per interval. Every epoch is a step.
+    """Time steps of the channels; every epoch is a step.
+
+    t : (n_step,) s since lift-off.
+    owner : (n_step,). Epoch at the end of the interval that the step lies in.
+    each : Number of steps per interval.
     """
 
     t: Floats
@@ -92,8 +95,13 @@ class _Steps(NamedTuple):
 
 
 class _Heard(NamedTuple):
-    """Signals at the steps, (n_step, n_sat) each: antenna, C/N0 (dB-Hz), and whether the loops hold, and would hold
-    if the vehicle were at rest.
+    """Signals at the steps, (n_step, n_sat) each.
+
+    antenna : Antenna that receives the satellite best.
+    cn0 : dB-Hz. C/N0 in the tracking loops.
+    heard : Whether an antenna receives the signal.
+    held : Whether the loops keep lock.
+    calm : Whether they would keep lock if the vehicle were at rest.
     """
 
     antenna: Ints
@@ -110,10 +118,18 @@ def receive(
     antenna_alive: Bools | None = None,
     faults: Sequence[AnyFault] = (),
 ) -> Reception:
-    """Return what the receiver makes of the signals; their noise is that of `noise_of`.
+    """Return the reception of the signals: antenna, C/N0, lock and tracked satellites. For the noise see `noise_of`.
 
-    antenna_alive (n_epoch, n_antenna) bool; it holds from the epoch before (excluded) to its own (included). None: all.
-    faults: jammers among them lower C/N0.
+    Parameters
+    ----------
+    receiver : ReceiverCard
+    trajectory : Trajectory
+    arrival : Arrival
+        Signals at the lever arm of the receiver.
+    antenna_alive : (n_epoch, n_antenna) bool, optional
+        Working antennas, from the previous epoch (excluded) to the epoch (included). None: all.
+    faults : sequence of fault cards
+        Jammers among them lower C/N0.
     """
     n_epoch = arrival.t.size
     simple = not receiver.antennas and receiver.link is None and receiver.tracking is None
@@ -124,7 +140,7 @@ def receive(
     at = np.arange(n_epoch) * steps.each
     cn0 = heard.cn0[at]
     transitions: tuple[Transition, ...] = ()
-    if receiver.tracking is None:  # then every step is an epoch
+    if receiver.tracking is None:  # every step is an epoch
         tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty & heard.held[at], receiver.channels)
         state = np.where(tracked, TRACK, IDLE).astype(np.int8)
         held = tracked
@@ -132,7 +148,7 @@ def receive(
         signals = _signals(receiver, receiver.tracking, arrival, steps, heard)
         states, transitions = track(receiver.tracking, receiver.channels, arrival.names, signals)
         state = states[at]
-        # A channel that waits for its signal to come back is still in track, but has nothing to measure.
+        # A channel that waits for its signal to return is still in state TRACK but measures nothing.
         tracked = (state == TRACK) & heard.held[at] & ~arrival.faulty
         held = (states == TRACK) & heard.held & ~arrival.faulty[steps.owner]
     shown = np.where(heard.heard[at] & (receiver.link is not None), cn0, np.nan)
@@ -141,7 +157,7 @@ def receive(
 
 
 def _plain(receiver: ReceiverCard, arrival: Arrival) -> Reception:
-    """Return the reception of a receiver that measures the highest satellites above its mask, whatever happens."""
+    """Return the reception of a receiver that always measures the highest satellites above its mask."""
     tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty, receiver.channels)
     antenna, state = np.zeros(tracked.shape, dtype=np.int64), np.where(tracked, TRACK, IDLE).astype(np.int8)
     unknown = np.full(tracked.shape, np.nan)
@@ -152,7 +168,7 @@ def _plain(receiver: ReceiverCard, arrival: Arrival) -> Reception:
 
 
 def _steps(t: Floats, receiver: ReceiverCard) -> _Steps:
-    """Divide the intervals between the epochs, all into as many steps; only channels need more than one."""
+    """Divide all intervals between epochs into the same number of steps; without channels that number is one."""
     longest = float(np.max(np.diff(t), initial=0.0))
     count = max(1, math.ceil(longest / LONGEST_STEP - 1e-6)) if receiver.tracking is not None else 1
     fine, owner = _divided(t, count)
@@ -160,9 +176,9 @@ def _steps(t: Floats, receiver: ReceiverCard) -> _Steps:
 
 
 def _divided(t: Floats, count: int) -> tuple[Floats, Ints]:
-    """Return the ends of `count` equal parts of every interval of t, and the number of the later end of the interval.
+    """Return the ends of `count` equal parts of every interval of t, and the index of the end of the interval.
 
-    The last part ends at the epoch itself, to the bit.
+    The last part ends exactly at the epoch.
     """
     fine = t[:-1, None] + np.diff(t)[:, None] * (np.arange(1, count + 1) / count)
     fine[:, -1] = t[1:]
@@ -178,7 +194,7 @@ def _hear(
     faults: Sequence[AnyFault],
 ) -> _Heard:
     at = motion(trajectory, steps.t)
-    # a row vector times C_b_i: the components along the body's axes
+    # u_i' C_b_i: components of the direction in body axes
     level = gains(receiver.antennas, arrival.direction_i[steps.owner] @ matrices(at.q_b_i))
     if antenna_alive is not None:
         level = np.where(antenna_alive[steps.owner][:, None, :], level, -np.inf)
@@ -214,10 +230,10 @@ def _dynamics(
     steps: _Steps,
     antenna: Ints,
 ) -> tuple[Floats, Floats]:
-    """Return the greatest acceleration (m/s^2) and jerk (m/s^3) of the range during each step, (n_step, n_sat) each.
+    """Return the largest acceleration (m/s^2) and jerk (m/s^3) of the range during each step, (n_step, n_sat) each.
 
-    Means over the time in which the carrier loop answers: a jump of thrust is a jerk over that time, which is what the
-    loop makes of it. Rotation counts through the lever arms of the antennas.
+    They are means over the response time of the carrier loop, so that a jump of thrust becomes a jerk over that time,
+    as in the loop. Rotation contributes through the lever arms of the antennas.
     """
     shape = antenna.shape
     if arrival.t.size < 2:
@@ -234,22 +250,22 @@ def _dynamics(
     unique, which = np.unique(np.array(receiver.lever_arms), axis=0, return_inverse=True)
     for number, lever_b in enumerate(unique):
         v_i = at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
-        # Without a span there is no motion: epochs that latency pushes before the start of the flight coincide.
+        # Epochs that latency moves before the start of the flight coincide: no motion over an interval of zero length.
         mean = np.divide(np.diff(v_i, axis=0), span, out=np.zeros((span.size, 3)), where=span > 0.0)
         change = np.divide(np.diff(mean, axis=0, prepend=mean[:1]), span, out=np.zeros_like(mean), where=span > 0.0)
         along = arrival.pull[1:, None, :] - mean.reshape(blocks) @ towards
         most = (
-            np.abs(one).reshape(-1, part, shape[1]).max(axis=1) for one in (along, change.reshape(blocks) @ towards)
+            np.abs(value).reshape(-1, part, shape[1]).max(axis=1) for value in (along, change.reshape(blocks) @ towards)
         )
         mine = which.ravel()[antenna] == number
-        for whole, found in zip((acceleration, jerk), most, strict=True):
-            np.copyto(whole[1:], found, where=mine[1:])
-            np.copyto(whole[:1], found[:1], where=mine[:1])
+        for whole, largest in zip((acceleration, jerk), most, strict=True):
+            np.copyto(whole[1:], largest, where=mine[1:])
+            np.copyto(whole[:1], largest[:1], where=mine[:1])
     return acceleration, jerk
 
 
 def _signals(receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, steps: _Steps, heard: _Heard) -> Signals:
-    """Return what the channels see; of several causes the one that hides the others is named."""
+    """Return the signals as the channels see them; of several causes of loss only the dominant cause is given."""
     expected, faulty = arrival.expected[steps.owner], arrival.faulty[steps.owner]
     causes = ((~expected, HIDDEN), (faulty, FAULT), (~heard.heard, DEAF), (heard.held, HELD), (~heard.calm, WEAK))
     cause = np.select([mask for mask, _ in causes], [code for _, code in causes], DYNAMICS).astype(np.int8)
@@ -258,9 +274,13 @@ def _signals(receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, s
 
 
 def noise_of(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the sigma of range (m), range rate (m/s) and carrier phase (m) at times t (n_epoch,) s, (n_epoch, n_sat)
-    each: of the loops and of what the card adds, squares summed, grown by its tables and by a combination of two
-    frequencies.
+    """Return the sigmas of range (m), range rate (m/s) and carrier phase (m), (n_epoch, n_sat) each.
+
+    Each is the root sum of squares of loop noise and the sigma of the card, times the factors of the noise tables and
+    of the combination of two frequencies.
+
+    t : (n_epoch,) s since lift-off.
+    cn0 : (n_epoch, n_sat) dB-Hz. C/N0, used with tracking loops only.
     """
     measurements = ("pseudorange", "range_rate", "carrier_phase")
     of_range, of_rate, of_phase = factors(receiver.noise_by, measurements, trajectory, t)
@@ -270,12 +290,12 @@ def noise_of(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Flo
 
 
 def _thermal(receiver: ReceiverCard, cn0: Floats) -> tuple[Floats | float, Floats | float, Floats | float]:
-    """Return the sigma of range, range rate and carrier phase at one frequency, whatever the flight does."""
+    """Return the sigmas of range, range rate and carrier phase at one frequency, before the noise tables."""
     loops, link = receiver.loops, receiver.link
     stated = receiver.pseudorange_sigma, receiver.range_rate_sigma, receiver.carrier_phase_sigma
     if loops is None or link is None:
         return stated
-    bounded = np.maximum(cn0, 0.0)  # what is fainter than any loop can hold is not measured: the tables stay finite
+    bounded = np.maximum(cn0, 0.0)  # no loop tracks weaker signals; the bound keeps their sigmas finite
     code, rate = code_sigma(loops, bounded), rate_sigma(loops, bounded, link.wavelength)
     phase = phase_sigma(loops, bounded) * link.wavelength / (2.0 * math.pi)
     return np.hypot(stated[0], code), np.hypot(stated[1], rate), np.hypot(stated[2], phase)

@@ -1,4 +1,4 @@
-"""Lock of phase: whether a carrier was followed from one epoch to the next, so that its phase goes on."""
+"""Phase lock: whether a carrier was tracked without interruption from one epoch to the next."""
 
 import numpy as np
 from pydantic import Field
@@ -9,10 +9,10 @@ from lvnav_trade.units import Card, CarrierToNoise, Frequency
 
 
 class CycleSlipCard(Card):
-    """Losses of phase lock that the receiver notices: it goes on measuring ranges, and begins a new phase.
+    """Losses of phase lock that the receiver detects: it continues to measure ranges and starts a new phase.
 
-    A channel whose signal is not held for a while, that is lost, or whose antenna changes begins a new phase in any
-    case. What is drawn is the same in all runs.
+    A channel that loses its signal, or whose antenna changes, starts a new phase in any case. The draws are the same in
+    all runs.
     """
 
     rate: Frequency = Field(0.0, description="slips of a channel, such as '2 1/h'")
@@ -21,29 +21,40 @@ class CycleSlipCard(Card):
 
 
 def slipped(card: CycleSlipCard, names: tuple[str, ...], t: Floats) -> Bools:
-    """Return whether a channel slips between a step and the one before, (n_step, n_sat); t (n_step,) s, rising.
+    """Return whether a channel slips between the previous step and a step, (n_step, n_sat); t (n_step,) s, rising.
 
-    It depends on realisation, satellite and time alone (in milliseconds).
+    Slips are a Poisson process. The draws depend on realisation, satellite and time (in milliseconds) only.
     """
     chance = -np.expm1(-card.rate * np.diff(t, prepend=t[:1]))
-    found = np.zeros((t.size, len(names)), dtype=np.bool_)
+    slips = np.zeros((t.size, len(names)), dtype=np.bool_)
     for s, name in enumerate(names if card.rate > 0.0 else ()):
         words = source_word("cycle slip"), source_word(name)
         for step in range(t.size):
             moment = np.uint64(round(1e3 * t[step]) & 0xFFFFFFFF)
             word, _, _, _ = philox(moment, np.uint64(card.realisation), *words, *seed_words(0))
-            found[step, s] = (float(word) + 0.5) / 2.0**32 < chance[step]
-    return found
+            slips[step, s] = (float(word) + 0.5) / 2.0**32 < chance[step]
+    return slips
 
 
 def continuous(
     card: CycleSlipCard | None, names: tuple[str, ...], t: Floats, owner: Ints, held: Bools, antenna: Ints, cn0: Floats
 ) -> Bools:
-    """Return whether a carrier was followed since the epoch before, (n_epoch, n_sat).
+    """Return whether a carrier was tracked without interruption since the previous epoch, (n_epoch, n_sat).
 
-    t (n_step,) s of the steps, owner (n_step,) epoch that ends the interval of each, the first of them at epoch 0; held
-    (n_step, n_sat) whether the channel tracks its signal, antenna (n_step, n_sat) that hears it, cn0 (n_step, n_sat)
-    dB-Hz.
+    Parameters
+    ----------
+    card : CycleSlipCard or None
+    names : (n_sat,)
+        Names of the satellites.
+    t : (n_step,) s
+        Steps, rising.
+    owner : (n_step,)
+        Epoch at the end of the interval of each step; that of the first step is 0.
+    held : (n_step, n_sat) bool
+        Whether the channel tracks its signal.
+    antenna : (n_step, n_sat)
+        Antenna that receives it.
+    cn0 : (n_step, n_sat) dB-Hz
     """
     locked = held.copy()
     if card is not None and card.below is not None:
@@ -53,6 +64,6 @@ def continuous(
     going_on[:1] = False
     if card is not None:
         going_on &= ~slipped(card, names, t)
-    found = np.ones((int(owner[-1]) + 1 if owner.size else 0, len(names)), dtype=np.bool_)
-    np.logical_and.at(found, owner, going_on)
-    return found
+    uninterrupted = np.ones((int(owner[-1]) + 1 if owner.size else 0, len(names)), dtype=np.bool_)
+    np.logical_and.at(uninterrupted, owner, going_on)
+    return uninterrupted

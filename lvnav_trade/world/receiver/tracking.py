@@ -1,4 +1,4 @@
-"""Channels of a receiver: which satellite is searched for, acquired, tracked or lost, when, and why."""
+"""Channels of a receiver: search, acquisition, tracking and loss of satellites over time."""
 
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
@@ -11,18 +11,18 @@ from lvnav_trade.kernels.random import philox, seed_words, source_word
 from lvnav_trade.records import ACQUIRE, IDLE, LOST, SEARCH, TRACK, TRACKING, Bools, Floats, Transition
 from lvnav_trade.units import Card, CarrierToNoise, Pause, Share
 
-# Why a signal is not held, in the order in which one hides the other; the first holds it.
+# Causes of loss of lock, each masked by those after it; HELD is lock.
 HELD, DYNAMICS, WEAK, DEAF, FAULT, HIDDEN = range(6)
 CAUSES = ("", "dynamics", "weak signal", "no antenna", "fault", "out of view")
 
-FIX = 4  # satellites with which a receiver knows where it is, and so where to look for others
+FIX = 4  # satellites tracked for a position fix, which narrows the search for others
 
 
 class TrackingCard(Card):
-    """How a receiver finds satellites, how long that takes, and when it gives one up.
+    """Search, acquisition and loss of satellites by the channels of a receiver.
 
-    A search is one pass over all code phases and frequencies that the signal may have; the signal is found where it is,
-    anywhere in the pass with the same probability. It is then pulled into the loops, and counts once that is done.
+    A search is a pass over all possible code phases and frequencies. The signal is found at a point that is uniformly
+    distributed over the pass. The loops then pull in, and the satellite is measured afterwards.
     """
 
     acquire_above: CarrierToNoise = Field(33.0, description="weaker signals are not found; without a link all are")
@@ -49,10 +49,13 @@ class TrackingCard(Card):
 
 
 class Signals(NamedTuple):
-    """What reaches the receiver at the steps of its channels, (n_step, n_sat) each but the times t (n_step,) s.
+    """Signals at the steps of the channels.
 
-    expected bool: above the mask, and not behind the Earth, as the receiver knows from its almanac; cause int8: why the
-    loops do not hold the signal (0: they do); strong bool: strong enough to be found; elevation rad.
+    t : (n_step,) s since lift-off.
+    expected : (n_step, n_sat). Whether the satellite is above the mask and not hidden by the Earth, by the almanac.
+    cause : (n_step, n_sat). Cause of loss of lock, as in `CAUSES`; 0: the loops keep lock.
+    strong : (n_step, n_sat). Whether the signal is strong enough for acquisition.
+    elevation : (n_step, n_sat) rad. Elevation of the satellite.
     """
 
     t: Floats
@@ -63,9 +66,9 @@ class Signals(NamedTuple):
 
 
 def share(card: TrackingCard, satellite: str, t: float) -> float:
-    """Return where in the pass that starts at t (s) the satellite is found, between 0 and 1.
+    """Return the point, between 0 and 1, at which a search pass that starts at t (s) finds the satellite.
 
-    It depends on realisation, satellite and time alone (in milliseconds), never on what else is searched.
+    The draw depends on realisation, satellite and time (in milliseconds) only, not on other searches.
     """
     moment, sources = np.uint64(round(1e3 * t) & 0xFFFFFFFF), (source_word("acquisition"), source_word(satellite))
     word, _, _, _ = philox(moment, np.uint64(card.realisation), *sources, *seed_words(0))
@@ -77,9 +80,17 @@ def track(
 ) -> tuple[NDArray[np.int8], tuple[Transition, ...]]:
     """Return the state of every satellite at every step, (n_step, n_sat), and all transitions in order of time.
 
-    channels: satellites (n_sat,) that are searched for, acquired and tracked together at most. Who has a channel keeps
-    it until the signal is lost; a free one goes to the highest satellite, those that were searched in vain after the
-    others.
+    A satellite keeps its channel until its signal is lost. A free channel goes to the highest satellite; satellites
+    with unsuccessful searches come after the others.
+
+    Parameters
+    ----------
+    card : TrackingCard
+    channels : int
+        Largest number of satellites that are searched for, acquired and tracked at a time.
+    names : (n_sat,)
+        Names of the satellites.
+    signals : Signals
     """
     receiver = _Channels(card, channels, names, signals)
     states = np.zeros(signals.expected.shape, dtype=np.int8)
@@ -92,18 +103,18 @@ def track(
 
 
 class _Channels:
-    """The channels while time goes on; times in s, NaN where there is none."""
+    """State of the channels over time; times in s, NaN for none."""
 
     def __init__(self, card: TrackingCard, channels: int, names: tuple[str, ...], signals: Signals) -> None:
         count = len(names)
         self.card, self.channels, self.names, self.signals = card, channels, names, signals
         self.state = np.zeros(count, dtype=np.int8)
         self.gone = signals.cause != HELD
-        # since when the loops of a busy channel do not hold; when the pass reaches the signal; when the pass, or the
-        # pull-in, ends; when lock was lost
+        # times: start of the present loss of lock of a busy channel; at which the pass reaches the signal; end of the
+        # pass or of the pull-in; loss of the satellite
         self.failing, self.found, self.due, self.lost = np.full((4, count), np.nan)
-        self.vain = np.zeros(count, dtype=int)  # passes in vain since the last success
-        self.next = np.inf  # the earliest of all that is found or due
+        self.vain = np.zeros(count, dtype=int)  # unsuccessful passes since the last success
+        self.next = np.inf  # earliest of the times found and due
         self.transitions: list[Transition] = []
 
     def begin(self) -> None:
@@ -113,7 +124,7 @@ class _Channels:
             self._turn(0, int(sat), TRACK, "tracked from the start")
 
     def advance(self, step: int) -> None:
-        """Carry all channels to a step: losses, then what has ended, then new searches."""
+        """Advance all channels to a step: losses of lock, then ended searches and pull-ins, then new searches."""
         t = float(self.signals.t[step])
         for sat in np.flatnonzero(~self.signals.expected[step] & (self.state != IDLE)):
             self.lost[sat], self.vain[sat] = np.nan, 0
@@ -129,7 +140,7 @@ class _Channels:
         self._start(step, t)
 
     def _watch(self, step: int, t: float, sat: int, bad: bool) -> None:
-        """Give up a satellite whose signal has not been held for longer than the channel waits."""
+        """Drop a satellite without lock for longer than the coasting time, or during pull-in."""
         if not bad:
             self.failing[sat] = np.nan
             return
@@ -140,11 +151,11 @@ class _Channels:
             self._rest(step, sat, CAUSES[int(self.signals.cause[step, sat])])
 
     def _rest(self, step: int, sat: int, reason: str) -> None:
-        """Free the channel: lost is what was tracked before, idle what was not."""
+        """Free the channel. A satellite that was tracked before becomes LOST, any other IDLE."""
         self._turn(step, sat, IDLE if np.isnan(self.lost[sat]) else LOST, reason)
 
     def _end(self, step: int, t: float, sat: int) -> None:
-        """End a pass that has met its signal or is over, or a pull-in."""
+        """End a pass that has reached the signal or its own end, or a pull-in."""
         if self.state[sat] == ACQUIRE:
             if t >= self.due[sat]:
                 self.lost[sat] = np.nan
@@ -157,10 +168,10 @@ class _Channels:
             self.vain[sat] += 1
             self._rest(step, sat, "not found")
         elif t >= self.found[sat]:
-            self.found[sat] = np.inf  # the pass has gone over the signal and goes on in vain
+            self.found[sat] = np.inf  # too weak when the pass reached it: the pass continues without success
 
     def _start(self, step: int, t: float) -> None:
-        """Give free channels and searchers to satellites that should be there."""
+        """Assign free channels and searchers to satellites that are expected in view."""
         waiting = self.signals.expected[step] & ((self.state == IDLE) | (self.state == LOST))
         if not np.any(waiting):
             return
@@ -171,7 +182,7 @@ class _Channels:
         aided = self.card.aiding == "fused" or (self.card.aiding == "own" and tracked >= FIX)
         order = sorted(np.flatnonzero(waiting), key=lambda s: (self.vain[s], -self.signals.elevation[step, s]))
         for sat in map(int, order[:free]):
-            fresh = t - self.lost[sat] < self.card.memory  # false where there was no loss
+            fresh = t - self.lost[sat] < self.card.memory  # false without an earlier loss (NaN)
             window = self.card.reacquire_time if fresh else self.card.search_time
             window *= self.card.aided_factor if aided else 1.0
             self._turn(step, sat, SEARCH, "aided search" if aided else "search")

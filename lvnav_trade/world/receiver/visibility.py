@@ -1,4 +1,4 @@
-"""Satellites over a flight: where each was when it sent what the antenna receives, and whether it is tracked."""
+"""Satellites over a flight: positions at signal transmission, directions from the antenna, and which are tracked."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -18,26 +18,31 @@ from lvnav_trade.world.receiver.reception import Arrival, noise_of, receive
 from lvnav_trade.world.sky.constellation import GM_GPS, Constellation
 from lvnav_trade.world.sky.satellites import Satellites, satellites
 
-# A signal that would pass lower over the ellipsoid than this counts as lost: below lie most of the weather, and bending
-# of up to a degree that straight rays leave out. It matters only for masks below the horizontal.
+# A signal whose ray passes below this height over the ellipsoid counts as lost: straight rays ignore the weather there
+# and the bending of up to a degree. The height matters only for masks below the horizontal.
 GRAZING_HEIGHT = 10e3  # m
-# Each round of the light-time equation gains a factor of c / v = 8e4: 80 m, 1 mm, 14 nm.
+# Each iteration of the light-time equation reduces the error by c / v = 8e4: 80 m, 1 mm, 14 nm.
 LIGHT_TIME_ROUNDS = 4
 
 
 class Transmission(NamedTuple):
-    """Signals received at the epochs: travel time (n_epoch, n_sat) s; satellites at transmission, frame i (..., 3)."""
+    """Transmission of the signals received at the epochs.
+
+    travel : (n_epoch, n_sat) s. Travel time.
+    r_i : (n_epoch, n_sat, 3) m. Satellite position at transmission, frame i.
+    v_i : (n_epoch, n_sat, 3) m/s. Inertial velocity, the derivative with respect to transmission time.
+    """
 
     travel: Floats
     r_i: Floats
-    v_i: Floats  # inertial velocity: derivative with respect to transmission time
+    v_i: Floats
 
 
 class Heard(NamedTuple):
-    """What is in the sky, and how it is received, before its noise: that depends on other numbers of the receiver.
+    """Satellites and their reception before the noise is computed, which depends on other settings of the receiver.
 
-    sky : The sky; its noise is NaN.
-    cn0 : (n_epoch, n_sat) dB-Hz. C/N0, also of signals that are not heard; NaN where none is computed.
+    sky : Satellites; noise sigmas are NaN.
+    cn0 : (n_epoch, n_sat) dB-Hz. C/N0, also of signals that are not received; NaN without a link.
     """
 
     sky: Sky
@@ -52,13 +57,30 @@ def sky(
     faults: Sequence[AnyFault] = (),
     antenna_alive: Mask | None = None,
 ) -> Sky:
-    """Return all usable satellites at the times of reception t_epoch (n_epoch,), s since lift-off, rising, as seen from
-    the true antenna; the same for all runs.
+    """Return the satellites seen from the true antenna, and which are tracked; the same for all runs.
 
-    Positions are those at transmission in frame i (no Earth-rotation term is left to apply), velocities with respect to
-    reception time, azimuth and elevation at the antenna. antenna_alive (n_epoch, n_antenna) bool: which antennas work
-    at the epoch and since the one before; None: as the faults say. InputError where the almanac is broken, or a fault's
-    start cannot be resolved.
+    Parameters
+    ----------
+    constellation : card
+    receiver : ReceiverCard
+    trajectory : Trajectory
+    t_epoch : (n_epoch,) s since lift-off
+        Times of reception, rising.
+    faults : sequence of fault cards
+        Faults of the case.
+    antenna_alive : (n_epoch, n_antenna) bool, optional
+        Antennas that work at the epoch and since the epoch before it. None: all, except for the faults.
+
+    Returns
+    -------
+    Sky
+        Positions at transmission in frame i, which need no correction for Earth rotation; velocities with respect to
+        reception time; azimuth and elevation at the antenna.
+
+    Raises
+    ------
+    InputError
+        The almanac or ephemerides cannot be used, or the start of a fault cannot be resolved.
     """
     return with_noise(
         heard_in(constellation, receiver, trajectory, t_epoch, faults, antenna_alive), receiver, trajectory
@@ -66,7 +88,7 @@ def sky(
 
 
 def with_noise(heard: Heard, receiver: ReceiverCard, trajectory: Trajectory) -> Sky:
-    """Return the sky with the white noise of the receiver's measurements."""
+    """Return the satellites with the white-noise sigmas of the receiver's measurements."""
     of_range, of_rate, of_phase = noise_of(receiver, trajectory, heard.sky.t, heard.cn0)
     return heard.sky._replace(range_sigma=of_range, rate_sigma=of_rate, phase_sigma=of_phase)
 
@@ -79,7 +101,7 @@ def heard_in(
     faults: Sequence[AnyFault] = (),
     antenna_alive: Mask | None = None,
 ) -> Heard:
-    """Return the same without noise; parameters and errors as of `sky`."""
+    """Return the satellites of `sky` without noise sigmas; parameters and errors as there."""
     above = satellites(constellation, trajectory.epoch)
     antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
     sent = transmission(above, trajectory.theta0, t_epoch, antenna_r)
@@ -89,7 +111,8 @@ def heard_in(
     lowest = mask(receiver, trajectory.theta0, t_epoch, antenna_r)
     visible = (elevation >= lowest) & ~occluded(antenna_r[:, None, :], sent.r_i, GRAZING_HEIGHT)
     faulty = np.asarray(lost(faults, trajectory.course, t_epoch, elevation, visible))
-    pull = seen.acceleration(falling(sent.r_i, GM_GPS))  # few m/s^2, for loops that trail behind acceleration
+    # range acceleration without that of the antenna: a few m/s^2, for the lag of the tracking loops
+    pull = seen.acceleration(falling(sent.r_i, GM_GPS))
     angle = off_nadir(sent.r_i, seen.direction)
     arrival = Arrival(t_epoch, above.names, seen.direction, seen.distance, angle, elevation, pull, visible, faulty)
     if antenna_alive is None and any(isinstance(fault, AntennaFailure) for fault in faults):
@@ -97,12 +120,12 @@ def heard_in(
     received_as = receive(receiver, trajectory, arrival, antenna_alive, faults)._asdict()
     cn0 = received_as.pop("every_cn0")
     unknown = np.full(cn0.shape, np.nan)
-    found = Sky(
+    noiseless = Sky(
         t=t_epoch,
         names=above.names,
         systems=above.systems,
         r_i=sent.r_i,
-        v_i=sent.v_i * received[..., None],
+        v_i=sent.v_i * received[..., None],  # dr/dt_rx = dr/dt_tx dt_tx/dt_rx
         azimuth=azimuth,
         elevation=elevation,
         lever_arms=np.array(receiver.lever_arms),
@@ -111,14 +134,20 @@ def heard_in(
         phase_sigma=unknown,
         **received_as,
     )
-    return Heard(found, cn0)
+    return Heard(noiseless, cn0)
 
 
 def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) -> Floats | float:
-    """Return the elevation (rad) below which the receiver does not look, (n_epoch, 1), or one number for all epochs.
+    """Return the elevation mask (rad) of the receiver, (n_epoch, 1), or a single number for all epochs.
 
-    antenna_r (n_epoch, 3) m, frame i. A mask that sinks with height: Canepa and Servidia, section 6.3.1, where the
-    shell is ten scale heights of the troposphere high.
+    With `mask_height` the mask sinks linearly to the horizontal at that height, and above it with the horizon of a
+    shell of that height.
+
+    theta0 : rad. Earth angle at lift-off.
+    t : (n_epoch,) s since lift-off.
+    antenna_r : (n_epoch, 3) m, frame i.
+
+    Source: Canepa and Servidia, section 6.3.1, with a shell of ten scale heights of the troposphere.
     """
     shell = receiver.mask_height
     if shell is None:
@@ -130,7 +159,7 @@ def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) ->
 
 
 def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
-    """Return true position (m) and velocity (m/s) of the antenna in frame i, (n_epoch, 3) each, lever arm included."""
+    """Return true position (m) and velocity (m/s) of the antenna in frame i at times t (n_epoch,) s, (n_epoch, 3)."""
     at = motion(trajectory, t)
     return point_of(at, frames.matrices(at.q_b_i), np.array(receiver.lever_b))
 
@@ -138,10 +167,18 @@ def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[
 def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:
     """Solve the light-time equation |r_sat(t - travel) - r_antenna(t)| = c travel for all epochs and satellites.
 
-    theta0: Earth angle (rad) at the lift-off that t counts from; t (n_epoch,) s and antenna_r (n_epoch, 3) m, frame i:
-    reception.
+    Parameters
+    ----------
+    above : Satellites
+        Orbits of the satellites.
+    theta0 : float
+        Earth angle at lift-off (rad).
+    t : (n_epoch,) s since lift-off
+        Times of reception.
+    antenna_r : (n_epoch, 3) m, frame i
+        Antenna positions at reception.
     """
-    travel = np.full((t.size, len(above.names)), 0.075)
+    travel = np.full((t.size, len(above.names)), 0.075)  # s, typical for a satellite at 22 000 km
     for _ in range(LIGHT_TIME_ROUNDS):
         r_i, v_i = satellite_inertial(above, theta0, t[:, None] - travel)
         travel = np.linalg.norm(r_i - antenna_r[:, None, :], axis=-1) / SPEED_OF_LIGHT
@@ -149,7 +186,11 @@ def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats)
 
 
 def satellite_inertial(above: Satellites, theta0: float, t: Floats) -> tuple[Floats, Floats]:
-    """Return position and velocity of the satellites in frame i, (..., n_sat, 3), at times t (..., n_sat) in s."""
+    """Return position (m) and inertial velocity (m/s) of satellites in frame i, (..., n_sat, 3) each.
+
+    theta0 : rad. Earth angle at lift-off.
+    t : (..., n_sat) s since lift-off.
+    """
     r_e, v_e = above.ecef(t)
     theta = frames.earth_angle(theta0, t)
     turning = OMEGA * np.stack([-r_e[..., 1], r_e[..., 0], np.zeros_like(r_e[..., 0])], axis=-1)

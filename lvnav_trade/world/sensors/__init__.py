@@ -1,4 +1,4 @@
-"""Sensors other than the GNSS receiver: error cards of the IMU, the radar altimeter and the attitude reference.
+"""Inertial sensors, truth side: error cards of an IMU, IMU arrays and their redundancy, Allan deviation.
 
 Read `imu.py` first.
 """

@@ -1,4 +1,4 @@
-"""Allan deviation of an inertial unit: closed forms of its processes, the deviation of a stream, Gauss-Markov fits.
+"""Allan deviation of an IMU: closed forms of its error processes, deviation of a data stream, Gauss-Markov fits.
 
 Over a time tau (IEEE 952-1997, annex C): white noise of root density N has N / sqrt(tau), flicker noise of bias
 instability B the floor B sqrt(2 ln 2 / pi), a random walk of root density K has K sqrt(tau / 3), and a first-order
@@ -16,29 +16,34 @@ import numpy as np
 from lvnav_trade.records import Floats
 
 FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+"""Floor of the Allan deviation of flicker noise over its coefficient B, 0.664."""
 
 
 class Process(NamedTuple):
-    """A first-order Gauss-Markov process: one-sigma (SI of the sensor), time constant (s)."""
+    """A first-order Gauss-Markov process.
+
+    sigma : rad/s or m/s^2. Standard deviation.
+    time_constant : s.
+    """
 
     sigma: float
     time_constant: float
 
 
 def white(density: float, tau: Floats) -> Floats:
-    """Return the Allan deviation of white noise of a root density, (n,), over tau (n,) s."""
+    """Return the Allan deviation (n,) of white noise with root PSD `density` at averaging times tau (n,) s."""
     return np.asarray(density / np.sqrt(tau))
 
 
 def random_walk(density: float, tau: Floats) -> Floats:
-    """Return the Allan deviation of a random walk of a root density, (n,), over tau (n,) s."""
+    """Return the Allan deviation (n,) of a random walk with root PSD `density` at averaging times tau (n,) s."""
     return np.asarray(density * np.sqrt(tau / 3.0))
 
 
 def gauss_markov(process: Process, tau: Floats) -> Floats:
-    """Return the Allan deviation of a Gauss-Markov process, (n,), over tau (n,) s."""
+    """Return the Allan deviation (n,) of a Gauss-Markov process at averaging times tau (n,) s."""
     x = np.asarray(tau) / process.time_constant
-    # of a small x the bracket is x^2 / 3 - x^3 / 4: the difference would lose all digits
+    # series x^2 / 3 - x^3 / 4 of the bracket for small x, where the difference loses all digits
     bracket = np.where(x < 1e-3, x * (1.0 / 3.0 - 0.25 * x), 1.0 / np.maximum(x, 1e-3) * _bracket(np.maximum(x, 1e-3)))
     return np.asarray(process.sigma * np.sqrt(2.0 * bracket))
 
@@ -48,30 +53,54 @@ def _bracket(x: Floats) -> Floats:
 
 
 def together(*parts: Floats) -> Floats:
-    """Return the Allan deviation of independent processes from theirs."""
+    """Return the Allan deviation of the sum of independent processes: the root sum of squares."""
     return np.asarray(np.sqrt(np.sum(np.square(parts), axis=0)))
 
 
 def overlapping(rates: Floats, dt: float, factors: Sequence[int]) -> Floats:
-    """Return the overlapping Allan deviation of rates (n, ...) that are means over dt s each, over factor dt, as
-    (n_factor, ...); factors below n / 2.
+    """Return the overlapping Allan deviation of a data stream, (n_factor, ...).
+
+    Parameters
+    ----------
+    rates : (n, ...)
+        Successive rates, each the mean over dt.
+    dt : float
+        Sampling interval (s).
+    factors : sequence of int
+        Averaging times in samples, each below n / 2.
     """
     angle = np.concatenate([np.zeros((1, *rates.shape[1:])), np.cumsum(rates, axis=0)]) * dt
-    found = []
+    deviations = []
     for factor in factors:
         second = angle[2 * factor :] - 2.0 * angle[factor:-factor] + angle[: -2 * factor]
-        found.append(np.sqrt(0.5 * np.mean(second * second, axis=0)) / (factor * dt))
-    return np.array(found)
+        deviations.append(np.sqrt(0.5 * np.mean(second * second, axis=0)) / (factor * dt))
+    return np.array(deviations)
 
 
 def fit_floor(instability: float, count: int, shortest: float, longest: float) -> tuple[Process, ...]:
-    """Return `count` Gauss-Markov processes whose Allan deviations together come nearest to the floor of a bias
-    instability (SI), between averaging times `shortest` and `longest` (s), by least squares of the logarithm.
+    """Return Gauss-Markov processes whose total Allan deviation approximates the floor of a bias instability.
 
-    White noise and random walk of a unit are processes of their own, so only the flat part is fitted. The peak of one
-    process is at 1.89 of its time constant; the start has the peaks evenly spread over the logarithm of time.
+    Parameters
+    ----------
+    instability : float
+        Coefficient B (rad/s or m/s^2) of IEEE 952.
+    count : int
+        Number of processes.
+    shortest, longest : float
+        Averaging times (s) between which the deviation is flat.
+
+    Returns
+    -------
+    tuple of Process
+        In order of time constant.
+
+    Notes
+    -----
+    Least squares of the logarithm of the deviation. White noise and rate random walk of the IMU are separate processes,
+    so that only the flat part is fitted. A process peaks at 1.89 time constants; the initial guess spreads the peaks
+    evenly over the logarithm of time.
     """
-    from scipy.optimize import least_squares  # 0.3 s of every process, for few units
+    from scipy.optimize import least_squares  # the import takes 0.3 s in every worker, and few IMUs need it
 
     tau = np.geomspace(shortest, longest, 60)
     edges = np.geomspace(shortest, longest, count + 1)
@@ -81,24 +110,36 @@ def fit_floor(instability: float, count: int, shortest: float, longest: float) -
         return [Process(float(np.exp(s)), float(np.exp(t))) for s, t in zip(x[:count], x[count:], strict=True)]
 
     def misses(x: Floats) -> Floats:
-        return np.asarray(np.log(together(*(gauss_markov(one, tau) for one in processes(x))) / FLOOR))
+        return np.asarray(np.log(together(*(gauss_markov(process, tau) for process in processes(x))) / FLOOR))
 
     start = np.concatenate([np.full(count, math.log(0.8)), np.log(times)])
     low, high = np.full(2 * count, -8.0), np.full(2 * count, 3.0)
     low[count:], high[count:] = math.log(0.1 * shortest), math.log(10.0 * longest)
-    found = processes(least_squares(misses, start, bounds=(low, high)).x)
-    return tuple(Process(instability * one.sigma, one.time_constant) for one in sorted(found, key=lambda p: p[1]))
+    fitted = processes(least_squares(misses, start, bounds=(low, high)).x)
+    return tuple(Process(instability * p.sigma, p.time_constant) for p in sorted(fitted, key=lambda p: p[1]))
 
 
 def autocovariance(processes: Sequence[Process], lags: Floats) -> Floats:
     """Return the autocovariance of the sum of Gauss-Markov processes at lags (n,) s."""
     lags = np.abs(np.asarray(lags, dtype=float))
-    return np.asarray(sum(one.sigma**2 * np.exp(-lags / one.time_constant) for one in processes))
+    return np.asarray(sum(p.sigma**2 * np.exp(-lags / p.time_constant) for p in processes))
 
 
 def autoregressive(processes: Sequence[Process], order: int, dt: float) -> tuple[Floats, float]:
-    """Return coefficients (order,) and one-sigma of the driving noise of the autoregressive process of steps of dt s
-    whose autocovariance is that of Gauss-Markov processes up to `order` steps (Yule-Walker equations).
+    """Return the autoregressive model with the autocovariance of a sum of Gauss-Markov processes (Yule-Walker).
+
+    Parameters
+    ----------
+    processes : sequence of Process
+    order : int
+        Order of the model; the autocovariance agrees up to this lag.
+    dt : float
+        Step of the model (s).
+
+    Returns
+    -------
+    (order,) array, float
+        Coefficients, and sigma of the driving noise.
     """
     from scipy.linalg import solve_toeplitz
 

@@ -9,8 +9,11 @@ from lvnav_trade.records import Bools, Floats
 
 
 class Dead(NamedTuple):
-    """A dead element: number (from 0) of its axis, ticks (n_tick,) at which it is dead; last: it repeats what it put
-    out before them.
+    """A dead sensing element.
+
+    axis : Index of its axis.
+    ticks : (n_tick,). Whether it is dead at the tick.
+    last : Whether it repeats its last output; otherwise its output is zero.
     """
 
     axis: int
@@ -19,26 +22,33 @@ class Dead(NamedTuple):
 
 
 def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[Dead] = ()) -> Floats:
-    """Return what elements along some axes make of increments of angle or velocity, both (n_tick, 3), body axes.
+    """Return the increments after clipping at full scale and dead elements.
 
-    An element clips what is beyond its full scale. Bias, noise and scale factor come after it: they are of the
-    electronics. Nothing is copied where nothing is clipped or dead.
+    Bias, noise and scale factor are errors of the electronics and are added after this step.
 
     Parameters
     ----------
-    axes
-        Unit vectors (k, 3), k of 1 to 3, linearly independent; what is across them stays.
-    limit
-        Largest increment (rad or m/s) of a tick, either sign; inf: none.
+    increments : (n_tick, 3) rad or m/s
+        Increments of angle or velocity, body axes.
+    axes : (k, 3)
+        Linearly independent unit vectors of 1 to 3 sensing axes. Components across all of them do not change.
+    limit : float
+        Largest increment (rad or m/s) of a tick, of either sign; inf: none.
+    dead : sequence of Dead
+
+    Returns
+    -------
+    (n_tick, 3) rad or m/s
+        The array `increments` itself if nothing is clipped or dead.
     """
     if not dead and float(np.max(np.einsum("ij,ij->i", increments, increments), initial=0.0)) < 0.99 * limit**2:
-        return increments  # no axis has more of it than its length
+        return increments  # the component along an axis is at most the length of the vector
     along = increments @ axes.T
-    found = np.clip(along, -limit, limit)
-    for one in dead:
-        at = np.flatnonzero(one.ticks)
+    output = np.clip(along, -limit, limit)
+    for element in dead:
+        at = np.flatnonzero(element.ticks)
         if at.size:
-            found[at, one.axis] = found[at[0] - 1, one.axis] if one.last and at[0] > 0 else 0.0
-    if np.array_equal(found, along):
+            output[at, element.axis] = output[at[0] - 1, element.axis] if element.last and at[0] > 0 else 0.0
+    if np.array_equal(output, along):
         return increments
-    return np.asarray(increments + (found - along) @ np.linalg.pinv(axes).T)
+    return np.asarray(increments + (output - along) @ np.linalg.pinv(axes).T)

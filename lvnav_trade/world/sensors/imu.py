@@ -17,7 +17,7 @@ from lvnav_trade.world.sensors.allan import FLOOR, Process, fit_floor
 
 
 class Ramp(Card):
-    """When a bias grows linearly before it stays as it is."""
+    """Interval in which a bias grows linearly; it is constant afterwards."""
 
     start: units.Duration = 0.0
     end: units.Duration
@@ -28,13 +28,13 @@ class Ramp(Card):
 
 
 class GyroRamp(Ramp):
-    """A bias that grows linearly between two times and then stays (warming during the burn); same in every run."""
+    """Gyro bias that grows linearly between two times (warming during the burn); the same in every run."""
 
     amplitude: tuple[units.AngularRate, units.AngularRate, units.AngularRate]
 
 
 class AccelRamp(Ramp):
-    """The accelerometers' bias ramp; same in every run."""
+    """Accelerometer bias that grows linearly between two times; the same in every run."""
 
     amplitude: tuple[units.Acceleration, units.Acceleration, units.Acceleration]
 
@@ -68,7 +68,7 @@ class InstabilityFit(Card):
 
 
 class SensorCard(Card):
-    """A triad with a bias that varies."""
+    """A triad of sensors with bias instability."""
 
     if TYPE_CHECKING:  # fields of the cards below, in their order
         bias_instability: PerAxis
@@ -78,9 +78,7 @@ class SensorCard(Card):
 
     @property
     def instability_processes(self) -> tuple[Process, ...]:
-        """The Gauss-Markov processes of the true bias instability, of the root mean square of the axes; none without
-        one.
-        """
+        """Gauss-Markov processes of the true bias instability, with the sigma of the root mean square of the axes."""
         size = per_axis.rms(self.bias_instability)
         if size <= 0.0:
             return ()
@@ -97,23 +95,26 @@ class SensorCard(Card):
 
     @property
     def instability(self) -> Process:
-        """What one process has of them: their sigma together, and the drift over a short time of the slowest."""
+        """Single process that replaces them in a filter: their total sigma, and the short-term drift of the slowest.
+
+        A Gauss-Markov process drifts with the variance 2 sigma^2 / T per second: T = T_slow total^2 / sigma_slow^2.
+        """
         size = per_axis.rms(self.bias_instability)
         if size <= 0.0 or self.instability_fit is None:
             return Process(size, self.instability_time)
-        found = self.instability_processes
-        variance, slowest = sum(one.sigma**2 for one in found), found[-1]
+        processes = self.instability_processes
+        variance, slowest = sum(process.sigma**2 for process in processes), processes[-1]
         return Process(math.sqrt(variance), slowest.time_constant * variance / slowest.sigma**2)
 
     def instability_axes(self, sigma: float) -> PerAxis:
-        """Return by axis the one-sigma of a process that is `sigma` for the root mean square of the axes."""
+        """Return the sigma by axis of a process whose root mean square over the axes is `sigma`."""
         if not isinstance(self.bias_instability, tuple):
             return sigma
-        return each_axis(lambda one: sigma * one / per_axis.rms(self.bias_instability), self.bias_instability)
+        return each_axis(lambda size: sigma * size / per_axis.rms(self.bias_instability), self.bias_instability)
 
     @property
     def nonlinearity_scale(self) -> float:
-        """Input (SI) at which the nonlinearity is what the card says."""
+        """Input (SI) to which the nonlinearity of the card refers."""
         return self.full_scale or _USUAL[GYRO if isinstance(self, GyroCard) else ACCEL]
 
     @property
@@ -123,7 +124,7 @@ class SensorCard(Card):
 
 
 class GyroCard(SensorCard):
-    """Errors of the gyro triad, one sigma per axis (rows of table 1 of Trigo and Theil), alike or a list of three."""
+    """Errors of the gyro triad, one sigma, the same for all axes or by axis (table 1 of Trigo and Theil)."""
 
     bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
     misalignment: per_axis.Angle = 0.0  # of each axis towards the two others
@@ -143,7 +144,7 @@ class GyroCard(SensorCard):
 
 
 class AccelCard(SensorCard):
-    """Errors of the accelerometer triad, one sigma per axis, alike or a list of three."""
+    """Errors of the accelerometer triad, one sigma, the same for all axes or by axis."""
 
     bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
     misalignment: per_axis.Angle = 0.0  # of each axis towards the two others
@@ -164,7 +165,7 @@ class AccelCard(SensorCard):
 
 
 class ImuCard(NamedCard):
-    """An inertial unit."""
+    """An inertial measurement unit (IMU)."""
 
     rate: units.StepRate = 200.0
     process_rate: units.StepRate = Field(10.0, description="how often time-varying errors take a step")
@@ -174,49 +175,59 @@ class ImuCard(NamedCard):
 
 
 def error_terms(card: ImuCard) -> list[ErrorTerm]:
-    """Return the true error parameters that a card names, those that are zero left out."""
+    """Return the true error parameters of an IMU, without those whose size is zero."""
     terms: list[ErrorTerm] = []
-    for name, sensor, of in (("gyro", GYRO, card.gyro), ("accelerometer", ACCEL, card.accel)):
+    for name, sensor, triad in (("gyro", GYRO, card.gyro), ("accelerometer", ACCEL, card.accel)):
         terms += [
-            ErrorTerm(f"{name} bias repeatability", 0, sensor, CONSTANT, of.bias_repeatability),
+            ErrorTerm(f"{name} bias repeatability", 0, sensor, CONSTANT, triad.bias_repeatability),
             *(
                 ErrorTerm(
                     f"{name} bias instability",
                     part,
                     sensor,
                     CONSTANT,
-                    of.instability_axes(one.sigma),
+                    triad.instability_axes(process.sigma),
                     0.0,
-                    one.time_constant,
+                    process.time_constant,
                 )
-                for part, one in enumerate(of.instability_processes)
+                for part, process in enumerate(triad.instability_processes)
             ),
-            ErrorTerm(f"{name} rate random walk", 0, sensor, CONSTANT, 0.0, of.rate_random_walk),
-            ErrorTerm(f"{name} scale factor", 0, sensor, OWN_0, of.scale_factor),
-            ErrorTerm(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, of.scale_factor_drift),
-            ErrorTerm(f"{name} misalignment", 0, sensor, OWN_1, of.misalignment),
-            ErrorTerm(f"{name} misalignment", 1, sensor, OWN_1 + 1, of.misalignment),
+            ErrorTerm(f"{name} rate random walk", 0, sensor, CONSTANT, 0.0, triad.rate_random_walk),
+            ErrorTerm(f"{name} scale factor", 0, sensor, OWN_0, triad.scale_factor),
+            ErrorTerm(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, triad.scale_factor_drift),
+            # misalignment of each axis towards the next axis, and towards the one after it
+            ErrorTerm(f"{name} misalignment", 0, sensor, OWN_1, triad.misalignment),
+            ErrorTerm(f"{name} misalignment", 1, sensor, OWN_1 + 1, triad.misalignment),
             ErrorTerm(
                 f"{name} nonlinearity",
                 0,
                 sensor,
                 SQUARE,
-                each_axis(lambda one, at=of.nonlinearity_scale: one / at, of.nonlinearity),
+                each_axis(lambda size, at=triad.nonlinearity_scale: size / at, triad.nonlinearity),
             ),
         ]
-        if isinstance(of, GyroCard):
-            terms += [ErrorTerm("gyro g-sensitivity", j, GYRO, OTHER_0 + j, of.g_sensitivity) for j in range(3)]
+        if isinstance(triad, GyroCard):
+            terms += [ErrorTerm("gyro g-sensitivity", j, GYRO, OTHER_0 + j, triad.g_sensitivity) for j in range(3)]
     return [term for term in terms if term.varies]
 
 
 def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
-    """Return the increments (n, 3) that a sensor with a first-order bandwidth (Hz) puts out; it starts in steady state.
+    """Return the increments of a sensor with first-order bandwidth, which starts in steady state.
 
-    The input is taken as constant over each tick, for which the response of the first-order lag is exact.
+    The input is assumed constant over each tick; for such an input the response is exact.
+
+    Parameters
+    ----------
+    increments : (n, 3) rad or m/s
+        Increments of the ideal sensor.
+    bandwidth : float or None
+        Bandwidth (Hz); None: unlimited.
+    dt : float
+        Length of a tick (s).
     """
     if bandwidth is None:
         return increments
-    from scipy.signal import lfilter  # with it comes scipy.stats: 30 MiB and 0.5 s of every worker, for few units
+    from scipy.signal import lfilter  # imports scipy.stats: 30 MiB and 0.5 s for every worker, needed by few IMUs
 
     time_constant = 1.0 / (2.0 * math.pi * bandwidth)
     decay = math.exp(-dt / time_constant)

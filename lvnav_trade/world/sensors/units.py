@@ -28,7 +28,7 @@ Direction = tuple[float, float, float]
 
 
 class MountedUnit(ImuCard):
-    """One unit of a set: an inertial unit, and how it is mounted."""
+    """An IMU of an array, with its position and orientation."""
 
     lever_arm: tuple[units.Length, units.Length, units.Length] = Field(
         (0.0, 0.0, 0.0), description="from the reference point, which is what is navigated, body axes"
@@ -51,10 +51,10 @@ class MountedUnit(ImuCard):
 
     @property
     def directions(self) -> Floats:
-        """Unit vectors (n, 3) that it senses along, body axes."""
-        own = np.eye(3) if self.axes is None else np.array(self.axes, dtype=float)
+        """Unit vectors (n, 3) of its sensing axes, body axes."""
+        axes = np.eye(3) if self.axes is None else np.array(self.axes, dtype=float)
         if not any(self.orientation):
-            return np.asarray(own / np.linalg.norm(own, axis=1)[:, None])
+            return np.asarray(axes / np.linalg.norm(axes, axis=1)[:, None])
         (sr, sp, sy), (cr, cp, cy) = np.sin(self.orientation), np.cos(self.orientation)
         turn = np.array(
             [
@@ -63,11 +63,11 @@ class MountedUnit(ImuCard):
                 [cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp],
             ]
         )
-        return np.asarray(own / np.linalg.norm(own, axis=1)[:, None] @ turn)
+        return np.asarray(axes / np.linalg.norm(axes, axis=1)[:, None] @ turn)
 
 
 class ImuSet(NamedCard):
-    """Inertial units whose increments are fused, sample by sample, to those of one triad at the reference point."""
+    """IMU array: the increments of its IMUs are fused, sample by sample, into one triad at the reference point."""
 
     name: str = "several units"
     source: str = ""
@@ -110,17 +110,17 @@ class ImuSet(NamedCard):
 
     @property
     def rate(self) -> float:
-        """Samples per second (Hz), the same of all units."""
+        """Sample rate (Hz), common to all IMUs."""
         return self.units[0].rate
 
     @property
     def process_rate(self) -> float:
-        """How often time-varying errors take a step (Hz): the most that a unit asks for."""
+        """Rate (Hz) of the steps of time-varying errors: the highest of the IMUs."""
         return max(unit.process_rate for unit in self.units)
 
 
 def _unfit_for_redundancy(card: ImuSet) -> Iterable[str]:
-    """Yield what a selection, or a test of units against each other, lacks."""
+    """Yield the input errors of mid-value selection and of the parity test."""
     spans = [np.linalg.matrix_rank(unit.directions, tol=SMALLEST) for unit in card.units]
     if card.selection == "mid_value":
         if min(spans, default=3) < 3:
@@ -129,27 +129,27 @@ def _unfit_for_redundancy(card: ImuSet) -> Iterable[str]:
             yield f"weights: {card.weights}: the middle one of several readings has none"
         if len(card.units) < 3:
             yield f"selection: mid_value: the middle of {len(card.units)} is their mean; it takes three units or more"
-        if any(one.quantisation > 0.0 for unit in card.units for one in (unit.gyro, unit.accel)):
+        if any(triad.quantisation > 0.0 for unit in card.units for triad in (unit.gyro, unit.accel)):
             yield "selection: mid_value: what quantisation holds back of a unit is lost where another one is selected"
     if card.parity is not None:
         yield from _untestable(card, card.parity)
     if card.parity is not None and card.parity.window * card.rate < 1.0:
         yield f"parity.window: {card.parity.window:g} s is less than a sample of {1.0 / card.rate:g} s"
     for number, unit in enumerate(card.units):
-        for name, one in (("gyro", unit.gyro), ("accel", unit.accel)):
-            if (card.parity is not None or card.selection == "mid_value") and rms(one.random_walk) <= 0.0:
+        for name, triad in (("gyro", unit.gyro), ("accel", unit.accel)):
+            if (card.parity is not None or card.selection == "mid_value") and rms(triad.random_walk) <= 0.0:
                 yield f"units.{number}.{name}.random_walk: is zero; thresholds of redundant units need it, give it"
 
 
 def excludes_units(card: ImuCard | ImuSet) -> bool:
-    """Whether a failed unit no longer enters what is fused: by a test that excludes it, or by the middle reading."""
+    """Whether a failed IMU is excluded from the fused increments, by the parity test or by mid-value selection."""
     if isinstance(card, ImuCard):
         return False
     return card.selection == "mid_value" or (card.parity is not None and card.parity.after_detection == "exclude")
 
 
 def _untestable(card: ImuSet, parity: ParityCard) -> Iterable[str]:
-    """Yield why a test of the units against each other can do nothing."""
+    """Yield the input error of a parity test that can detect or isolate nothing."""
     if sum(len(unit.directions) for unit in card.units) <= 3:
         yield "parity: the axes are as many as the test needs to fit: no failure can be detected"
     elif parity.after_detection == "exclude" and not any(_tested_without(card, k) for k in range(len(card.units))):
@@ -160,9 +160,9 @@ def _untestable(card: ImuSet, parity: ParityCard) -> Iterable[str]:
 
 
 def _tested_without(card: ImuSet, number: int) -> bool:
-    """Return whether the units of a set without one of them sense along four axes or more, in three dimensions."""
-    left = [unit.directions for at, unit in enumerate(card.units) if at != number]
-    axes = np.vstack(left) if left else np.zeros((0, 3))
+    """Return whether the array without IMU `number` has four axes or more that span three dimensions."""
+    others = [unit.directions for at, unit in enumerate(card.units) if at != number]
+    axes = np.vstack(others) if others else np.zeros((0, 3))
     return len(axes) > 3 and int(np.linalg.matrix_rank(axes, tol=SMALLEST)) == 3
 
 
@@ -172,23 +172,27 @@ def _kind_of(value: Any) -> str:
 
 
 Imu = Annotated[Annotated[ImuCard, Tag("one_unit")] | Annotated[ImuSet, Tag("several_units")], Discriminator(_kind_of)]
-"""An inertial unit, or several as a list `units`."""
+"""An IMU, or an IMU array with a list `units`."""
 
 
 def _sizes(card: ImuSet, sensor: str) -> Floats:
-    """Return what the weights of the units' axes are the inverse squares of, (n_unit,); ones for equal weights."""
+    """Return the sigma of each IMU (n_unit,) whose inverse square weights its axes; ones for equal weights."""
     cards = [getattr(unit, sensor) for unit in card.units]
     if card.weights == "equal":
         return np.ones(len(cards))
     if card.weights == "bias":
-        return np.array([math.hypot(rms(one.bias_repeatability), one.instability_sigma) for one in cards])
-    return np.array([rms(one.random_walk) for one in cards])
+        return np.array([math.hypot(rms(triad.bias_repeatability), triad.instability_sigma) for triad in cards])
+    return np.array([rms(triad.random_walk) for triad in cards])
 
 
 class Triad(NamedTuple):
-    """Up to three sensing axes of a unit, whose errors are drawn together: number of the unit; frames (3, 3, 3) of each
-    axis in body axes: its own direction, then those that its misalignments are towards; gyro, accel (3, 3) columns by
-    which an error of an axis enters the fused triad, body axes. An axis that is missing is zero everywhere.
+    """Up to three sensing axes of an IMU, whose errors are drawn together.
+
+    unit : Index of the IMU.
+    n_axis : Number of axes, 1 to 3; the entries of missing axes are zero.
+    frames : (3, 3, 3). By axis: its direction, then the two directions of its misalignments, body axes.
+    gyro : (3, 3). Columns: fused triad (body axes) by an error of each gyro axis.
+    accel : (3, 3). Columns: fused triad (body axes) by an error of each accelerometer axis.
     """
 
     unit: int
@@ -199,14 +203,20 @@ class Triad(NamedTuple):
 
 
 def least_squares(directions: Floats, weights: Floats) -> Floats:
-    """Return A (3, n) with x = A y for readings y along unit vectors (n, 3) of the given weights (n,)."""
+    """Return A = (H' W H)^-1 H' W, (3, n), with x = A y for readings y along sensing axes.
+
+    directions : (n, 3). Unit vectors of the axes, rows of H.
+    weights : (n,). Diagonal of W.
+    """
     weighted = directions * weights[:, None]
     return np.asarray(np.linalg.solve(weighted.T @ directions, weighted.T))
 
 
 def _frames(axes: Floats) -> Floats:
-    """Return a right-handed frame (n, 3, 3) for each of the axes (n, 3): of an orthogonal triad the axes themselves, in
-    turn, so that a misalignment is towards the next one.
+    """Return a right-handed frame (n, 3, 3) for each of the axes (n, 3).
+
+    The frame of an axis of an orthogonal triad is the triad itself in cyclic order, so that its misalignments are
+    towards the other two axes.
     """
     if len(axes) == 3 and np.allclose(axes @ axes.T, np.eye(3), atol=1e-12) and np.linalg.det(axes) > 0.0:
         return np.array([np.roll(axes, -k, axis=0) for k in range(3)])
@@ -217,7 +227,7 @@ def _frames(axes: Floats) -> Floats:
 
 
 def triads_of(card: ImuSet) -> tuple[Triad, ...]:
-    """Return the triads of a set, unit by unit."""
+    """Return the triads of an IMU array, IMU by IMU."""
     directions = [unit.directions for unit in card.units]
     count = [len(axes) for axes in directions]
     solved = []
@@ -225,57 +235,58 @@ def triads_of(card: ImuSet) -> tuple[Triad, ...]:
         sizes = _sizes(card, sensor)
         sizes = sizes / sizes[0] if sizes.all() else np.ones(len(sizes))
         solved.append(least_squares(np.vstack(directions), np.repeat(sizes**-2.0, count)))
-    found, at = [], 0
+    triads, at = [], 0
     for number, axes in enumerate(directions):
         for first in range(0, len(axes), 3):
-            here = axes[first : first + 3]
-            n, frames = len(here), np.zeros((3, 3, 3))
-            frames[:n] = _frames(here)
+            members = axes[first : first + 3]
+            n, frames = len(members), np.zeros((3, 3, 3))
+            frames[:n] = _frames(members)
             gyro, accel = (np.pad(A[:, at : at + n], ((0, 0), (0, 3 - n))) for A in solved)
-            found.append(Triad(number, n, frames, gyro, accel))
+            triads.append(Triad(number, n, frames, gyro, accel))
             at += n
-    return tuple(found)
+    return tuple(triads)
 
 
 def keyed(label: str, unit: int) -> str:
-    """Return the key of an error source of a unit (from 0): the first has those of a unit alone."""
+    """Return the key of an error source of an IMU (index from 0); the first IMU has the keys of a single IMU."""
     return f"unit {unit + 1} {label}" if unit else label
 
 
 def own_solutions(card: ImuSet) -> Floats:
-    """Return for every triad the columns (n_triad, 3, 3) by which its axes enter the solution of their unit alone."""
-    found = [np.zeros((3, 3)) for _ in triads_of(card)]
+    """Return the columns (n_triad, 3, 3) by which errors of the axes enter the solution of their own IMU alone."""
+    columns = [np.zeros((3, 3)) for _ in triads_of(card)]
     for number, unit in enumerate(card.units):
-        A, at = np.linalg.pinv(unit.directions), 0  # of fewer than three axes it is none, and stands for nothing
-        for triad, one in enumerate(triads_of(card)):
-            if one.unit == number:
-                found[triad][:, : one.n_axis], at = A[:, at : at + one.n_axis], at + one.n_axis
-    return np.array(found)
+        A, at = np.linalg.pinv(unit.directions), 0  # no solution with fewer than three axes: then it is not used
+        for index, triad in enumerate(triads_of(card)):
+            if triad.unit == number:
+                columns[index][:, : triad.n_axis], at = A[:, at : at + triad.n_axis], at + triad.n_axis
+    return np.array(columns)
 
 
 def axis_weights(card: ImuSet) -> Floats:
-    """Return the weight in the least squares of the axes of every triad, (2, n_triad) of gyro and accelerometer; one
-    for a selection.
+    """Return the least-squares weights of the axes by triad, (2, n_triad): gyro, accelerometer.
+
+    They are relative to the first IMU, and one for mid-value selection.
     """
     owners = [triad.unit for triad in triads_of(card)]
     if card.selection == "mid_value":
         return np.ones((2, len(owners)))
     sizes = [_sizes(card, sensor) for sensor in ("gyro", "accel")]
-    return np.array([(own / own[0] if own.all() else np.ones(own.size))[owners] ** -2.0 for own in sizes])
+    return np.array([(sigma / sigma[0] if sigma.all() else np.ones(sigma.size))[owners] ** -2.0 for sigma in sizes])
 
 
 def axis_counts(imu: ImuCard | ImuSet) -> tuple[int, ...]:
-    """Return how many sensing axes each unit has."""
+    """Return the number of sensing axes of each IMU."""
     return (3,) if isinstance(imu, ImuCard) else tuple(len(unit.directions) for unit in imu.units)
 
 
 def mounted(imu: ImuCard | ImuSet) -> list[tuple[int, ImuCard]]:
-    """Return number (from 0) and card of the unit of every triad; of a unit alone its own."""
+    """Return index (from 0) and card of the IMU of every triad; a single IMU has one triad."""
     return [(0, imu)] if isinstance(imu, ImuCard) else [(triad.unit, imu.units[triad.unit]) for triad in triads_of(imu)]
 
 
 def terms_of(imu: ImuCard | ImuSet) -> list[ErrorTerm]:
-    """Return the true error parameters of a unit, or of all units of a set, triad by triad."""
+    """Return the true error parameters of an IMU, or of all IMUs of an array, triad by triad."""
     if isinstance(imu, ImuCard):
         return error_terms(imu)
     owners = mounted(imu)
@@ -287,25 +298,29 @@ def terms_of(imu: ImuCard | ImuSet) -> list[ErrorTerm]:
 
 
 def _fused(imu: ImuSet, sensor: int, value: Callable[[Any], PerAxis]) -> PerAxis:
-    """Return the fused one-sigma of an error that every sensing axis has of its own; value: its one-sigma. Of units
-    whose axes are alike it is the mean over the axes of the body, else that of each.
+    """Return the sigma of the fused triad for an error that is independent between sensing axes.
+
+    It is the root mean square over the body axes if the axes of every IMU are equal, otherwise by axis.
+
+    value : Function that returns the sigma of a gyro or accelerometer card.
     """
-    found, alike = np.zeros(3), True
+    variance, alike = np.zeros(3), True
     for triad in triads_of(imu):
         A, card = (
             (triad.gyro, imu.units[triad.unit].gyro) if sensor == GYRO else (triad.accel, imu.units[triad.unit].accel)
         )
-        found += A**2 @ squares(value(card))
+        variance += A**2 @ squares(value(card))
         alike &= not isinstance(value(card), tuple)
     if alike:
-        return math.sqrt(float(found.sum()) / 3.0)
-    x, y, z = np.sqrt(found).tolist()
+        return math.sqrt(float(variance.sum()) / 3.0)
+    x, y, z = np.sqrt(variance).tolist()
     return x, y, z
 
 
 def _fused_matrix(imu: ImuSet, sensor: int, own: str, across: str) -> tuple[float, float]:
-    """Return the one-sigma of the fused matrix of scale factors (diagonal) and misalignments (beside it), mean over its
-    entries: a scale factor of a skewed axis is both.
+    """Return the sigmas of the fused scale-factor and misalignment matrix: diagonal, off-diagonal.
+
+    Each is the root mean square over the entries. The scale factor of a skewed axis contributes to both.
     """
     variance = np.zeros((3, 3))
     for triad in triads_of(imu):
@@ -321,30 +336,31 @@ def _fused_matrix(imu: ImuSet, sensor: int, own: str, across: str) -> tuple[floa
 def _fused_card(imu: ImuSet, sensor: int) -> dict[str, Any]:
     cards = [unit.gyro if sensor == GYRO else unit.accel for unit in imu.units]
     names = ["random_walk", "rate_random_walk", "bias_repeatability", "quantisation"]
-    found: dict[str, Any] = {name: _fused(imu, sensor, attrgetter(name)) for name in names}
-    found["bias_instability"] = _fused(imu, sensor, lambda one: one.instability_axes(one.instability_sigma))
-    found["scale_factor"], found["misalignment"] = _fused_matrix(imu, sensor, "scale_factor", "misalignment")
-    found["scale_factor_drift"], _ = _fused_matrix(imu, sensor, "scale_factor_drift", "")
+    fields: dict[str, Any] = {name: _fused(imu, sensor, attrgetter(name)) for name in names}
+    fields["bias_instability"] = _fused(imu, sensor, lambda triad: triad.instability_axes(triad.instability_sigma))
+    fields["scale_factor"], fields["misalignment"] = _fused_matrix(imu, sensor, "scale_factor", "misalignment")
+    fields["scale_factor_drift"], _ = _fused_matrix(imu, sensor, "scale_factor_drift", "")
     if sensor == GYRO:
-        found["g_sensitivity"] = _fused(imu, sensor, attrgetter("g_sensitivity"))
-    # the driving noise of several Gauss-Markov processes adds up: the time constant that goes with their sum
+        fields["g_sensitivity"] = _fused(imu, sensor, attrgetter("g_sensitivity"))
+    # driving noise sigma^2 / T of independent Gauss-Markov processes adds up and gives T of their sum
     drive = (
         sum(
-            one.sigma**2 / one.time_constant * float(np.sum((t.gyro if sensor == GYRO else t.accel) ** 2))
+            process.sigma**2 / process.time_constant * float(np.sum((t.gyro if sensor == GYRO else t.accel) ** 2))
             for t in triads_of(imu)
-            for one in [cards[t.unit].instability]
+            for process in [cards[t.unit].instability]
         )
         / 3.0
     )
-    found["instability_time"] = rms(found["bias_instability"]) ** 2 / drive if drive > 0.0 else 100.0
-    return found
+    fields["instability_time"] = rms(fields["bias_instability"]) ** 2 / drive if drive > 0.0 else 100.0
+    return fields
 
 
 def equivalent(imu: ImuCard | ImuSet) -> ImuCard:
-    """Return the unit that the fused triad of a set is like; of a unit alone the unit.
+    """Return the IMU equivalent to the fused triad of an array; a single IMU is returned as it is.
 
-    Its one-sigmas are means over the three axes, or those of each where the axes of a unit differ; of scale factors and
-    misalignments means. Nonlinearity, bandwidth and warming, which do not add up to one of their kind, are left out.
+    Sigmas are root mean squares over the three axes, or by axis if the axes of an IMU differ. Those of scale factor and
+    misalignment are always root mean squares. Nonlinearity, bandwidth and warming are omitted, because their sum over
+    several IMUs is not an error of the same kind.
     """
     if isinstance(imu, ImuCard):
         return imu

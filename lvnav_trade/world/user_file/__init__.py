@@ -1,4 +1,4 @@
-"""Files of the user's own: columns of numbers to a true trajectory, and recorded errors of a receiver.
+"""Files of the user: trajectories, recorded logs of an IMU and a receiver, and recorded receiver errors.
 
 Read `columns.py` first (the card), then `table.py`.
 """

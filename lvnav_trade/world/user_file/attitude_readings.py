@@ -1,4 +1,4 @@
-"""Other readings of the attitude of a user's file: how far off the body's x axis the forces lie in each."""
+"""Other interpretations of the attitude of a user's file, and the angle of the forces from the body x axis in each."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -13,19 +13,24 @@ from lvnav_trade.world.user_file.columns import AttitudeColumns, TableTrajectory
 from lvnav_trade.world.user_file.rows import read_attitudes
 
 _FRAMES = ("eci", "j2000", "ecef", "ned")
-_CERTAIN, _CLEAR = 0.1, 0.5  # of the angle of the stated reading: an angle below is a refusal, or a warning
-_CERTAIN_ANGLE, _CLEAR_ANGLE = np.radians(1.0), np.radians(0.1)  # smaller angles of the stated reading mean nothing
+# Ratio to the angle of the card's interpretation below which another interpretation is refused, or a warning
+_CERTAIN, _CLEAR = 0.1, 0.5
+_CERTAIN_ANGLE, _CLEAR_ANGLE = np.radians(1.0), np.radians(0.1)  # smaller angles are not significant
 
 
 class Reading(NamedTuple):
-    """A reading of the columns of attitude, and the median angle (rad) of the forces from the body's x axis in it."""
+    """An interpretation of the attitude columns.
+
+    part : Settings of the interpretation.
+    angle : rad. Median angle of the specific forces from the body x axis.
+    """
 
     part: AttitudeColumns
     angle: float
 
 
 def readings(attitude: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the readings of columns of attitude, the stated one first: frames, scalar and sense."""
+    """Yield the interpretations of attitude columns by frame, scalar and sense, that of the card first."""
     frames = dict.fromkeys([attitude["frame"], *_FRAMES])
     if attitude["form"] == "euler":
         yield from (attitude | {"frame": frame} for frame in frames)
@@ -37,13 +42,15 @@ def readings(attitude: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarray) -> list[Reading]:
-    """Return the readings of a card's attitude, the stated one first; none where the card has no attitude.
+    """Return the interpretations of a card's attitude, that of the card first; an empty list without attitude.
 
-    r_i (n, 3) m and force (n, 3) m/s^2, frame i, at the rows; strong (n,): rows whose force says where the x axis lies.
+    r_i : (n, 3) m, frame i. Positions of the rows.
+    force : (n, 3) m/s^2, frame i. Specific forces at the rows.
+    strong : (n,). Rows with a force large enough to define the direction of thrust.
     """
     if card.attitude is None or not np.any(strong):
         return []
-    parts = [AttitudeColumns.model_validate(one) for one in readings(card.attitude.model_dump())]
+    parts = [AttitudeColumns.model_validate(settings) for settings in readings(card.attitude.model_dump())]
     along = unit(force[strong])
     found = []
     for part, q_b_i in zip(parts, read_attitudes(card, parts, r_i), strict=True):
@@ -54,13 +61,14 @@ def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarr
 
 
 def better(card: TableTrajectory, found: list[Reading]) -> str:
-    """Return what is said of a reading that fits the forces clearly better than the stated one; empty where none does.
+    """Return the warning about an interpretation that fits the forces clearly better than that of the card.
 
-    InputError where it fits ten times better, unless the card states largest_force_angle: then the angle is meant.
+    The text is empty if there is none. InputError if the fit is ten times better, unless the card sets
+    largest_force_angle, which confirms the angle.
     """
     if len(found) < 2:
         return ""
-    stated, best = found[0], min(found[1:], key=lambda one: one.angle)
+    stated, best = found[0], min(found[1:], key=lambda reading: reading.angle)
     if stated.angle < _CLEAR_ANGLE or best.angle > _CLEAR * stated.angle or stated.angle - best.angle < _CLEAR_ANGLE:
         return ""
     changed = ", ".join(

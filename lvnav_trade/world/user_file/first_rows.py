@@ -9,44 +9,42 @@ from lvnav_trade.world.user_file.columns import TableTrajectory
 from lvnav_trade.world.user_file.j2000 import rotation_to_date
 from lvnav_trade.world.user_file.rows import Rows, si
 
-REST = 1.0  # m/s relative to the Earth; more than this is no lift-off
-_WALK = 10.0  # m/s: within it precession moves what rests (1.1 m/s in 2024)
-_LIFTOFF, _LATEST_LIFTOFF = 3.0, 60.0  # s by which a vehicle may leave the ground off time zero unsaid, and at all
+REST = 1.0  # m/s relative to the Earth; a slower vehicle is at rest
+_WALK = 10.0  # m/s; precession between two dates moves a point at rest by less (1.1 m/s in 2024)
+_LIFTOFF, _LATEST_LIFTOFF = 3.0, 60.0  # s; offset of lift-off from time zero without a remark, and without an error
 
 
 def rest_end(rows: Rows) -> float | None:
-    """Return the time (s) of the last row at rest on the Earth before the first that moves; None where the first row
-    moves, or none does.
-    """
+    """Return the time (s) of the last row at rest before motion; None if the first row moves or no row moves."""
     v = np.gradient(rows.r_i, rows.t, axis=0) if rows.v_i is None else rows.v_i
     moving = np.linalg.norm(earth_velocity(rows.r_i, v), axis=1) > REST
     return None if moving[0] or not moving.any() else float(rows.t[int(np.argmax(moving)) - 1])
 
 
 def clock_remark(card: TableTrajectory, rows: Rows) -> str:
-    """Return what is said of a file that begins at rest and leaves the ground at another time than zero.
+    """Return the warning about a file that begins at rest and lifts off at a time other than zero; empty for none.
 
-    InputError where that is more than a minute off, or the first row is a day from lift-off: the clock of the file
-    counts from something else.
+    InputError if the offset exceeds a minute, or the first row is a day from lift-off: the clock of the file then has
+    another origin.
     """
-    t, left = rows.t, rest_end(rows)
-    begin = float(t[0]) if left is None else left
+    t, last_rest = rows.t, rest_end(rows)
+    begin = float(t[0]) if last_rest is None else last_rest
     shown = begin / si(card.time.unit, "s") + card.time.liftoff
     text = f"state what the column shows at lift-off, as YAML: time: {{..., liftoff: {shown:.12g}}}"
-    if left is None:
+    if last_rest is None:
         if abs(begin) > STREAM:
             raise InputError(f"{card.file}: the first row is {begin / 3600.0:.1f} h from lift-off: {text}")
         return ""
-    if abs(left) <= _LIFTOFF + float(np.max(np.diff(t[:3]))):
+    if abs(last_rest) <= _LIFTOFF + float(np.max(np.diff(t[:3]))):
         return ""
-    rests = f"the vehicle rests on the ground until {left:.9g} s, and lift-off is at 0 s: {text}"
-    if abs(left) > _LATEST_LIFTOFF:
+    rests = f"the vehicle rests on the ground until {last_rest:.9g} s, and lift-off is at 0 s: {text}"
+    if abs(last_rest) > _LATEST_LIFTOFF:
         raise InputError(f"{card.file}: {rests}; events count from lift-off, and the epoch is its time")
     return rests
 
 
 def axes_remark(card: TableTrajectory, rows: Rows) -> str:
-    """Return what is said of inertial axes in which the first row moves, where it rests in those of another date."""
+    """Return the warning that the first row moves in the card's inertial axes but rests in those of another date."""
     frame = card.position.frame
     if frame not in ("eci", "j2000") or rows.v_i is None or card.velocity is None or card.velocity.frame != frame:
         return ""

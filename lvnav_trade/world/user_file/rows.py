@@ -19,15 +19,19 @@ from lvnav_trade.world.user_file.data_file import FEWEST, read_columns, refuse_f
 from lvnav_trade.world.user_file.j2000 import rotation_to_date
 from lvnav_trade.world.user_file.time_stamps import coarse, restored
 
-LONGEST_HOLE = 1.0  # s that a spline bridges whatever the rate: rows of a whole ascent may be as far apart
-_LARGEST_TURN = 1.0  # rad in a hole; half a turn would leave open which way the body turned
+LONGEST_HOLE = 1.0  # s; longest gap that a spline bridges, as long as the row interval of some files
+_LARGEST_TURN = 1.0  # rad in a gap; the direction of a rotation near half a turn is ambiguous
 
 
 def usable(t: Floats, events: Mapping[str, float], path: str, places: list[str]) -> tuple[int, list[Hole], list[str]]:
-    """Return how many rows at times t (n,) in s can be flown, the holes among them, and what is said of both.
+    """Return the number of usable rows at times t (n,) s, the gaps between them, and remarks on both.
 
-    InputError where times repeat or go back, or leave a hole before the last event that is longer than what is bridged;
-    such a hole behind it ends the flight.
+    The flight ends at a gap that is too long to be bridged, if that is after the last event.
+
+    Raises
+    ------
+    InputError
+        Times repeat or decrease, or such a gap is before the last event.
     """
     refuse_unordered(t, path, places)
     short, last = bridged(t, max(events.values(), default=math.inf), LONGEST_HOLE, path, places)
@@ -45,16 +49,16 @@ def usable(t: Floats, events: Mapping[str, float], path: str, places: list[str])
 
 
 def pairs(card: TableTrajectory) -> list[float]:
-    """Return the times (s) at which a file has two different rows, before and after an event that may be declared."""
+    """Return the times (s) with two different rows, before and after an event that the card may declare."""
     names = [card.time.column, *card.position.columns, *(() if card.velocity is None else card.velocity.columns)]
     table, _ = read_columns(card.file, names, card.delimiter)
     table = table[~np.append(False, np.all(table[1:] == table[:-1], axis=1))]
-    again = np.flatnonzero(np.diff(table[:, 0]) == 0.0)
-    return list(dict.fromkeys(((table[again, 0] - card.time.liftoff) * si(card.time.unit, "s")).tolist()))
+    repeated = np.flatnonzero(np.diff(table[:, 0]) == 0.0)
+    return list(dict.fromkeys(((table[repeated, 0] - card.time.liftoff) * si(card.time.unit, "s")).tolist()))
 
 
 def doubled(t: Floats, events: Mapping[str, float]) -> NDArray[np.bool_]:
-    """Return which rows at times t (n,) in s are the first of two at one time, and that of an event."""
+    """Return which rows at times t (n,) s are the first of two rows at the time of an event, (n,) bool."""
     first = np.append(np.diff(t) == 0.0, False)
     first[1:] &= ~first[:-1]  # a third row of a time repeats it
     times = np.array([*events.values()])
@@ -65,9 +69,9 @@ def doubled(t: Floats, events: Mapping[str, float]) -> NDArray[np.bool_]:
 def _refuse_repeated(
     t: Floats, before: NDArray[np.bool_], card: TableTrajectory, places: list[str], apart: float
 ) -> None:
-    """InputError with the reason where two rows have one time t (n,) and are not `before` and after an event (n,).
+    """Raise InputError if two rows have the same time t (n,) and the first is not `before` (n,) an event.
 
-    apart: distance of two times of single precision, in the unit of the column; zero for those with all digits.
+    apart : Spacing of times of single precision, in the unit of the column; zero for times with all digits.
     """
     for k in np.flatnonzero((np.diff(t) == 0.0) & ~before[:-1])[:1].tolist():
         here = f"{card.file}:{places[k + 1]}: time {t[k]:.9g} s repeats that of the row before"
@@ -80,13 +84,13 @@ def _refuse_repeated(
 
 
 def rounding(column: Floats) -> float:
-    """Return one sigma of the rounding of a column's numbers, seen in their digits; zero where they carry them all."""
+    """Return one sigma of the rounding of a column's numbers, estimated from their digits; zero for full precision."""
     if np.all(column == column[0]):
         return 0.0
     largest = float(np.max(np.abs(column)))
     single = 0.0
     with np.errstate(over="ignore"):
-        if np.all(column.astype(np.float32) == column):  # of single precision, perhaps besides of few digits
+        if np.all(column.astype(np.float32) == column):  # single precision, possibly with few digits as well
             single = float(np.spacing(np.float32(largest))) / math.sqrt(12.0)
     for digits in range(-3, 10):
         scaled = column * 10.0**digits
@@ -97,18 +101,23 @@ def rounding(column: Floats) -> float:
     return single
 
 
-_NEAREST, _FARTHEST = 6.3e6, 1e9  # m from the centre of the Earth; what lies outside is a wrong unit
+_NEAREST, _FARTHEST = 6.3e6, 1e9  # m from the centre of the Earth; positions outside have a wrong unit
 _FASTEST = 2e4  # m/s
-SAME = 1e-6  # s; two times closer than this are one
-_JUMP = 1e-3  # m/s, rad between the two rows of an event beside their noise
-_SKEW = 1e-3  # of a quaternion's length from one, or of a matrix from orthonormal
+SAME = 1e-6  # s; times closer than this count as equal
+_JUMP = 1e-3  # m/s, rad; allowed difference of the two rows of an event, in addition to their noise
+_SKEW = 1e-3  # allowed deviation of a quaternion's length from 1, or of a matrix from orthonormal
 
 
 class Rows(NamedTuple):
-    """Rows in SI, frame i: t (n,) s from lift-off, r_i (n, 3), v_i (n, 3) or none, q_b_i (n, 4) or none.
+    """Rows of a trajectory file in SI, frame i.
 
-    noise: one sigma of a component of a row of position (m), velocity (m/s), attitude (rad); theta0: Earth angle at
-    lift-off; notes: on holes.
+    t : (n,) s since lift-off.
+    r_i : (n, 3) m. Position.
+    v_i : (n, 3) m/s. Inertial velocity; None without columns of it.
+    q_b_i : (n, 4). Unit quaternion from body to frame i; None without columns of it.
+    noise : One sigma of a component of position (m), velocity (m/s) and attitude (rad).
+    theta0 : rad. Earth angle at lift-off.
+    notes : Remarks on gaps and omitted rows.
     """
 
     t: Floats
@@ -121,14 +130,20 @@ class Rows(NamedTuple):
 
 
 def read_rows(card: TableTrajectory) -> Rows:
-    """Return the rows of a card's file; InputError names file, row and fault."""
+    """Return the rows of a card's file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or a row is impossible. The message names file, row and error.
+    """
     read = _Reader(card)
     r_i, noise_r = read.positions(card.position)
     v_i, noise_v = (None, 0.0) if card.velocity is None else read.velocities(card.velocity, r_i)
     q_b_i, noise_q = (None, 0.0) if card.attitude is None else read.attitudes(card.attitude, r_i)
     noise_r, noise_v = read.with_late_stamps((r_i, noise_r), (v_i, noise_v))
     seen, stated = (noise_r, noise_v, noise_q), (card.position_noise, card.velocity_noise, card.attitude_noise)
-    noise = tuple(own if given is None else given for own, given in zip(seen, stated, strict=True))
+    noise = tuple(rounded if sigma is None else sigma for rounded, sigma in zip(seen, stated, strict=True))
     read.refuse_jumps(card.events, (r_i, v_i, q_b_i), noise)
     kept = ~read.before
     rows = Rows(
@@ -146,12 +161,14 @@ def read_rows(card: TableTrajectory) -> Rows:
 
 
 def read_attitudes(card: TableTrajectory, parts: Sequence[AttitudeColumns], r_i: Floats) -> list[Floats | None]:
-    """Return q_b_i (n, 4) of the rows for each reading of the same columns, none where they are no attitude in it.
+    """Return q_b_i (n, 4) of the rows for each interpretation of the attitude columns.
 
-    r_i (n, 3) m: positions of the rows.
+    The result is None for an interpretation in which the columns are no attitude.
+
+    r_i : (n, 3) m. Positions of the rows.
     """
     read, found = _Reader(card), list[Floats | None]()
-    positions = r_i[np.cumsum(~read.before) - 1 + read.before]  # of both rows of a time that of the second
+    positions = r_i[np.cumsum(~read.before) - 1 + read.before]  # both rows of an event have that of the second
     for part in parts:
         try:
             found.append(read.attitudes(part, positions)[0][~read.before])
@@ -161,7 +178,7 @@ def read_attitudes(card: TableTrajectory, parts: Sequence[AttitudeColumns], r_i:
 
 
 def si(unit: str, base: str) -> float:
-    """Return how many of the SI unit `base` a unit is."""
+    """Return the size of a unit in the SI unit `base`."""
     return parse(f"1 {unit}", base)
 
 
@@ -170,18 +187,19 @@ def _rounding(table: Floats, *factors: float) -> float:
 
 
 class _Reader:
-    """The columns of a card's file by name, and the times t (n,) s with their Earth angles.
+    """Columns of a card's file by name, with times t (n,) s and Earth angles theta (n,).
 
-    before (n,): rows that another row of the same time replaces, at a declared event; they end what was before it.
-    late: one sigma (s) of the rounding of the times.
+    before : (n,). First rows of pairs at a declared event; they end the phase before it and are not used otherwise.
+    late : s. One sigma of the rounding of the times.
     """
 
     def __init__(self, card: TableTrajectory) -> None:
         parts = [part for part in (card.position, card.velocity, card.attitude) if part is not None]
         names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
         table, self.places = read_columns(card.file, names, card.delimiter)
-        again = np.append(False, np.all(table[1:] == table[:-1], axis=1))  # as phases end and begin with the same state
-        table, self.places = table[~again], [place for place, one in zip(self.places, again, strict=True) if not one]
+        # rows equal to the row before, as in files whose phases end and begin with the same state
+        equal = np.append(False, np.all(table[1:] == table[:-1], axis=1))
+        table, self.places = table[~equal], [place for place, drop in zip(self.places, equal, strict=True) if not drop]
         stamps, second = restored(table[:, names.index(card.time.column)], card.time.unit), si(card.time.unit, "s")
         t, self.late = (stamps.column - card.time.liftoff) * second, stamps.sigma * second
         self.before = doubled(t, card.events)
@@ -192,8 +210,8 @@ class _Reader:
             ended = f"before {self.notes[-1]}" if self.notes else "of different times"
             raise InputError(f"{card.file}: {count} rows {ended}; a trajectory needs {FEWEST} or more")
         self.notes += [stamps.note] if stamps.note else []
-        if np.any(again):
-            number = int(np.sum(again))
+        if np.any(equal):
+            number = int(np.sum(equal))
             rows = f"{number} row{'s' if number > 1 else ''}"
             self.notes = [*self.notes, f"{rows} equal to the row before left out"]
         last = int(kept[count - 1]) + 1
@@ -201,7 +219,7 @@ class _Reader:
         self.t, self.before = t[:last], self.before[:last]
         self.theta0 = frames.gmst(card.epoch)
         self.theta = frames.earth_angle(self.theta0, self.t)
-        # from the axes of frame i to the file's, about z
+        # angle about z from frame i to the inertial axes of the file
         self.turn = 0.0 if card.greenwich is None else self.theta0 - card.greenwich
         self.epoch = card.epoch
 
@@ -215,11 +233,14 @@ class _Reader:
         return np.column_stack([self.column[name] for name in names])
 
     def refuse(self, wrong: NDArray[np.bool_], fault: Callable[[int], str]) -> None:
-        """InputError with the fault of the first row that is wrong (n,)."""
+        """Raise InputError for the first row that is wrong (n,)."""
         refuse_first(wrong, self.file, self.places, fault)
 
     def with_late_stamps(self, position: tuple[Floats, float], velocity: tuple[Floats | None, float]) -> list[float]:
-        """Return one sigma of position and of velocity, each given with its rows (n, 3), with that of the times."""
+        """Return one sigma of position and velocity with the effect of rounded times.
+
+        position, velocity : Rows (n, 3) and their sigma without that effect.
+        """
         if self.late == 0.0:
             return [position[1], velocity[1]]
         kept, found = ~self.before, []
@@ -232,19 +253,22 @@ class _Reader:
     def refuse_jumps(
         self, events: Mapping[str, float], motion: tuple[Floats, Floats | None, Floats | None], noise: tuple[float, ...]
     ) -> None:
-        """InputError where velocity or attitude differ between the two rows of an event: those do not jump in a flight;
-        the point that the rows of position refer to may.
+        """Raise InputError if velocity or attitude differ between the two rows of an event.
 
-        motion: r_i (n, 3) m, v_i (n, 3) m/s and q_b_i (n, 4) of all rows; noise: as of `Rows`.
+        Only the force and the reference point of the position can jump.
+
+        motion : r_i (n, 3) m, v_i (n, 3) m/s and q_b_i (n, 4) of all rows.
+        noise : As in `Rows`.
         """
         r_i, v_i, q_b_i = motion
         for k in np.flatnonzero(self.before).tolist():
-            name = min(events, key=lambda one: abs(events[one] - self.t[k]))
+            name = min(events, key=lambda event: abs(events[event] - self.t[k]))
             jumps = [] if v_i is None else [("velocity", float(np.linalg.norm(v_i[k + 1] - v_i[k])), noise[1], "m/s")]
             if q_b_i is not None:
                 cosine = min(1.0, abs(float(q_b_i[k + 1] @ q_b_i[k])))
                 jumps.append(("attitude", 2.0 * math.acos(cosine), noise[2], "rad"))
-            turned = OMEGA * float(np.linalg.norm(r_i[k + 1] - r_i[k]))  # by the Earth, between two points of reference
+            # difference of the Earth's velocity between two reference points
+            turned = OMEGA * float(np.linalg.norm(r_i[k + 1] - r_i[k]))
             for what, size, sigma, unit in jumps:
                 if size > _JUMP + 10.0 * sigma + turned:
                     raise InputError(
@@ -254,8 +278,9 @@ class _Reader:
                     )
 
     def refuse_lost_turns(self, t: Floats, q_b_i: Floats) -> None:
-        """InputError where the body, as fast as beside a hole, turns so far in it that the rows leave the turn open;
-        t (n,) s, q_b_i (n, 4).
+        """Raise InputError for a gap in which the body may turn so far that the direction is ambiguous.
+
+        The rate in the gap is assumed to be the larger of those before and after it; t (n,) s, q_b_i (n, 4).
         """
         angle = 2.0 * np.arccos(np.minimum(1.0, np.abs(np.sum(q_b_i[1:] * q_b_i[:-1], axis=1))))
         rate = angle / np.diff(t)

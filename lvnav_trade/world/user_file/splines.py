@@ -1,4 +1,4 @@
-"""Splines of a user's file: through its rows, free to bend where a force jumps, and of an attitude that it lacks."""
+"""Splines of a user's file: through its rows, with jumps of force at events, and along the path without attitude."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -18,18 +18,23 @@ from lvnav_trade.world.ascent.steering_law import ascent_attitude, smoothsteps, 
 from lvnav_trade.world.ascent.vehicle import Roll
 from lvnav_trade.world.truth import joined, pad_times
 
-_CLOSEST = 0.1  # s between knots at least: closer ones only turn the rounding of the rows into force
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the square of what is left after `order` derivatives
-_TIE = 1e-4  # weight of the next lower derivative, which alone ties down a stretch with hardly a row
-_EXACT = -9.0  # log10 of the weight of roughness that leaves the rows where they are
+_CLOSEST = 0.1  # s; smallest interval of knots, because closer knots turn the rounding of the rows into force
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the square of the derivatives below
+_TIE = 1e-4  # weight of the next lower derivative, which determines the spline in a part with few rows
+_EXACT = -9.0  # log10 of the weight of roughness at which the spline passes through the rows
 _SMOOTHEST = 8.0
 _REFINEMENTS = 2  # of the normal equations, which lose half of the digits
-_COAST = 0.5  # m/s^2; a stretch with less specific force than this (median) is a coast
-_EDGE = 1e-9  # s by which a time is kept within its stretch: force is one-sided at a break
+_COAST = 0.5  # m/s^2; a part with less specific force (median) is a coast
+_EDGE = 1e-9  # s; distance of the first and last time from the ends of a part, because force jumps there
 
 
 class Fit(NamedTuple):
-    """A spline (n, m), the steps (n_step, m) found in the rows, and the RMS of spline minus rows (after the steps)."""
+    """A spline through rows.
+
+    spline : Spline of m components.
+    steps : (n_step, m). Steps of the rows.
+    misfit : RMS of spline minus rows, after removal of the steps.
+    """
 
     spline: BSpline
     steps: Floats
@@ -37,17 +42,22 @@ class Fit(NamedTuple):
 
 
 class _Rows(NamedTuple):
-    """Rows of the fit: values at the data, steps appended as columns, and roughness; the data itself."""
+    """Least-squares problem of the fit.
+
+    values : Matrix from coefficients (and steps, as last columns) to values at the data.
+    rough : Matrix from coefficients to weighted derivatives.
+    data : (n, m). The data.
+    """
 
     values: csr_array
     rough: csr_array
     data: Floats
 
     def solve(self, log_weight: float) -> tuple[Floats, float]:
-        """Return the coefficients with roughness of a weight, and the RMS misfit."""
+        """Return the coefficients for a weight of the roughness (log10), and the RMS misfit."""
         rough = 10.0 ** (0.5 * log_weight) * self.rough
         normal = csc_array(self.values.T @ self.values + rough.T @ rough)
-        # Where steps hardly differ from a bend of the spline the matrix is all but singular.
+        # The matrix is nearly singular if a step hardly differs from a bend of the spline.
         factors = splu(csc_array(normal + 1e-14 * diags_array(normal.diagonal())))
         c = np.zeros((normal.shape[0], self.data.shape[1]))
         for _ in range(1 + _REFINEMENTS):
@@ -56,13 +66,27 @@ class _Rows(NamedTuple):
 
 
 def fit(t: Floats, y: Floats, breaks: Sequence[float], degree: int, noise: float, steps: Sequence[float] = ()) -> Fit:
-    """Return the smoothest spline through rows y (n, m) at times t (n,).
+    """Return the smoothest spline through rows, within their noise.
 
-    breaks: times (s) within the rows, rising, at which derivative degree - 3 and above may jump: force, for a velocity
-    of degree 4 or a position of degree 5. Smoothest means the least integrated square of derivative degree - 1: of the
-    derivative of jerk, for the same two. noise: one sigma of a component of a row, in its unit; the spline leaves the
-    rows by that much (RMS). Zero: it goes through every row, as far as rows closer than 0.1 s allow. steps: times (s)
-    from which the rows may be offset by a constant; the spline stays without it.
+    The smoothest spline has the least integrated square of derivative degree - 1: for a velocity of degree 4 and a
+    position of degree 5 this is the derivative of jerk.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Times of the rows, rising.
+    y : (n, m)
+        Rows.
+    breaks : sequence of float
+        Times (s) within the rows, rising, at which derivatives of order degree - 3 and above may jump: force, for the
+        degrees above.
+    degree : int
+        Degree of the spline.
+    noise : float
+        One sigma of a component of a row: RMS of spline minus rows. With 0 the spline passes through every row, as far
+        as rows closer than 0.1 s allow.
+    steps : sequence of float
+        Times (s) after which the rows may have a constant offset, which the spline does not follow.
     """
     spans = [float(t[0]), *breaks, float(t[-1])]
     knots = _knots(t, spans, degree)
@@ -83,7 +107,7 @@ def fit(t: Floats, y: Floats, breaks: Sequence[float], degree: int, noise: float
 
 
 def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
-    """Return a knot at every row that is not too close to the one before, and four at each break."""
+    """Return knots at the rows, at least `_CLOSEST` apart, and four at each break."""
     inner: list[float] = []
     for number, (begin, end) in enumerate(pairwise(spans)):
         inner += [] if number == 0 else [begin] * 4
@@ -96,7 +120,7 @@ def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
 
 
 def _rows(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[float]) -> _Rows:
-    """Return the rows; roughness is weighted so that one stands for the interval between rows whatever its length."""
+    """Return the least-squares problem; the weight of the roughness does not depend on the interval of the rows."""
     values = csr_array(BSpline.design_matrix(t, knots, degree))
     ends = np.unique(knots)
     length = np.diff(ends)
@@ -113,12 +137,12 @@ def _rows(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[floa
 
 
 def _derivative(knots: Floats, degree: int, order: int, at: Floats) -> csr_array:
-    """Return the matrix from coefficients to derivative `order` at times within the knots' intervals."""
+    """Return the matrix from coefficients to the derivative of `order` at times within the intervals of the knots."""
     lower: csr_array | None = None
     for k in range(degree, degree - order, -1):
         size = len(knots) - k - 1
         span = knots[k + 1 : -1] - knots[1:size]
-        slope = np.divide(float(k), span, out=np.zeros_like(span), where=span > 0.0)  # no support: no part in it
+        slope = np.divide(float(k), span, out=np.zeros_like(span), where=span > 0.0)  # zero for coincident knots
         step = csr_array(diags_array([-slope, slope], offsets=[0, 1], shape=(size - 1, size)))
         lower = step if lower is None else csr_array(step @ lower)
         knots = knots[1:-1]
@@ -132,10 +156,26 @@ _SLOW, _FAST = 1.0, 20.0  # m/s; upright below, along the velocity above, blende
 def along_path(
     position: BSpline, edges: list[float], theta0: float, along: Literal["thrust", "velocity"], roll: Roll, hold: float
 ) -> BSpline:
-    """Return the quaternion spline of the body, from `hold` seconds before the first edge, at rest on the Earth there.
+    """Return the quaternion spline of a body that points along its thrust or its velocity.
 
-    position: spline in frame i; edges (n + 1,) of its n stretches, in s. InputError where the x axis is to lie along a
-    thrust that is nowhere.
+    Parameters
+    ----------
+    position : BSpline
+        Position (m, frame i).
+    edges : (n + 1,) s
+        Edges of its n parts.
+    theta0 : float
+        Earth angle at lift-off (rad).
+    along : {"thrust", "velocity"}
+        Direction of the x axis.
+    roll : Roll
+    hold : float
+        Time (s) at rest on the Earth before the first edge.
+
+    Raises
+    ------
+    InputError
+        The x axis should lie along a thrust, and no part has any.
     """
     times = [stretch_knots(begin, end) for begin, end in pairwise(edges)]
     t = joined(times)
@@ -150,21 +190,21 @@ def along_path(
 
 
 def _along_force(position: BSpline, times: list[Floats]) -> Floats:
-    """Return the directions (n, 3) along the specific force, and through the coasts from one thrust to the next."""
+    """Return the directions (n, 3) of the specific force; in coasts a rotation from one thrust to the next."""
     thrusts: list[BSpline | None] = []
     for t in times:
         inside = np.clip(t, t[0] + _EDGE, t[-1] - _EDGE)
         force = position(inside, 2) - gravity_along(position(inside))
         powered = float(np.median(np.linalg.norm(force, axis=1))) > _COAST
         thrusts.append(make_interp_spline(t, frames.unit(force), k=5) if powered else None)
-    if all(one is None for one in thrusts):
+    if all(thrust is None for thrust in thrusts):
         raise InputError("there is no thrust to point along: give columns of attitude, or pointing: velocity")
-    found = zip(thrust_directions(times, thrusts), thrusts, strict=True)
-    return np.concatenate([part if thrust is None else frames.unit(part) for part, thrust in found])
+    directions = zip(thrust_directions(times, thrusts), thrusts, strict=True)
+    return np.concatenate([part if thrust is None else frames.unit(part) for part, thrust in directions])
 
 
 def _along_velocity(position: BSpline, t: Floats, theta0: float) -> Floats:
-    """Return the directions (n, 3) of the Earth-relative velocity, upright where there is none."""
+    """Return the directions (n, 3) of the Earth-relative velocity, blended with the vertical at low speed."""
     r = position(t)
     v = frames.earth_velocity(r, position(t, 1))
     speed = np.linalg.norm(v, axis=1)
@@ -176,7 +216,7 @@ def _along_velocity(position: BSpline, t: Floats, theta0: float) -> Floats:
 
 
 def _right_of_path(position: BSpline, edges: list[float], theta0: float) -> Floats:
-    """Return the unit vector (3,) of frame e to the right of the path; to the south of one that goes straight up."""
+    """Return the unit vector (3,), frame e, to the right of the path; for a vertical path it points south."""
     first, last = (frames.ecef_from_eci(position(t), frames.earth_angle(theta0, t)) for t in (edges[0], edges[-1]))
     latitude, longitude, _ = frames.geodetic_from_ecef(first)
     north, _, down = frames.rotation_e_n(latitude, longitude)

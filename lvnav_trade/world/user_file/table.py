@@ -1,4 +1,4 @@
-"""The true flight of a user's own file: splines through its rows, jumps of its reference point, contradictions."""
+"""True trajectory from a user's file: splines through its rows, jumps of the reference point, contradictions."""
 
 import hashlib
 from collections.abc import Callable, Mapping
@@ -29,13 +29,18 @@ from lvnav_trade.world.user_file.first_rows import REST, axes_remark, clock_rema
 from lvnav_trade.world.user_file.rows import SAME, Rows, read_rows
 from lvnav_trade.world.user_file.splines import along_path, fit
 
-_COARSEST = 2.0  # s over which the force of the rows is averaged, at most, to tell a jump from noise
-_CLOSEST = 0.1  # s between the times of the rest before the rows, at least
+_COARSEST = 2.0  # s; longest interval over which the force is averaged to distinguish a jump from noise
+_CLOSEST = 0.1  # s; smallest interval of the samples at rest before the rows
 _COMPONENTS = 0.5 * np.sqrt(0.75)  # RMS of a quaternion's four components for one radian of rotation per axis
 
 
 class Jump(NamedTuple):
-    """A change of the point that the rows of position refer to: a step at an event, or a movement between two."""
+    """A change of the reference point of the position rows: a step at an event, or a movement between two events.
+
+    name : Event or pair of events.
+    time : s since lift-off.
+    shift : (3,) m. Change of the point, frame i.
+    """
 
     name: str
     time: float
@@ -43,9 +48,15 @@ class Jump(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """What is left of the rows: the position spline in frame i, edges (s) of its stretches, what was removed from the
-    rows, RMS and worst of spline minus rows of position, the residuals, and what is said of events that the card does
-    not declare.
+    """Fit of the rows.
+
+    rows : The rows.
+    position : Position spline (m, frame i).
+    edges : s. Start of the file, events with a jump of force, end of the file.
+    jumps : Changes of the reference point, which are removed from the rows.
+    misfit : Position of the spline minus rows: RMS (m), largest (m), and its time (s).
+    residuals : Worst contradiction of each part between edges.
+    missing : Warning about events that the card does not declare; empty for none.
     """
 
     rows: Rows
@@ -58,8 +69,13 @@ class Fitted(NamedTuple):
 
 
 def from_table(card: TableTrajectory) -> Trajectory:
-    """Return the flight of a user's file; InputError where the file is broken, contradicts itself grossly, an event
-    lies outside it, or the flight is beyond a limit of the card.
+    """Return the true trajectory of a user's file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or contradicts itself grossly, an event lies outside it, or the flight exceeds a limit
+        of the card.
     """
     path = _path_of(card)
     rows, edges, hold = path.rows, path.edges, card.pad_hold
@@ -80,15 +96,15 @@ def from_table(card: TableTrajectory) -> Trajectory:
         name = next((name for name, time in marks.items() if abs(time - begin) < SAME), "start")
         phases.append(Phase(f"from {name}", begin, end, path.position, attitude))
     flight = Trajectory(tuple(phases), _named_events(marks, card.events), rows.theta0, card.epoch)
-    said = [path.missing, clock_remark(card, rows), axes_remark(card, rows), _reading_remark(card, path)]
-    flight = flight.remarked(NOTE, rows.notes).remarked(WARNING, [one for one in said if one])
+    warnings = [path.missing, clock_remark(card, rows), axes_remark(card, rows), _reading_remark(card, path)]
+    flight = flight.remarked(NOTE, rows.notes).remarked(WARNING, [text for text in warnings if text])
     flight = within_limits(flight, card, card.file)
     flight.facts.update(_facts(card, path, flight))
     return flight
 
 
 def _reading_remark(card: TableTrajectory, path: Fitted) -> str:
-    """Return what is said of another reading of the attitude that fits the forces better; InputError as of `better`."""
+    """Return the warning that another interpretation of the attitude fits the forces better; InputError as `better`."""
     rows = path.rows
     if rows.q_b_i is None:
         return ""
@@ -99,38 +115,39 @@ def _reading_remark(card: TableTrajectory, path: Fitted) -> str:
 
 
 def undeclared(card: TableTrajectory) -> str:
-    """Return what is said of events that jumps of the force suggest and the card does not declare; empty for none."""
+    """Return the warning about events that jumps of force suggest and the card does not declare; empty for none."""
     return _path_of(card).missing
 
 
 def suggested(card: TableTrajectory) -> dict[str, str]:
-    """Return names and times of the events that a file suggests, in their order: jumps of the force, and pairs of
-    different rows at one time, which the card declares.
+    """Return names and times of the events that a file suggests, in order of time.
+
+    They are jumps of the specific force, and the events of the card, at which the file has two different rows.
     """
     rows = read_rows(card)
     t, force, noise = _rows_force(rows)
-    found = suggested_events(t, force, _marks({}, rows.t), _COARSEST, noise)
+    events = suggested_events(t, force, _marks({}, rows.t), _COARSEST, noise)
     near = 2.0 * float(np.median(np.diff(rows.t)))
     for number, time in enumerate(card.events.values(), start=1):
-        name = next((one for one, at in found.items() if abs(parse(at, "s") - time) < near), f"two_states_{number}")
-        found[name] = f"{time!r} s"
-    return dict(sorted(found.items(), key=lambda one: parse(one[1], "s")))
+        jumps = (name for name, at in events.items() if abs(parse(at, "s") - time) < near)
+        events[next(jumps, f"two_states_{number}")] = f"{time!r} s"
+    return dict(sorted(events.items(), key=lambda event: parse(event[1], "s")))
 
 
 def at_rest(card: TableTrajectory) -> bool:
-    """Whether the first row rests on the Earth, so that a pad may be put before it."""
+    """Whether the first row is at rest on the Earth, so that time on the pad may precede it."""
     rows = read_rows(card)
     v_i = (rows.r_i[1] - rows.r_i[0]) / (rows.t[1] - rows.t[0]) if rows.v_i is None else rows.v_i[0]
     return float(np.linalg.norm(earth_velocity(rows.r_i[0], v_i))) <= REST
 
 
 def residuals(card: TableTrajectory) -> tuple[Residual, ...]:
-    """Return the worst contradiction of each stretch of a user's file; none where it holds position alone."""
+    """Return the worst contradiction of each part of a file between events; none for a file of positions only."""
     return _path_of(card).residuals
 
 
 def content_of(file: str) -> str:
-    """Return the digest of a file; InputError where it cannot be read."""
+    """Return the SHA-256 digest of a file; InputError if it cannot be read."""
     return hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest()
 
 
@@ -140,7 +157,7 @@ def _path_of(card: TableTrajectory) -> Fitted:
 
 @remembered(4)
 def _fitted(identity: tuple[str, str], card: TableTrajectory) -> Fitted:
-    """Return the path of a card's file; identity: the card and the digest of the file: a changed one is read again."""
+    """Return the fit of a card's file, cached by `identity`: the card and the digest of the file."""
     rows = read_rows(card)
     marks = _marks(card.events, rows.t)
     for name, time in card.events.items():
@@ -165,14 +182,14 @@ def _fitted(identity: tuple[str, str], card: TableTrajectory) -> Fitted:
 
 
 def _marks(events: Mapping[str, float], t: Floats) -> dict[str, float]:
-    """Return the times of the events, the file's own among them: start, lift-off where it is in the rows, end."""
-    own = {"start": float(t[0]), "end": float(t[-1])}
+    """Return the times of the events with those of the file: start, lift-off if the rows contain it, and end."""
+    ends = {"start": float(t[0]), "end": float(t[-1])}
     liftoff = {"liftoff": max(0.0, float(t[0]))} if t[0] <= SAME <= t[-1] else {}
-    return dict(sorted({**own, **liftoff, **events}.items(), key=lambda item: item[1]))
+    return dict(sorted({**ends, **liftoff, **events}.items(), key=lambda item: item[1]))
 
 
 def _named_events(marks: Mapping[str, float], events: Mapping[str, float]) -> dict[str, float]:
-    """Return the events of the flight: start and end of the file only where nothing else happens."""
+    """Return the events of the flight. Start and end of the file are omitted at the time of another event."""
     others = [*events.values(), *(time for name, time in marks.items() if name == "liftoff")]
     idle = {name for name in ("start", "end") if any(abs(marks[name] - time) < SAME for time in others)}
     return {name: time for name, time in marks.items() if name not in idle}
@@ -183,7 +200,7 @@ def _names_at(marks: Mapping[str, float], begin: float, end: float) -> str:
 
 
 def _by_velocity(card: TableTrajectory, rows: Rows, edges: list[float], marks: Mapping[str, float]) -> Fitted:
-    """Return the path whose velocity is a spline through the rows of velocity."""
+    """Return the fit whose velocity is a spline through the velocity rows, and whose position is its integral."""
     v_i = np.asarray(rows.v_i)
     velocity = fit(rows.t, v_i, edges[1:-1], 4, rows.noise[1]).spline
     position = velocity.antiderivative()
@@ -203,7 +220,7 @@ def _by_velocity(card: TableTrajectory, rows: Rows, edges: list[float], marks: M
 def _worst(
     what: str, rows: Rows, edges: list[float], size: Callable[[NDArray[np.int64]], Floats]
 ) -> tuple[Residual, ...]:
-    """Return the worst residual of each stretch with two rows or more; size: of the residuals at rows (n,)."""
+    """Return the worst residual of each part with two rows or more; `size` returns the residuals at given rows."""
     noise, found = rows.noise[("position", "velocity", "attitude").index(what)], []
     for begin, end in pairwise(edges):
         here = np.flatnonzero((rows.t >= begin - SAME) & (rows.t <= end + SAME))
@@ -220,14 +237,14 @@ def _angles(p: Floats, q: Floats) -> Floats:
 
 
 def _moved(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str, float]) -> list[Jump]:
-    """Take the declared movements of the reference point out of the `change` from row to row (n - 1, 3)."""
+    """Remove the declared movements of the reference point from the `change` from row to row (n - 1, 3)."""
     found = []
     for first, last in card.moving_reference:
         times = marks.get(first), marks.get(last)
         if times[0] is None or times[1] is None or times[0] >= times[1]:
             raise InputError(f"{card.name}: moving_reference: {first!r} does not come before {last!r} in {card.file}")
         here = (rows.t[1:] > times[0]) & (rows.t[:-1] < times[1])
-        # an interval that a step may share is left to it
+        # an interval with a step is treated by `_stepped`
         here &= np.linalg.norm(change, axis=1) < card.smallest_jump
         found.append(Jump(f"{first} to {last}", times[0], -np.sum(change[here], axis=0)))
         change[here] = 0.0
@@ -235,7 +252,7 @@ def _moved(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str
 
 
 def _stepped(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str, float]) -> list[Jump]:
-    """Take the steps at events out of the `change` from row to row (n - 1, 3); refuse a step where there is none."""
+    """Remove the steps at events from the `change` from row to row (n - 1, 3); InputError for a step without event."""
     size = np.linalg.norm(change, axis=1)
     found = []
     for k in np.flatnonzero(size > card.smallest_jump + 10.0 * rows.noise[0]):
@@ -251,7 +268,7 @@ def _stepped(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[s
 
 
 def _by_position(card: TableTrajectory, rows: Rows, edges: list[float], marks: Mapping[str, float]) -> Fitted:
-    """Return the path that is a spline through the rows of position, steps at events left out where they are large."""
+    """Return the fit of a spline through the position rows, after removal of large steps at events."""
     breaks, noise = edges[1:-1], rows.noise[0]
     free = fit(rows.t, rows.r_i, breaks, 5, noise, breaks)
     size = np.linalg.norm(free.steps, axis=1)
@@ -270,15 +287,16 @@ def _misfit(rows: Rows, apart: Floats) -> tuple[float, float, float]:
 
 
 def _force(path: Fitted) -> tuple[Floats, Floats]:
-    """Return times (n,) within the stretches, close enough that none is missed between knots, and the forces there."""
+    """Return times (n,) within the parts between edges, at most 0.05 s apart, and the specific forces there (n, 3)."""
     edges = path.edges
     t = np.concatenate([np.linspace(a, b, max(8, int((b - a) / 0.05)) + 2)[1:-1] for a, b in pairwise(edges)])
     return t, path.position(t, 2) - gravity_along(path.position(t))
 
 
 def _rows_force(rows: Rows) -> tuple[Floats, Floats, float]:
-    """Return times (n,), the mean specific force (n - 1,) in m/s^2 between them, and one sigma of the velocities that
-    it comes from, by the rows alone: those of velocity, or differences of the position, which stand between its rows.
+    """Return times (n,) s, the mean specific force (n - 1,) m/s^2 between them, and one sigma (m/s) of the velocities.
+
+    The velocities are those of the rows, or differences of positions at the times between the rows.
     """
     t, r, v, noise = rows.t, rows.r_i, rows.v_i, rows.noise[1]
     if v is None:
@@ -290,7 +308,7 @@ def _rows_force(rows: Rows) -> tuple[Floats, Floats, float]:
 
 
 def _turning(rows: Rows, t: Floats, q_b_i: Floats) -> BSpline:
-    """Return the quaternion spline through rows of attitude q_b_i (n, 4) at t (n,), as noisy as those of the file."""
+    """Return the quaternion spline through rows of attitude q_b_i (n, 4) at t (n,), with the noise of the file."""
     return fit(t, q_b_i, [], 5, rows.noise[2] * _COMPONENTS).spline
 
 
@@ -301,7 +319,7 @@ def _attitude(card: TableTrajectory, path: Fitted, hold: float) -> BSpline:
         return along_path(path.position, path.edges, rows.theta0, card.pointing, card.roll, hold)
     t, q = rows.t, rows.q_b_i
     if hold > 0.0:
-        # as close as the rows: the spline's end is tied down by roughness, which counts by their interval
+        # same interval as the rows, because the roughness of the spline is weighted by it
         step = min(PAD_STEP, max(_CLOSEST, float(np.median(np.diff(t)))))
         before = pad_times(rows.t[0], hold, step)[:-1]
         axes_e = ecef_from_eci(matrices(q[0]).T, earth_angle(rows.theta0, rows.t[0]))  # the body's axes, by rows
@@ -312,10 +330,7 @@ def _attitude(card: TableTrajectory, path: Fitted, hold: float) -> BSpline:
 
 
 def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str, float | str]:
-    """Return what the report says of the file and of what was made of it, SI.
-
-    InputError where the forces do not lie along the roll axis at all.
-    """
+    """Return the facts for the report on the file and its fit, SI; InputError as in `_attitude_facts`."""
     t, force = _force(path)
     jerk = np.linalg.norm(path.position(t, 3), axis=1)
     load = np.linalg.norm(force, axis=1)
@@ -333,7 +348,7 @@ def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str,
         change = f"reference_change_{number}"
         facts |= {change: jump.name, f"{change}_at_s": jump.time, f"{change}_m": float(np.linalg.norm(jump.shift))}
     for what, si_unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
-        worst = max((one for one in path.residuals if one.what == what), key=lambda one: one.size, default=None)
+        worst = max((r for r in path.residuals if r.what == what), key=lambda residual: residual.size, default=None)
         if worst is not None:
             facts |= {f"residual_{what}_worst_{si_unit}": worst.size, f"residual_{what}_worst_at_s": worst.time}
     strong = load > STANDARD_GRAVITY
@@ -343,15 +358,16 @@ def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str,
 def _attitude_facts(
     card: TableTrajectory, path: Fitted, flight: Trajectory, t: Floats, force: Floats
 ) -> dict[str, float]:
-    """Return how well the rows of attitude are spaced, and how far off the roll axis the forces (n, 3) at t lie;
-    nothing where there are none.
+    """Return the interpolation error of the attitude rows, and the angle of the forces (n, 3) at t from the roll axis.
+
+    InputError if that angle exceeds the limit of the card. Without rows of attitude there are no facts.
     """
     rows = path.rows
     if rows.q_b_i is None:
         return {}
     coarse = _turning(rows, rows.t[::2], rows.q_b_i[::2])
-    every = slice(1, None if rows.t.size % 2 else -1, 2)  # the rows left out, none beyond the last one kept
-    worst = float(np.max(_angles(coarse(rows.t[every]), rows.q_b_i[every])))
+    omitted = slice(1, None if rows.t.size % 2 else -1, 2)  # rows not used by the coarse spline, within its range
+    worst = float(np.max(_angles(coarse(rows.t[omitted]), rows.q_b_i[omitted])))
     facts = {"attitude_from_half_the_rows_worst_rad": worst}
     if t.size:
         along = np.einsum("ij,ij->i", unit(force), matrices(motion(flight, t).q_b_i)[:, :, 0])

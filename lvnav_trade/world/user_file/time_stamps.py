@@ -7,19 +7,19 @@ import numpy as np
 
 from lvnav_trade.records import Floats
 
-_CLEAR = 2.0  # roundings apart: n rows at random are within rounding of a grid as wide by chance once in 2^n
-_HALF = 0.501  # of the distance of two numbers: what rounding moves a number by, at most
-_MEANT = 1e-3  # of that distance: a column whose numbers move less was not rounded
-_ALL_DIGITS = 7  # of single precision
-_SEEN = 5000  # rows whose digits are looked at
+_CLEAR = 2.0  # smallest grid width in roundings: n random rows fit such a grid with probability 2^-n
+_HALF = 0.501  # largest effect of rounding, in spacings of numbers of single precision
+_MEANT = 1e-3  # of that spacing: a column whose numbers move less on restoration was not rounded
+_ALL_DIGITS = 7  # significant digits of single precision
+_SEEN = 5000  # number of rows whose digits are examined
 _DIGITS = range(-3, 7)
 
 
 class Stamps(NamedTuple):
     """A column of time after restoration.
 
-    column : (n,), unit of the file. Times on their grid, or as they were.
-    note : Remark for the user; empty where the column is as it was.
+    column : (n,), unit of the file. Times on their grid, or unchanged.
+    note : Remark for the user; empty if the column is unchanged.
     apart : Unit of the file. Largest distance between neighbouring numbers of single precision in the column; zero
         where the column has all digits or is on its grid again.
     """
@@ -37,8 +37,10 @@ class Stamps(NamedTuple):
 def restored(column: Floats, unit: str) -> Stamps:
     """Return time stamps (n,) with the rounding to single precision removed.
 
-    It is removed where every time is within rounding of a grid of decimal digits or of even intervals, and the grid is
-    far wider than the rounding. Without such a grid the column stays as it is. unit : of the column, for the remark.
+    It is removed if every time is within rounding of a grid of decimal digits or of even intervals, and the grid is
+    much wider than the rounding. Otherwise the column is unchanged.
+
+    unit : Unit of the column, for the remark.
     """
     as_is = Stamps(column, "", 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -60,16 +62,15 @@ def restored(column: Floats, unit: str) -> Stamps:
 
 
 def _is_single(column: Floats, single: np.ndarray) -> bool:
-    """Whether numbers (n,) are of single precision, or decimals that are short for those.
+    """Whether numbers (n,) are of single precision, or decimal texts of numbers of single precision.
 
-    Decimals are only where most have all the digits of single precision: a file that rounds to some places, and has few
-    rows off its grid, is as exact as it says.
+    For decimal texts most must have all digits of single precision, because a file rounded to fewer decimals is exact.
     """
     if np.all(single == column):
         return True
     some = slice(None, None, 1 + column.size // _SEEN)
     decimals = column[some].tolist()
-    if any(float(str(one)) != number for one, number in zip(single[some], decimals, strict=True)):
+    if any(float(str(short)) != number for short, number in zip(single[some], decimals, strict=True)):
         return False
     return 2 * sum(_significant(number) >= _ALL_DIGITS for number in decimals) > len(decimals)
 
@@ -79,7 +80,7 @@ def _significant(number: float) -> int:
 
 
 def _grid(column: Floats, near: Floats, apart: float) -> Floats | None:
-    """Return the numbers of a wide grid within rounding of all of a column (n,); None where there is no such grid."""
+    """Return the nearest points (n,) of a wide grid that fits the column within rounding; None without such a grid."""
     for digits in _DIGITS:
         if 10.0**-digits < _CLEAR * apart:
             break
@@ -98,5 +99,5 @@ def _grid(column: Floats, near: Floats, apart: float) -> Floats | None:
 
 
 def coarse(apart: float, unit: str) -> str:
-    """Return why times of single precision repeat, and what to do; apart : distance of two such numbers, in `unit`."""
+    """Return the message about repeated times of single precision; apart : spacing of such numbers, in `unit`."""
     return f"single precision resolves {apart:.3g} {unit} here; write more digits, or count from a later zero"
