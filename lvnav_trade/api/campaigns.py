@@ -15,6 +15,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running import execute, work
 from lvnav_trade.campaign.running.checking import Checked, check_effect, check_flight
+from lvnav_trade.campaign.running.conduct import Conduct, Mode, Scope
 from lvnav_trade.campaign.running.demonstrable import undemonstrable
 from lvnav_trade.campaign.running.plan import estimate
 from lvnav_trade.campaign.running.progress import Progress, staged
@@ -224,18 +225,10 @@ def carry_out(campaign: Campaign, folder: str | Path | None, task: Task) -> Resu
         remote.refuse_foreign_place(task.copy_to)
     if campaign.is_space:
         refuse_too_large(planned(campaign, place, _checked(campaign).events), place)
-    mode: execute.Mode = "fresh" if task.fresh else "resume"
-    execute.run(
-        campaign,
-        place,
-        task.jobs,
-        mode,
-        task.fail_fast,
-        task.progress,
-        task.on_answers,
-        shards=task.shards,
-        space=Space(campaign) if campaign.is_space else None,
-    )
+    mode: Mode = "fresh" if task.fresh else "resume"
+    conduct = Conduct(task.jobs, mode, task.fail_fast, task.progress, task.on_answers)
+    space = Space(campaign) if campaign.is_space else None
+    execute.run(campaign, place, conduct, Scope(shards=task.shards, space=space))
     if task.report:
         from lvnav_trade.report import SECTIONS, build
 

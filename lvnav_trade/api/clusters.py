@@ -14,6 +14,7 @@ from lvnav_trade.api.results import Results
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute, pool, shards
+from lvnav_trade.campaign.running.conduct import Conduct, Mode, Scope
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.space.stage import Space
 from lvnav_trade.errors import InputError
@@ -79,9 +80,10 @@ def run_shard(
     found = campaign if isinstance(campaign, Campaign) else load(campaign, sets)
     part = shards.parse(shard)
     place = place_of(found, folder) / part.folder
-    mode: execute.Mode = "fresh" if fresh else "resume"
+    mode: Mode = "fresh" if fresh else "resume"
     space = Space(found) if found.is_space else None
-    outcome = execute.run(found, place, jobs, mode, fail_fast, progress, shard=part, space=space)
+    conduct = Conduct(jobs, mode, fail_fast, progress)
+    outcome = execute.run(found, place, conduct, Scope(shard=part, space=space))
     if space is not None:
         return Shared(place, 0, space.count(part.of(range(space.parts))), outcome.failures)
     stored = [(path.parent.name, span(path)[1]) for path in (place / "parts").glob("*/*.parquet")]

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, NamedTuple, NoReturn
+from typing import Annotated, Any, NamedTuple, NoReturn, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -126,13 +126,16 @@ class Answer(NamedTuple):
 def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
     """Add a command to the application: a function that returns its answer.
 
-    Its arguments are those of the command, which has the options ``--json`` and ``--debug`` too. A function that prints
-    before it answers takes the former as `as_json`. `example` stands below its help, without the name of the tool.
+    Its arguments are those of the command, which has the options ``--json`` and ``--debug`` too. An argument that is a
+    record (NamedTuple) gives the command an option for every field. A function that prints before it answers takes
+    ``--json`` as `as_json`. `example` is printed below its help, without the name of the tool.
     """
 
     def add(function: Callable[..., Answer]) -> Callable[..., None]:
         name = function.__name__.replace("_", "-")
-        parameters = dict(inspect.signature(function, eval_str=True).parameters)
+        arguments = inspect.signature(function, eval_str=True).parameters
+        records = {key: one.annotation for key, one in arguments.items() if hasattr(one.annotation, "_fields")}
+        parameters = {one.name: one for argument in arguments.values() for one in _options_of(argument)}
         prints = "as_json" in parameters
         for option, kind in (("as_json", Json), ("debug", Debug)) if with_json else (("debug", Debug),):
             parameters[option] = inspect.Parameter(
@@ -148,7 +151,9 @@ def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., Answer
                 begun, says = time.monotonic(), not as_json and not given.get("quiet", False)
                 if says and sys.stderr.isatty():  # a log has the lines of the progress, and one line where it fails
                     _begin(name, given)
-                answer = function(**given, as_json=as_json) if prints else function(**given)
+                options = {key: record(*map(given.get, record._fields)) for key, record in records.items()}
+                plain = {key: value for key, value in given.items() if key in arguments}
+                answer = function(**plain, **options, **({"as_json": as_json} if prints else {}))
                 if as_json:
                     _print_json(name, answer.code, **answer.content)
                 else:
@@ -162,6 +167,20 @@ def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., Answer
         return command
 
     return add
+
+
+def _options_of(argument: inspect.Parameter) -> list[inspect.Parameter]:
+    """Return an argument of a verb, or the fields of the record that it is."""
+    record = argument.annotation
+    if not hasattr(record, "_fields"):
+        return [argument]
+    kinds = get_type_hints(record, include_extras=True)
+    return [
+        inspect.Parameter(
+            field, argument.kind, default=record._field_defaults.get(field, argument.empty), annotation=kinds[field]
+        )
+        for field in record._fields
+    ]
 
 
 def _begin(name: str, given: Mapping[str, Any]) -> None:

@@ -6,7 +6,7 @@ import json
 import shutil
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -23,6 +23,7 @@ CaseOf = Annotated[
     str | None,
     typer.Option("--case", metavar="CASE", help="only this case: its digest, the beginning of it, or its label"),
 ]
+Fresh = Annotated[bool, typer.Option("--fresh/--resume", help="start again, or resume")]
 Strict = Annotated[
     bool, typer.Option("--strict", help="exit code 2 if there are too few runs to demonstrate a requirement")
 ]
@@ -31,33 +32,45 @@ VERDICTS = ("passed", "failed", "not checked")
 _ERROR_COLUMNS = ["event", "t", "position", "velocity", "attitude"]
 
 
-@verb("demo --set monte_carlo.runs=50")
-def run(
-    campaign: CampaignFile,
-    sets: Sets = None,
-    out: Out = None,
-    case: CaseOf = None,
-    jobs: Jobs = -1,
-    fresh: Annotated[bool, typer.Option("--fresh/--resume", help="start again, or resume")] = False,
-    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="stop at the first failed run")] = False,
-    report: Annotated[bool, typer.Option("--report/--no-report", help="build the report at the end")] = True,
+class RunOptions(NamedTuple):
+    """Options of `run`: what is computed, and where it goes."""
+
+    out: Out = None
+    case: CaseOf = None
+    fresh: Fresh = False
+    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="stop at the first failed run")] = False
+    report: Annotated[bool, typer.Option("--report/--no-report", help="build the report at the end")] = True
     shard: Annotated[
         str | None,
         typer.Option("--shard", metavar="I/N", help="compute share I of N for a batch system; `merge` combines them"),
-    ] = None,
-    backend: Annotated[Backend, typer.Option("--backend", help="workers to use")] = Backend.PROCESSES,
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler [default: a cluster on this machine]"),
-    ] = None,
+    ] = None
     prefer: Annotated[
         list[str] | None,
         typer.Option("--prefer", metavar="NAME", help="rank cases by cost, mass, power, volume or error; repeatable"),
-    ] = None,
+    ] = None
     copy_to: Annotated[
         str,
         typer.Option("--copy-to", metavar="URL", help="copy results to a location such as s3://bucket/demo (fsspec)"),
-    ] = "",
+    ] = ""
+
+
+class WorkerOptions(NamedTuple):
+    """Options of `run`: who computes."""
+
+    jobs: Jobs = -1
+    backend: Annotated[Backend, typer.Option("--backend", help="workers to use")] = Backend.PROCESSES
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler [default: a cluster on this machine]"),
+    ] = None
+
+
+@verb("demo --set monte_carlo.runs=50")
+def run(
+    campaign: CampaignFile,
+    options: RunOptions,
+    force: WorkerOptions,
+    sets: Sets = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> Answer:
@@ -72,20 +85,26 @@ def run(
     from lvnav_trade.campaign.running.progress import choose
 
     loaded = load(campaign, sets or ())
-    if case is not None:
-        loaded = single(*api.case_of(loaded, (), case))
-    check_preferred(prefer or ())
-    folder = out or Path("results") / loaded.name
-    if shard is not None:
-        if prefer or copy_to or scheduler is not None or backend != Backend.PROCESSES:
+    if options.case is not None:
+        loaded = single(*api.case_of(loaded, (), options.case))
+    check_preferred(options.prefer or ())
+    folder = options.out or Path("results") / loaded.name
+    if options.shard is not None:
+        if options.prefer or options.copy_to or force.scheduler is not None or force.backend != Backend.PROCESSES:
             raise InputError("--shard: goes without --prefer, --copy-to, --backend and --scheduler")
-        return shared(api.run_shard(loaded, shard, (), folder, jobs, fresh, fail_fast, choose(quiet)))
+        return shared(
+            api.run_shard(
+                loaded, options.shard, (), folder, force.jobs, options.fresh, options.fail_fast, choose(quiet)
+            )
+        )
     found, show = shown(as_json or loaded.is_space)
-    with workers(backend, scheduler, folder, jobs) as (place, count):
-        task = Task(count, fresh, fail_fast, report, copy_to, choose(quiet), show)
+    with workers(force.backend, force.scheduler, folder, force.jobs) as (place, count):
+        task = Task(
+            count, options.fresh, options.fail_fast, options.report, options.copy_to, choose(quiet), on_answers=show
+        )
         results = carry_out(loaded, place, task)
-    answer = answer_of(results, found, report)
-    return with_ranking(answer, results, prefer) if prefer else answer
+    answer = answer_of(results, found, options.report)
+    return with_ranking(answer, results, options.prefer) if options.prefer else answer
 
 
 @verb("my_campaign.yaml --strict")
@@ -275,6 +294,16 @@ def metrics(
     return Answer("\n\n".join(blocks), {"metrics": found.metrics.to_dict("records"), "tables": found.tables})
 
 
+class StudyOptions(NamedTuple):
+    """Options of `study`."""
+
+    runs: Annotated[int | None, typer.Option("--runs", help="runs per case, instead of the campaigns' numbers")] = None
+    out: Annotated[Path | None, folder_option("the results", "results/DIR")] = None
+    fresh: Fresh = False
+    only_page: Annotated[bool, typer.Option("--only-page", help="only make the report, from existing results")] = False
+    jobs: Jobs = -1
+
+
 @verb("papers/mine --keep reports/mine")
 def study(
     folder: Annotated[
@@ -282,11 +311,7 @@ def study(
         typer.Argument(metavar="DIR", help="folder with campaigns and a study.yaml, or one of the tool's"),
     ],
     keep: Annotated[Path, typer.Option("--keep", metavar="DIR", help="folder of the study's report")],
-    runs: Annotated[int | None, typer.Option("--runs", help="runs per case, instead of the campaigns' numbers")] = None,
-    out: Annotated[Path | None, folder_option("the results", "results/DIR")] = None,
-    fresh: Annotated[bool, typer.Option("--fresh/--resume", help="start again, or resume")] = False,
-    only_page: Annotated[bool, typer.Option("--only-page", help="only make the report, from existing results")] = False,
-    jobs: Jobs = -1,
+    options: StudyOptions,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> Answer:
@@ -303,7 +328,7 @@ def study(
             print(f"{name}: {len(results.tables.cases)} cases, {len(results.failures)} failed runs", flush=True)
 
     watch = api.StudyWatch(lambda: choose(quiet), show)
-    found = api.study(folder, keep, runs, out, jobs, fresh, only_page, watch)
+    found = api.study(folder, keep, options.runs, options.out, options.jobs, options.fresh, options.only_page, watch)
     rows = [[name, *map(str, counts)] for name, counts in found.campaigns.items()]
     lines = [f"failed: {line}" for line in found.failures]
     lines += [table(["campaign", "evidence", "as published"], rows), f"kept: {found.page}"]

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from lvnav_trade.world.ascent.dispersion_card import SOURCES
+
 NEAR: dict[str, tuple[str, str, str, str]] = {
     "a_key_that_begins_another_is_taken_for_it": (
         "configs/filters/near.yaml",
@@ -93,5 +95,17 @@ NEAR: dict[str, tuple[str, str, str, str]] = {
         "vehicle: vehicles/small",
         "vehicle: vehicles/small\npad_hol: 2 s",
         "configs/trajectories/climb.yaml:6:1: base.trajectory.pad_hol: unknown key (did you mean 'pad_hold'?)",
+    ),
+    "a_word_that_is_unknown_where_a_list_could_be_is_told_once": (
+        "campaign.yaml",
+        "trajectories/climb",
+        "{card: trajectories/climb, dispersion: {draw: al}}",
+        "campaign.yaml:4:61: base.trajectory.dispersion.draw: 'al' is not one of none, all (did you mean 'all'?)",
+    ),
+    "an_unknown_item_of_a_list_where_a_word_could_be_is_told_once": (
+        "campaign.yaml",
+        "trajectories/climb",
+        "{card: trajectories/climb, dispersion: {draw: [thrust, wnd]}}",
+        f"campaign.yaml:4:70: base.trajectory.dispersion.draw.1: 'wnd' is not one of {', '.join(SOURCES)} (did you mean 'wind'?)",
     ),
 }

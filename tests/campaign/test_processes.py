@@ -17,14 +17,14 @@ SCRIPT = """\
 import sys
 from pathlib import Path
 import fakes
-from lvnav_trade.campaign.running import execute
+from lvnav_trade.campaign.running import conduct, execute
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running.progress import Plain
 
 what = {"held": fakes.Held("go"), "quick": None, "dies": fakes.Dies(), "once": fakes.DiesOnce("mark")}[sys.argv[2]]
 try:
-    execute.run(load("campaign.yaml"), Path(sys.argv[3]), jobs=int(sys.argv[1]),
-                engine=fakes.Fake(on_block=what).engine(), keep=fakes.store(), progress=Plain())
+    execute.run(load("campaign.yaml"), Path(sys.argv[3]), conduct.Conduct(int(sys.argv[1]), progress=Plain()),
+                engine=fakes.Fake(on_block=what).engine(), keep=fakes.store())
 except KeyboardInterrupt:
     sys.exit(130)
 except execute.Halted as halted:

@@ -24,6 +24,7 @@ _MESSAGES = {
     "tuple_type": "should be a list",
     "list_type": "should be a list",
 }
+_OTHER_THAN_A_WORD = ("model_type", "model_attributes_type", "tuple_type", "list_type")
 _INSIDE = re.compile(r"([a-z][a-z_0-9.]*): (.*)")
 _SPELLED = re.compile(r"(\S+)' has no unit that is known")
 
@@ -39,9 +40,10 @@ def explain(error: ValidationError, node: tree.Node, kind: fields.Kind, path: st
 def _is_meant(item: Any, words: Container[Any]) -> bool:
     """Return whether the value was meant as the alternative that it was read as; `words`: where a word may stand."""
     if item["type"] in ("literal_error", "none_required"):
-        return not isinstance(item.get("input"), Mapping)  # a mapping was meant as settings, not as a word
+        # a mapping was meant as settings, a list as several words
+        return not isinstance(item.get("input"), Mapping | list | tuple)
     # where a word was meant, the error of the literal says which are known
-    return item["type"] not in ("model_type", "model_attributes_type") or item["loc"][:-1] not in words
+    return item["type"] not in _OTHER_THAN_A_WORD or item["loc"][:-1] not in words
 
 
 def _explain_one(item: Any, root: tree.Node, kind: fields.Kind, path: str) -> Mistake:

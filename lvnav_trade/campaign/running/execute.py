@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
@@ -18,6 +18,7 @@ from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import resolved
 from lvnav_trade.campaign.running import replay, work
 from lvnav_trade.campaign.running.checking import check_effect, check_flight
+from lvnav_trade.campaign.running.conduct import Conduct, Mode, OnAnswers, Scope, Space
 from lvnav_trade.campaign.running.lock import locked
 from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.pool import WorkList, each, end_workers, numbered
@@ -33,7 +34,6 @@ from lvnav_trade.store import scratch
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.write import open_results
 
-Mode = Literal["resume", "fresh"]
 _DEATHS = 3
 COMPILING = (
     "compiling the ascent, the runs, linear covariance and its backward pass, once on this machine; this usually takes "
@@ -60,50 +60,18 @@ class Store(NamedTuple):
 
 
 STORE = Store(open_results, partial(owned, kind="results"))
-OnAnswers = Callable[[Sequence[work.Answer], Sequence[Case]], None]
-
-
-class Space(Protocol):
-    """Many designs, of which a few are analysed whole; see `campaign.space.stage`."""
-
-    @property
-    def parts(self) -> int:
-        """Number of work items."""
-
-    def evaluate(self, job: work.Job, stage: Callable[..., Iterator[Any]], parts: Sequence[int] | None = None) -> None:
-        """Evaluate every design, or those of some parts, and store what is found."""
-
-    def finish(self, job: work.Job) -> Any:
-        """Store the table of all designs; return the cases that are analysed whole, and what the manifest says."""
-
-    def names(self, folder: Path) -> list[str]:
-        """Return the names that parts of the designs are left under in a folder of scratch files."""
+RESUMED, WHOLE = Conduct(), Scope()
 
 
 def run(
     campaign: Campaign,
     folder: Path,
-    jobs: int = -1,
-    mode: Mode = "resume",
-    fail_fast: bool = False,
-    progress: Progress | None = None,
-    on_answers: OnAnswers | None = None,
+    conduct: Conduct = RESUMED,
+    scope: Scope = WHOLE,
     engine: work.Engine | None = None,
     keep: Store = STORE,
-    shard: Shard | None = None,
-    shards: Sequence[Path] = (),
-    space: Space | None = None,
 ) -> Outcome:
     """Run a campaign in `folder` and return its outcome.
-
-    Parameters
-    ----------
-    jobs : worker processes; -1 all cores; 1 works in this process
-    mode : resume what the folder holds of the same campaign, or begin afresh
-    on_answers : called with linear covariance's answers as soon as they are there
-    shard : only its share of blocks is flown and left in the folder, without tables, for a campaign with `shards`
-    shards : folders of shards, whose blocks are taken before anything is computed
-    space : the designs of a campaign that stores metrics; those that it chooses are then computed whole
 
     Raises
     ------
@@ -115,12 +83,16 @@ def run(
     KeyboardInterrupt
         After the workers are gone; the same call resumes.
     """
-    watch, jobs = progress or Progress(), (os.cpu_count() or 1) if jobs < 1 else jobs
+    jobs = (os.cpu_count() or 1) if conduct.jobs < 1 else conduct.jobs
+    watch = conduct.progress or Progress()
+    conduct = conduct._replace(jobs=jobs, progress=watch)
     try:
-        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.ENGINE, _Scope(shard, space))
+        work_to_do = _Run(campaign, folder, conduct, watch, engine or work.ENGINE, scope)
         keep.check_folder(folder)  # before a lock is left in a folder that is not the tool's
         with locked(folder):  # a campaign that is refused leaves no folder
-            return work_to_do.all(keep, mode, on_answers, shards) if shard is None else work_to_do.share(keep, mode)
+            if scope.shard is not None:
+                return work_to_do.share(keep, conduct.mode)
+            return work_to_do.all(keep, conduct.mode, conduct.on_answers, scope.shards)
     except KeyboardInterrupt:
         end_workers(jobs)
         raise
@@ -137,26 +109,19 @@ def run(
         watch.close()
 
 
-class _Scope(NamedTuple):
-    """What of a campaign is computed where that is not simply all of it: a share, or a few of many designs."""
-
-    shard: Shard | None
-    space: Space | None
-
-
 class _Run:
     def __init__(
         self,
         campaign: Campaign,
         folder: Path,
-        jobs: int,
-        fail_fast: bool,
+        conduct: Conduct,
         watch: Progress,
         engine: work.Engine,
-        scope: _Scope,
+        scope: Scope,
     ) -> None:
-        self.campaign, self.folder, self.jobs, self.fail_fast, self.watch = campaign, folder, jobs, fail_fast, watch
-        shard, space = scope
+        self.campaign, self.folder, self.watch = campaign, folder, watch
+        self.jobs, self.fail_fast = conduct.jobs, conduct.fail_fast
+        shard, space = scope.shard, scope.space
         self.space, stand_ins = space, probes(campaign)
         self.cases = [] if space is not None else stand_ins
         self.labels = {case.id: case.label for case in self.cases}
@@ -168,7 +133,7 @@ class _Run:
         self.stopping = Stopping(campaign)
         if not is_filled():
             watch.note(COMPILING)
-        self.remarks = check_flight(campaign.probe, stand_ins, engine, jobs).remarks
+        self.remarks = check_flight(campaign.probe, stand_ins, engine, self.jobs).remarks
         self.shard, self.units = shard, blocks(campaign, self.cases, {})
         if space is not None:
             # The few designs that are computed whole need not read all that is stated.

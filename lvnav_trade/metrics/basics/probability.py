@@ -9,6 +9,7 @@ from scipy import optimize, special, stats
 from lvnav_trade.records import Floats
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)
+_LEAST_PROBABILITY = 1e-15  # keeps a normal quantile finite
 _REACH = 9.0  # sigmas: beyond them lies 2e-19 of a Gaussian
 
 
@@ -146,13 +147,30 @@ def outline_of(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Flo
 
 
 def norm_quantile(mean: ArrayLike, covariance: ArrayLike, probability: float) -> float:
-    """Return the limit that |x| stays below with the probability, by bisection; 0 for a vector without size."""
-    size = float(np.sqrt(np.sum(np.square(mean)) + np.trace(np.atleast_2d(np.asarray(covariance, dtype=float)))))
-    if size == 0.0:
+    """Return the P-quantile of |x| for x Gaussian with mean (k,) and covariance (k, k), k at most 3, to 1e-9.
+
+    The search starts at the quantile of the scaled chi-square of equal mean and variance (Satterthwaite 1946), and its
+    residual is a normal quantile, in which the distribution is close to a straight line. A vector without size gives 0.
+    """
+    centre = np.atleast_1d(np.asarray(mean, dtype=float))
+    variance = np.atleast_2d(np.asarray(covariance, dtype=float))
+    expected = float(centre @ centre + np.trace(variance))  # of the squared norm, as is its variance below
+    if expected == 0.0:
         return 0.0
-    high = 2.0 * size
-    while norm_probability(mean, covariance, high) < probability:
-        high *= 2.0
-    return float(
-        optimize.brentq(lambda limit: norm_probability(mean, covariance, limit) - probability, 0.0, high, rtol=1e-9)
-    )
+    spread = float(2.0 * np.sum(variance * variance) + 4.0 * centre @ variance @ centre)
+    start = np.sqrt(expected)
+    if spread > 0.0:
+        scale = spread / (2.0 * expected)
+        start = np.sqrt(scale * special.chdtri(expected / scale, 1.0 - probability)) or start
+    required = special.ndtri(probability)
+
+    def excess(limit: float) -> float:
+        reached = np.clip(norm_probability(centre, variance, limit), _LEAST_PROBABILITY, 1.0 - _LEAST_PROBABILITY)
+        return float(special.ndtri(reached) - required)
+
+    low, high = 0.99 * start, 1.01 * start
+    while excess(low) > 0.0:
+        low, high = 0.8 * low, low
+    while excess(high) < 0.0:
+        low, high = high, 1.25 * high
+    return float(optimize.brentq(excess, low, high, xtol=1e-9 * low, rtol=1e-9))

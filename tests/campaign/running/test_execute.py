@@ -15,6 +15,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import checking, execute
+from lvnav_trade.campaign.running.conduct import Conduct
 from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.world.truth import BEYOND, NOTE, WARNING, Remark
@@ -32,10 +33,9 @@ def run(study, fakes):
         outcome = execute.run(
             load(study.path, sets),
             Path("results"),
-            jobs=1,
+            Conduct(jobs=1, **options),
             engine=fake.engine(),
             keep=fakes.store(full_after),
-            **options,
         )
         return fake, outcome
 
@@ -67,7 +67,7 @@ def test_remarks_on_the_flights_are_kept_by_kind_each_once(study, fakes, monkeyp
     finished: list[dict[str, object]] = []
     kept = fakes.store()
     monkeypatch.setattr(sys.modules["fakes"].Kept, "finish", lambda self, extra, *_: finished.append(extra))
-    execute.run(load(study.path), Path("results"), jobs=1, engine=engine, keep=kept)
+    execute.run(load(study.path), Path("results"), Conduct(jobs=1), engine=engine, keep=kept)
     names = ("beyond_limits", "warnings", "notes")
     assert [finished[0][name] for name in names] == [["a: 33 g"], ["a: no event"], ["a: a hole"]]
 
@@ -239,7 +239,7 @@ def test_the_work_of_a_worker_that_died_is_done_again_by_fewer(study, fakes, mon
     study.append(TWO)
     pools = dying_pool(monkeypatch, [9, 9, 3, 0])  # none in the first stages, then two among the blocks
     fake = fakes.Fake()
-    execute.run(load(study.path), Path("results"), jobs=8, engine=fake.engine(), keep=fakes.store())
+    execute.run(load(study.path), Path("results"), Conduct(jobs=8), engine=fake.engine(), keep=fakes.store())
     assert pools == [8, 8, 8, 4, 2, 2]
     assert sorted(flown(fake)) == ALL
     assert fakes.tables(Path("results"))["imu=poor"][2] == [7000 + number for number in range(100)]
@@ -253,7 +253,7 @@ def test_the_third_death_ends_the_campaign_and_so_does_the_first_where_failures_
         pools = dying_pool(monkeypatch, [9, 9, 0, 0, 0])
         found, made = load(study.path), {"engine": fakes.Fake().engine(), "keep": fakes.store()}
         with pytest.raises(execute.Halted, match=r"^a worker process died .* resumes, try --jobs 2$"):
-            execute.run(found, Path("r"), jobs=4, **made, **options)
+            execute.run(found, Path("r"), Conduct(jobs=4, **options), **made)
         assert len(pools) == 2 + deaths
 
 
@@ -291,7 +291,7 @@ def test_a_disk_that_is_full_from_the_start_ends_in_the_same_line(study, fakes) 
         execute.run(
             load(study.path),
             Path("results"),
-            jobs=1,
+            Conduct(jobs=1),
             engine=fakes.Fake().engine(),
             keep=execute.Store(full, lambda folder: None),
         )
@@ -357,7 +357,7 @@ def test_an_event_that_is_not_in_the_flight_is_refused_before_anything_is_comput
 def test_a_trajectory_that_cannot_be_flown_is_reported_where_the_campaign_asks_for_it(study, fakes) -> None:
     study.edit("campaign.yaml", "trajectories/climb", "{card: trajectories/climb, vehicle: {payload: 60 t}}")
     with pytest.raises(InputError) as caught:
-        execute.run(load("campaign.yaml"), Path("results"), jobs=1, keep=fakes.store())
+        execute.run(load("campaign.yaml"), Path("results"), Conduct(jobs=1), keep=fakes.store())
     (line,) = str(caught.value).splitlines()
     assert line.startswith("campaign.yaml:4:3: base.trajectory: climb: the first stage does not lift off: ")
 
@@ -365,7 +365,7 @@ def test_a_trajectory_that_cannot_be_flown_is_reported_where_the_campaign_asks_f
 def test_a_trajectory_of_an_axis_that_cannot_be_flown_is_reported_in_the_axis(study, fakes) -> None:
     study.append("axes: [{path: trajectory.vehicle.payload, values: [300 kg, 60 t]}]\n")
     with pytest.raises(InputError) as caught:
-        execute.run(load("campaign.yaml"), Path("results"), jobs=1, keep=fakes.store())
+        execute.run(load("campaign.yaml"), Path("results"), Conduct(jobs=1), keep=fakes.store())
     assert "base.trajectory: climb: the first stage does not lift off: " in str(caught.value)
 
 
@@ -382,7 +382,7 @@ def test_a_folder_of_the_users_own_is_refused_and_no_lock_is_left_in_it(study, f
     for name, text in mine.items():
         study.write(name, text)
     with pytest.raises(InputError, match="holds files that lvnav-trade did not write"):
-        execute.run(load(study.path), Path("mine"), jobs=1, mode=mode, engine=fakes.Fake().engine())
+        execute.run(load(study.path), Path("mine"), Conduct(jobs=1, mode=mode), engine=fakes.Fake().engine())
     assert {str(path): path.read_text() for path in Path("mine").rglob("*") if path.is_file()} == mine
 
 

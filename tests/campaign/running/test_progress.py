@@ -11,6 +11,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
+from lvnav_trade.campaign.running.conduct import Conduct
 from lvnav_trade.campaign.running.progress import Bar, Plain, Progress, choose, staged
 
 STAMP = re.compile(r"^[0-2][0-9]:[0-5][0-9]:[0-5][0-9] ")
@@ -145,7 +146,6 @@ class Heard(Progress):
 def test_a_first_run_says_what_is_compiled_and_how_long_that_takes(study, fakes, monkeypatch, filled: bool) -> None:
     watch = Heard()
     monkeypatch.setattr(execute, "is_filled", lambda: filled)
-    execute.run(
-        load(study.path), Path("results"), jobs=1, engine=fakes.Fake().engine(), keep=fakes.store(None), progress=watch
-    )
+    conduct = Conduct(jobs=1, progress=watch)
+    execute.run(load(study.path), Path("results"), conduct, engine=fakes.Fake().engine(), keep=fakes.store(None))
     assert [line for line in watch.lines if "usually takes" in line] == ([] if filled else [execute.COMPILING])

@@ -10,6 +10,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute, shards
+from lvnav_trade.campaign.running.conduct import Conduct, Scope
 from lvnav_trade.campaign.running.shards import Shard
 from lvnav_trade.errors import InputError
 from lvnav_trade.store.versions import environment
@@ -36,10 +37,15 @@ def flown(fake) -> list[tuple[str, int, int]]:
     return [(call.case, call.first, call.n) for call in fake.calls if call.what == "block"]
 
 
+def fly(campaign, place, part, fake, store):
+    conduct, scope = Conduct(jobs=1), Scope(shard=part)
+    return execute.run(campaign, place, conduct, scope, engine=fake.engine(), keep=store)
+
+
 def share(study, fakes, number: int, total: int, folder: str = "shared"):
     fake, part = fakes.Fake(), Shard(number, total)
     place = Path(folder) / part.folder
-    outcome = execute.run(load(study.path), place, jobs=1, engine=fake.engine(), keep=fakes.store(), shard=part)
+    outcome = fly(load(study.path), place, part, fake, fakes.store())
     return fake, outcome
 
 
@@ -74,9 +80,9 @@ def test_a_shard_that_was_interrupted_goes_on(study, fakes) -> None:
     study.append(TWO)
     fake, part = fakes.Fake(), Shard(1, 1)
     with pytest.raises(execute.Halted):
-        execute.run(load(study.path), Path("one"), jobs=1, engine=fake.engine(), keep=fakes.store(2), shard=part)
+        fly(load(study.path), Path("one"), part, fake, fakes.store(2))
     again = fakes.Fake()
-    execute.run(load(study.path), Path("one"), jobs=1, engine=again.engine(), keep=fakes.store(), shard=part)
+    fly(load(study.path), Path("one"), part, again, fakes.store())
     assert len(flown(again)) == 4
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
+from lvnav_trade.campaign.running.conduct import Conduct
 from lvnav_trade.campaign.running.stopping import Stopping, beyond
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.errors import InputError
@@ -37,7 +38,7 @@ def campaign(study):
 def flown(fakes, campaign, folder, jobs=1, **how):
     fake = fakes.Fake(**how)
     folder.mkdir(parents=True, exist_ok=True)
-    execute.run(campaign, folder, jobs, engine=fake.engine(), keep=fakes.store())
+    execute.run(campaign, folder, Conduct(jobs), engine=fake.engine(), keep=fakes.store())
     return fake, {label: len(row[2]) for label, row in fakes.tables(folder).items()}
 
 
@@ -54,9 +55,9 @@ def test_a_case_flies_no_further_than_to_its_decision(fakes, campaign, tmp_path)
 def test_the_runs_do_not_depend_on_the_number_of_workers(fakes, campaign, tmp_path):
     script = (
         "import sys, fakes\nfrom pathlib import Path\n"
-        "from lvnav_trade.campaign.reading import load\nfrom lvnav_trade.campaign.running import execute\n"
+        "from lvnav_trade.campaign.reading import load\nfrom lvnav_trade.campaign.running import conduct, execute\n"
         "folder = Path(sys.argv[2]); folder.mkdir()\n"
-        "execute.run(load.load('campaign.yaml'), folder, jobs=int(sys.argv[1]),"
+        "execute.run(load.load('campaign.yaml'), folder, conduct.Conduct(int(sys.argv[1])),"
         " engine=fakes.Fake().engine(), keep=fakes.store())\n"
     )
     here = Path(__file__).resolve().parents[1]

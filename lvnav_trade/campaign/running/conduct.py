@@ -1,0 +1,56 @@
+"""How a campaign is run, and how much of it."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Protocol
+
+from lvnav_trade.campaign.definition.axes import Case
+from lvnav_trade.campaign.running import work
+from lvnav_trade.campaign.running.progress import Progress
+from lvnav_trade.campaign.running.shards import Shard
+
+Mode = Literal["resume", "fresh"]
+OnAnswers = Callable[[Sequence[work.Answer], Sequence[Case]], None]
+
+
+class Space(Protocol):
+    """Many designs, of which a few are analysed whole; see `campaign.space.stage`."""
+
+    @property
+    def parts(self) -> int:
+        """Number of work items."""
+
+    def evaluate(self, job: work.Job, stage: Callable[..., Iterator[Any]], parts: Sequence[int] | None = None) -> None:
+        """Evaluate every design, or those of some parts, and store what is found."""
+
+    def finish(self, job: work.Job) -> Any:
+        """Store the table of all designs; return the cases that are analysed whole, and what the manifest says."""
+
+    def names(self, folder: Path) -> list[str]:
+        """Return the names that parts of the designs are left under in a folder of scratch files."""
+
+
+class Conduct(NamedTuple):
+    """How a campaign is run."""
+
+    jobs: int = -1
+    """Worker processes; -1 all cores; 1 works in this process."""
+    mode: Mode = "resume"
+    """Resume what the folder holds of the same campaign, or begin afresh."""
+    fail_fast: bool = False
+    """Stop at the first failed run."""
+    progress: Progress | None = None
+    """What shows the progress; none if absent."""
+    on_answers: OnAnswers | None = None
+    """Called with linear covariance's answers as soon as they are there."""
+
+
+class Scope(NamedTuple):
+    """What of a campaign is computed, where that is not simply all of it."""
+
+    shard: Shard | None = None
+    """Only its share of blocks is flown and left in the folder, without tables, for a campaign with `shards`."""
+    shards: Sequence[Path] = ()
+    """Folders of shards, whose blocks are taken before anything is computed."""
+    space: Space | None = None
+    """The designs of a campaign that stores metrics; those that it chooses are then computed whole."""
