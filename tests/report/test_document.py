@@ -118,13 +118,14 @@ def test_margins_are_compared_with_the_policy_of_the_phase(results):
 
 @pytest.mark.parametrize(("worst", "by", "said"), [
     ([0.9, 1.1, 0.5], ["LinCov", "LinCov", "LinCov"],
-     " Both designs that keep it leave less around injection, by linear covariance: a (+10 % in v, 3.0 s after "
-     "injection); b (-10 % in v, 3.0 s after injection)."),
+     " Both designs that keep it have a smaller margin around injection, by linear covariance: a (+10 % in v, 3.0 s "
+     "after injection); b (-10 % in v, 3.0 s after injection)."),
     ([0.9, 0.7, 0.5], ["runs", "LinCov", "LinCov"],
-     " 1 of the 2 that keep it leaves less around injection, by the runs: a (+10 % in v, 3.0 s after injection)."),
+     " 1 of the 2 that keep it has a smaller margin around injection, by the runs: a (+10 % in v, 3.0 s after "
+     "injection)."),
     ([0.9, 1.1, 0.5], ["runs", "LinCov", "LinCov"],
-     " Both designs that keep it leave less around injection: a (+10 % in v, 3.0 s after injection), by the runs; b "
-     "(-10 % in v, 3.0 s after injection), by linear covariance."),
+     " Both designs that keep it have a smaller margin around injection: a (+10 % in v, 3.0 s after injection), "
+     "by the runs; b (-10 % in v, 3.0 s after injection), by linear covariance."),
     ([0.75, 0.7, 3.0], ["LinCov", "LinCov", "LinCov"], "")])  # fmt: skip
 def test_designs_that_keep_the_policy_at_an_event_and_not_around_it_are_named(results, worst, by, said):
     """The third design does not keep it at the event, and is not named again."""

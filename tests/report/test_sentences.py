@@ -82,7 +82,7 @@ def test_a_fact_that_is_missing_is_an_error_and_no_gap() -> None:
 
 def test_names_are_written_as_they_are() -> None:
     assert say("largest_mean", case="<b>A & B</b>", mean=0.5, unit="m", there="") == (
-        "<b>A & B</b>: the mean, 0.500 m in every flight"
+        "<b>A & B</b>: the mean error, 0.500 m in every run"
     )
 
 

@@ -45,7 +45,7 @@ def test_impossible_designs_are_counted_by_their_reason(tables) -> None:
 
 def test_it_ends_with_what_the_other_sections_are_about(tables) -> None:
     last = [block for block in space(tables) if isinstance(block, Text)][-1]
-    assert "the 2 designs analysed whole" in last.text
+    assert "the 2 designs with full analysis" in last.text
     assert "best: 1" in last.text
 
 
@@ -57,7 +57,7 @@ def test_the_best_designs_are_the_cheapest_with_the_command_of_their_full_analys
     assert "filter loose" in best.rows[0][0]
     assert "deg/h" in best.rows[0][0]
     titles = [block.title for block in space(tables) if isinstance(block, More)]
-    assert titles[:2] == ["The nearest misses", "The Pareto front of those that meet all"]
+    assert titles[:2] == ["The nearest misses", "Pareto front of the designs that meet all requirements"]
 
 
 def test_the_page_has_the_numbers_of_every_possible_design(tables) -> None:
@@ -84,7 +84,7 @@ def test_it_says_how_many_meet_each_requirement_where_there_are_several(tmp_path
     both = found.with_frames(designs=frame)
     both.__dict__["campaign"] = {**found.campaign, "requirements": asked}
     met = (found.designs.verdict == "met").sum()
-    assert f"Alone: fast {met}, true none." in texts(both)[0]
+    assert f"Each requirement alone: fast {met}, true none." in texts(both)[0]
     assert next(block.caption for block in space(both) if isinstance(block, Table)).startswith(
         "Designs nearest to meeting"
     )
@@ -126,11 +126,11 @@ def test_it_says_that_designs_drawn_at_random_have_runs(tables) -> None:
     found.__dict__["manifest"] = {**tables.manifest, "space": about}
     found.__dict__["campaign"] = {**tables.campaign, "monte_carlo": {"runs": 852, "stop": None}}
     last = texts(found)[-1]
-    assert last.startswith("The sections below are about the 2 designs analysed whole")
-    assert "Each has 852 runs, the 8 drawn at random too." in last
+    assert last.startswith("The sections below describe the 2 designs with full analysis")
+    assert "Each has 852 runs, including the 8 drawn at random." in last
     found.__dict__["campaign"] |= {"monte_carlo": None, "report": {"sections": ["summary", "space"]}}
     again = texts(found)[-1]
-    assert again.startswith("The other sections are about")
+    assert again.startswith("The other sections describe")
     assert "runs" not in again
 
 
@@ -141,7 +141,7 @@ def test_results_that_hold_each_case_whole_have_no_such_section(tmp_path) -> Non
 def test_one_design_analysed_whole_is_not_counted() -> None:
     said = say("space_whole", where="below", cases=1, why={"best": 1}, runs=40, is_most=True)
     assert said == (
-        "The sections below are about the design analysed whole, with history, budget and diagnostics (best: 1). "
+        "The sections below describe the design with full analysis: history, budget and diagnostics (best: 1). "
         "It has up to 40 runs."
     )
 

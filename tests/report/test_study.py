@@ -76,7 +76,7 @@ def test_the_page_says_what_holds_and_what_does_not(page):
     text = page.read_text()
     assert text.startswith("# A paper again\n\nWhat a paper says, held against our runs.\n")
     assert "Of 3 published results that count, 1 are reproduced: 1 of 3 numbers are reproduced, " in text
-    assert "The most important results that are not reproduced, and why." in text
+    assert "The most important results that are not reproduced, with the reason." in text
     for words in (
         "1. The filter's noise is not published.",
         "Which grade?",
