@@ -30,8 +30,12 @@ class EnvelopeCard(units.Card):
     lateral: units.JerkSigma = 10.0  # unknown lateral jerk
     nozzle_gain: units.AccelerationSigma = 30.0  # lateral acceleration per nozzle angle
     nozzle_time: units.TimeConstant = 0.035  # time constant of the response to the nozzle
-    start_rate: units.AngularRateSigma = Field(0.017453292519943295, description="of the rate before the first sample")
-    start_acceleration: units.AccelerationSigma = Field(20.0, description="of the acceleration before the first sample")
+    start_rate: units.AngularRateSigma = Field(
+        0.017453292519943295, description="initial one-sigma of the rate, before the first sample"
+    )
+    start_acceleration: units.AccelerationSigma = Field(
+        20.0, description="initial one-sigma of the acceleration, before the first sample"
+    )
 
 
 def changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Bools:

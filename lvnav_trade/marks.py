@@ -152,4 +152,6 @@ def _is_marks(data: Mapping[str, Any], key: str) -> bool:
 
 
 ASSUMED = Field((), description="fields whose numbers have no source; they are listed in the report")
-SECOND_HAND = Field((), description="fields whose numbers are those that another publication quotes; listed likewise")
+SECOND_HAND = Field(
+    (), description="fields whose numbers are quoted by another publication; they are listed in the report too"
+)

@@ -20,9 +20,15 @@ class OverFlight(Card):
     Linear between entries, constant outside them.
     """
 
-    altitude: tuple[Length, ...] = Field((), description="above the ellipsoid, rising; one of three quantities")
-    specific_force: tuple[AccelerationSigma, ...] = Field((), description="its size, rising")
-    jerk: tuple[JerkSigma, ...] = Field((), description="size of the change of specific force over 0.1 s, rising")
+    altitude: tuple[Length, ...] = Field(
+        (), description="heights above the ellipsoid, increasing; a table has one of three quantities"
+    )
+    specific_force: tuple[AccelerationSigma, ...] = Field(
+        (), description="magnitudes of the specific force, increasing"
+    )
+    jerk: tuple[JerkSigma, ...] = Field(
+        (), description="magnitudes of the change of specific force over 0.1 s, increasing"
+    )
 
     @property
     def over(self) -> str:
@@ -50,8 +56,10 @@ class NoiseFactor(OverFlight):
     Two entries make a linear law with lower and upper limits. Factors of several tables multiply.
     """
 
-    factor: tuple[Annotated[float, Field(gt=0.0)], ...] = Field(min_length=2, description="on sigma, at these values")
-    of: tuple[Noisy, ...] = Field(NOISY, min_length=1, description="measurements whose noise it is")
+    factor: tuple[Annotated[float, Field(gt=0.0)], ...] = Field(
+        min_length=2, description="factors on sigma at these values"
+    )
+    of: tuple[Noisy, ...] = Field(NOISY, min_length=1, description="measurements to which the table applies")
 
     def _unlike(self, values: tuple[float, ...]) -> Iterator[str]:
         if len(values) != len(self.factor):

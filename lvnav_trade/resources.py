@@ -15,4 +15,4 @@ class Resources(units.Card):
     power: units.Power | None = None
     volume: units.Volume | None = None
     mtbf: units.Hours | None = Field(None, description="mean time between failures; failure rates of the devices add")
-    source: str = Field("", description="where these are from, and which are assumed")
+    source: str = Field("", description="sources of these numbers, and which of them are assumed")

@@ -48,16 +48,18 @@ class Scenario(Card):
     filter: FilterCard  # navigation filter
     initial: InitialErrors  # true initial errors
     sensors: dict[str, Sensor | None] = Field(
-        {}, description="beside the IMU and the receiver, by names of your own; null removes one"
+        {}, description="sensors other than IMU and receiver, by names of your choice; null removes one"
     )
-    control: ControlledCard | None = Field(None, description="the ascent's vehicle steered, beside the navigation")
+    control: ControlledCard | None = Field(
+        None, description="attitude control of the vehicle, simulated in addition to the navigation"
+    )
     faults: tuple[Fault, ...] = Field((), max_length=FAULTS)  # of satellites, receiver, IMU and sensors
-    atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="what is true of the signals' delays")
-    gravity: GravityCard | None = Field(None, description="what true gravity has beyond the model of the truth")
+    atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="true delays of the signals in the atmosphere")
+    gravity: GravityCard | None = Field(None, description="random disturbance of true gravity")
     frame: Literal["ned", "ecef", "inertial", "orbital", "pad"] = Field(
         "ned",
-        description="axes in which errors are reported; orbital: radial, along, cross; pad: growing azimuth, slant "
-        "range and elevation from where the flight starts",
+        description="axes in which errors are reported; orbital: radial, along-track, cross-track; pad: azimuth, "
+        "slant range and elevation from the start of the flight",
     )
     diverged: Length = Field(100e3, gt=0.0, description="a run whose position error exceeds this counts as failed")
 

@@ -293,7 +293,7 @@ class NamedCard(Card):
     """A card with a name and the sources of its numbers."""
 
     name: str
-    source: str = Field(description="where each number is from")
+    source: str = Field(description="source of the numbers")
     assumed: Marks = ASSUMED
     second_hand: Marks = SECOND_HAND
 

@@ -65,7 +65,7 @@ class RayTracedTroposphere(Card):
     kind: Literal["ray_traced"] = "ray_traced"
     profile: RefractivityProfile = StandardProfile()
     satellite_radius: Annotated[Length, Field(ge=12e6)] = Field(
-        26.56e6, description="of the satellites' orbits; 10 % more adds 1 % to grazing rays, nothing to others"
+        26.56e6, description="radius of the satellite orbits; 10 % more adds 1 % to grazing rays and nothing to others"
     )
 
 
@@ -87,7 +87,9 @@ class SpilkerTroposphere(Card):
     zenith: Length = Field(2.4405, description="at sea level")
     scale_height: ScaleHeight = Field(1e3 / 0.133, description="eq. 18 prints 0.133e-3 per m")
     offset: float = Field(0.0121, gt=0.0)
-    lowest: Angle = Field(0.08726646259971647, ge=0.0, description="below it the value at this elevation holds; 5 deg")
+    lowest: Angle = Field(
+        0.08726646259971647, ge=0.0, description="lowest elevation, below which its value is used; 5 deg"
+    )
 
 
 class StanagTroposphere(Card):
@@ -95,7 +97,7 @@ class StanagTroposphere(Card):
 
     kind: Literal["stanag"] = "stanag"
     surface: float = Field(324.8, ge=200.0, le=450.0, description="refractivity at sea level, (n - 1) x 1e6")
-    lowest: Angle = Field(0.0, ge=0.0, description="below it the value at this elevation holds")
+    lowest: Angle = Field(0.0, ge=0.0, description="lowest elevation, below which its value is used")
 
 
 class _Weather(Card):
@@ -104,7 +106,9 @@ class _Weather(Card):
     pressure: Pressure = 101325.0
     temperature: Annotated[Temperature, Field(ge=200.0)] = 288.15
     humidity: Annotated[Fraction, Field(le=1.0)] = 0.5
-    lowest: Angle = Field(0.05235987755982989, gt=0.0, description="below it the value at this elevation holds; 3 deg")
+    lowest: Angle = Field(
+        0.05235987755982989, gt=0.0, description="lowest elevation, below which its value is used; 3 deg"
+    )
 
 
 class SaastamoinenTroposphere(_Weather):
@@ -204,9 +208,13 @@ class AtmosphereCard(Card):
     troposphere: TroposphereModel = NoTroposphere()
     ionosphere: IonosphereModel = NoIonosphere()
     troposphere_scale: Fraction = Field(0.0, description="one sigma of the true delay's relative error")
-    troposphere_scale_time: TimeConstant | None = Field(None, description="of its change; none: constant in a run")
+    troposphere_scale_time: TimeConstant | None = Field(
+        None, description="time constant of its change; none: constant in a run"
+    )
     ionosphere_scale: Fraction = Field(0.0, description="one sigma of the true delay's relative error")
-    ionosphere_scale_time: TimeConstant | None = Field(None, description="of its change; none: constant in a run")
+    ionosphere_scale_time: TimeConstant | None = Field(
+        None, description="time constant of its change; none: constant in a run"
+    )
 
 
 class Matched(Card):
@@ -221,10 +229,12 @@ class CorrectionsCard(Card):
     troposphere: Annotated[_Troposphere | Matched, Field(discriminator="kind")] = NoTroposphere()
     ionosphere: Annotated[_Ionosphere | Matched, Field(discriminator="kind")] = NoIonosphere()
     relativity: bool = Field(
-        False, description="periodic relativistic term of the satellites' clocks, from their position and velocity"
+        False, description="correct the periodic relativistic term of the satellite clocks, from position and velocity"
     )
     doppler_interval: Literal["matched"] | Pause = Field(
-        0.0, description="over which the filter takes range rates for means; 0: for instantaneous; matched: true one"
+        0.0,
+        description="interval over which the filter models range rates as means; 0: instantaneous; matched: the true "
+        "one",
     )
 
 

@@ -50,7 +50,9 @@ class ImuModel(units.Card):
     accel_bias_walk: per_axis.AccelerationRandomWalk = 0.0  # root PSD of the random walk
     accel_bias_time: units.TimeConstant | None = None  # correlation time; none: constant apart from its walk
     gyro_scale_factor: per_axis.Fraction = 0.0  # initial one-sigma
-    gyro_scale_factor_walk: per_axis.ScaleDrift = Field(0.0, description="also to cover what is no state: nonlinearity")
+    gyro_scale_factor_walk: per_axis.ScaleDrift = Field(
+        0.0, description="random walk of the state; a larger value also covers a nonlinearity without a state"
+    )
     accel_scale_factor: per_axis.Fraction = 0.0  # initial one-sigma
     accel_scale_factor_walk: per_axis.ScaleDrift = 0.0  # root PSD of the random walk
     gyro_nonlinearity: per_axis.Fraction = Field(0.0, description="scale-factor error at full scale")
@@ -61,13 +63,15 @@ class ImuModel(units.Card):
     accel_misalignment: per_axis.Angle = 0.0  # initial one-sigma
     gyro_g_sensitivity: per_axis.GSensitivity = 0.0  # initial one-sigma
     gyro_relative_bias: per_axis.AngularRate = Field(
-        0.0, description="of two units whose difference is measured: bias of the first minus that of the second"
+        0.0, description="for two units whose difference is measured: bias of the first minus bias of the second"
     )
     gyro_relative_bias_walk: per_axis.RateRandomWalk = 0.0  # root PSD of the random walk
-    gyro_relative_bias_correlation: per_axis.Correlation = Field(0.0, description="with gyro_bias, at the start")
+    gyro_relative_bias_correlation: per_axis.Correlation = Field(0.0, description="initial correlation with gyro_bias")
     accel_relative_bias: per_axis.Acceleration = 0.0  # the same of the accelerometers
     accel_relative_bias_walk: per_axis.AccelerationRandomWalk = 0.0  # root PSD of the random walk
-    accel_relative_bias_correlation: per_axis.Correlation = Field(0.0, description="with accel_bias, at the start")
+    accel_relative_bias_correlation: per_axis.Correlation = Field(
+        0.0, description="initial correlation with accel_bias"
+    )
 
     def sigma(self, name: str) -> per_axis.PerAxis:
         """Return the one-sigma of a parameter (SI); of a nonlinearity its slope, the error at full scale over that."""
@@ -88,12 +92,12 @@ class ReceiverModel(units.Card):
     clock_h0: float = Field(ge=0)  # power-law coefficient h0 of the clock: white frequency noise
     clock_h_minus2: float = Field(ge=0)  # power-law coefficient h-2: random walk of the frequency
     noise_by: NoiseBy = ()  # factors on the sigmas over altitude, specific force or jerk
-    range_bias: units.LengthSigma = Field(0.0, description="of each satellite, as a state; its initial one-sigma")
+    range_bias: units.LengthSigma = Field(0.0, description="initial one-sigma of the state, one for each satellite")
     range_bias_time: units.TimeConstant | None = None  # correlation time; none: constant
-    time_offset: units.LengthSigma = Field(0.0, description="of each further system's time, in range")
+    time_offset: units.LengthSigma = Field(0.0, description="time offset of each further satellite system, in range")
     time_offset_time: units.TimeConstant | None = None  # correlation time; none: constant
     range_rate_offset: units.SpeedSigma = Field(
-        0.0, description="of all range rates alike, beside the clock's drift; its initial one-sigma"
+        0.0, description="initial one-sigma of the offset that all range rates share, in addition to the clock drift"
     )
     range_rate_offset_time: units.TimeConstant | None = None  # correlation time; none: constant
     timing: units.Pause = Field(0.0, description="error of the time tags")
@@ -102,12 +106,12 @@ class ReceiverModel(units.Card):
     troposphere_scale_time: units.TimeConstant | None = None  # correlation time; none: constant
     ionosphere_scale: units.Fraction = 0.0  # initial one-sigma of the relative error of the delay
     ionosphere_scale_time: units.TimeConstant | None = None  # correlation time; none: constant
-    position_bias: units.LengthSigma = Field(0.0, description="of the receiver's solution, per axis")
+    position_bias: units.LengthSigma = Field(0.0, description="bias of the receiver's solution, per axis")
     position_bias_time: units.TimeConstant | None = None  # correlation time; none: constant
     velocity_bias: units.SpeedSigma = 0.0  # of the receiver's solution, per axis
     velocity_bias_time: units.TimeConstant | None = None  # correlation time; none: constant
     carrier_phase_sigma: units.LengthSigma = 0.002  # white noise
-    ambiguity: units.LengthSigma = Field(10.0, description="of a carrier phase, as a state; one-sigma at every start")
+    ambiguity: units.LengthSigma = Field(10.0, description="one-sigma of the state at every start of a carrier phase")
 
 
 class InitialModel(units.Card):
@@ -145,14 +149,14 @@ class DelayCompensation(units.Card):
     )
     delay: Matched | units.Pause = Field(
         "matched",
-        description="of the receiver, as the filter takes it; matched: as the receiver stamps it; that of a sensor "
-        "stands in sensor_models",
+        description="latency of the receiver that the filter assumes; matched: the true one; latencies of sensors are"
+        " in sensor_models",
     )
-    delay_sigma: units.Pause = Field(0.0, description="extrapolated: one-sigma that the filter assumes of its error")
+    delay_sigma: units.Pause = Field(0.0, description="extrapolated: assumed one-sigma of the error of the delay")
     acceleration_sigma: units.AccelerationSigma = Field(
-        0.0, description="extrapolated: one-sigma that it assumes of its own acceleration"
+        0.0, description="extrapolated: assumed one-sigma of the filter's acceleration"
     )
-    base: units.Pause = Field(0.1, gt=0.0, description="extrapolated: time over which the acceleration is taken")
+    base: units.Pause = Field(0.1, gt=0.0, description="extrapolated: time over which the acceleration is computed")
 
 
 class FilterCard(units.NamedCard):
@@ -177,11 +181,11 @@ class FilterCard(units.NamedCard):
     extra_states: tuple[ExtraState, ...] = ()  # estimated besides navigation errors and biases
     clock: Literal["two_state", "one_state", "differenced"] = Field(
         "two_state",
-        description="of the receiver, where ranges are measured: bias and drift; bias alone, its drift taken for white "
-        "noise; none that lasts: ranges less that of a reference satellite",
+        description="receiver clock of a filter with ranges: two_state: bias and drift; one_state: bias, with the "
+        "drift as white noise; differenced: no memory, ranges relative to a reference satellite",
     )
     reference_satellite: str | None = Field(
-        None, description="of the differences, such as G05, while it is in use; none: the highest"
+        None, description="reference of clock: differenced while it is in use, such as G05; none: the highest satellite"
     )
     strapdown: StrapdownCard = Field(StrapdownCard(), description="how increments are integrated")
     mechanisation: Literal["inertial", "earth", "pad", "ned", "enu"] = Field(
@@ -193,21 +197,29 @@ class FilterCard(units.NamedCard):
     update_rate: units.StepRate = 1.0  # of the epochs
     transition_rate: units.StepRate | None = Field(
         None,
-        description="how often the covariance's transition is linearised, at what is known by then; none: at every "
-        "step, with the integrals of the strapdown over it",
+        description="rate at which the transition is linearised again; none: at every covariance step, with the "
+        "integrals of the strapdown over that step",
     )
-    consider: tuple[ParameterState, ...] = Field((), description="not estimated, but their covariance counts (Schmidt)")
+    consider: tuple[ParameterState, ...] = Field(
+        (), description="states that are not estimated but whose covariance is included (Schmidt)"
+    )
     as_noise: tuple[NoiseState, ...] = Field(
         (),
-        description="taken for measurement noise that the rows of an epoch share, new at every epoch: covariance "
-        "R + s^2 t t', s its sigma and t how each row depends on it",
+        description="states treated as correlated measurement noise, independent between epochs: covariance R + s^2 t"
+        " t' with the sigma s and the partials t",
     )
-    neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field((), description="standard states left out")
+    neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field(
+        (), description="standard states that the filter omits"
+    )
     update: Literal["symmetric", "joseph"] = "symmetric"  # form of the covariance update
     transition_order: Literal[1, 2] = 2  # order in the window length; 1: I + F dt
-    algorithm: Literal["extended", "iterated", "unscented"] = Field("extended", description="by Jacobians, or points")
-    iterations: int = Field(3, ge=2, le=20, description="passes of an iterated update, each linearised anew")
-    gate: float | None = Field(None, gt=0, le=1000, description="innovation gate in sigma per row; none: no gate")
+    algorithm: Literal["extended", "iterated", "unscented"] = Field(
+        "extended", description="extended: Jacobians; unscented: sigma points; iterated: repeated linearisation"
+    )
+    iterations: int = Field(3, ge=2, le=20, description="passes of an iterated update; each linearises again")
+    gate: float | None = Field(
+        None, gt=0, le=1000, description="gate on the innovation of each scalar, in sigma; none: no gate"
+    )
     gravity: Literal["point", "j2", "j4"] = "j4"  # model of the strapdown
     feedback: Literal["closed", "open", "direct"] = Field(
         "closed",
@@ -215,47 +227,65 @@ class FilterCard(units.NamedCard):
         "direct: total states are corrected by every scalar measurement (to first order the same as closed)",
     )
     init: Literal["from_card", "from_gnss"] = Field(
-        "from_card", description="position and velocity, and their covariance, when the filter starts"
+        "from_card", description="source of position, velocity and their covariance when the filter starts"
     )
-    logic: LogicCard | None = Field(None, description="none: it starts at once and uses what the gate accepts")
-    integrity: IntegrityCard | None = Field(None, description="tests for faults; none: nothing but the gate")
+    logic: LogicCard | None = Field(
+        None, description="mode logic; none: the filter starts at once and uses every measurement that the gate accepts"
+    )
+    integrity: IntegrityCard | None = Field(None, description="fault tests; none: only the gate")
     imu: Matched | ImuModel = "matched"  # filter model of the IMU; matched: that of the truth
     receiver: Matched | ReceiverModel = "matched"  # filter model of the receiver; matched: that of the truth
     initial: Matched | InitialModel = "matched"  # filter model of the initial errors; matched: that of the truth
-    sensor_models: SensorModels = Field(default_factory=SensorModels, description="of the sensors, by measurement")
-    gains: GainSchedule | None = Field(
-        None, description="stored gains in place of those of its covariance; none: its own, epoch by epoch"
+    sensor_models: SensorModels = Field(
+        default_factory=SensorModels, description="filter models of the sensors, by measurement"
     )
-    envelope: EnvelopeCard | None = Field(None, description="of a vehicle model; none: that of the card's defaults")
-    corrections: CorrectionsCard = Field(CorrectionsCard(), description="taken off the measurements beforehand")
+    gains: GainSchedule | None = Field(
+        None, description="card with stored gains; none: gains from the covariance at every epoch"
+    )
+    envelope: EnvelopeCard | None = Field(
+        None, description="process noise of the vehicle model; none: the defaults of the card"
+    )
+    corrections: CorrectionsCard = Field(
+        CorrectionsCard(), description="corrections that are subtracted from the measurements"
+    )
     delay_compensation: DelayCompensation | None = Field(
-        None, description="none: a late measurement is taken as present"
+        None, description="compensation of latency; none: late measurements are treated as present"
     )
     delayed_state: Literal["augmented", "consider", "back_propagated"] = Field(
         "augmented",
-        description="of a difference of two epochs, the state at the earlier one: estimated beside the present one, "
-        "considered, or found from the present one by the inverse transition",
+        description="state at the earlier epoch of a difference: augmented: estimated as a clone; consider: "
+        "considered; back_propagated: from the present state by the inverse transition",
     )
     previous_noise: Literal["white", "estimated"] = Field(
         "white",
-        description="of a difference, the noise of the earlier epoch: new in every difference, or a state",
+        description="noise of the earlier epoch of a difference: white: independent in every difference; estimated: a"
+        " state",
     )
-    attitude_noise: units.AngleRandomWalk = Field(0.0, description="beyond the unit's own, root PSD per axis")
+    attitude_noise: units.AngleRandomWalk = Field(
+        0.0, description="noise in addition to that of the IMU, root PSD per axis"
+    )
     velocity_noise: units.VelocityRandomWalk = 0.0  # the same for the accelerometers
-    position_noise: units.PositionRandomWalk = Field(0.0, description="of the derivative of position beside velocity")
-    backup: bool = Field(
-        False, description="a second strapdown, never corrected, takes the same increments; its errors are reported too"
+    position_noise: units.PositionRandomWalk = Field(
+        0.0, description="noise of the derivative of position, in addition to velocity, root PSD per axis"
     )
-    underweighting: tuple[UnderweightingCard, ...] = Field((), description="of measurements, while conditions hold")
+    backup: bool = Field(
+        False,
+        description="run a second strapdown on the same increments that is never corrected, and report its errors",
+    )
+    underweighting: tuple[UnderweightingCard, ...] = Field(
+        (), description="under-weighting of measurements while conditions hold"
+    )
     fading_memory: units.TimeConstant | None = Field(
-        None, description="the covariance of what is estimated grows by exp(2 t / this); none: nothing is forgotten"
+        None,
+        description="time constant T of a fading memory: the covariance of estimated states grows by exp(2 t / T); "
+        "none: no fading",
     )
     region_noise: tuple[RegionNoiseCard, ...] = Field((), description="variance added at a change of operating region")
     process_noise_by: tuple[ProcessNoiseTable, ...] = Field(
         (), description="noise of attitude, velocity and position over altitude, specific force or jerk"
     )
     report_imu_samples: bool = Field(
-        False, description="errors of the IMU's samples, raw and corrected, are reported beside the states"
+        False, description="report errors of the IMU samples, raw and corrected, in addition to those of the states"
     )
 
     @model_validator(mode="before")

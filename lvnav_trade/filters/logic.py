@@ -20,25 +20,32 @@ class LogicCard(units.Card):
 
     check_flags: Annotated[tuple[Check, ...], AfterValidator(units.distinct)] = Field(
         CHECKS,
-        description="leave out what the receiver marks as invalid by these flags; fresh: what it put out before. true: "
-        "all, false: none",
+        description="reject output that the receiver marks as invalid by these flags; fresh: reject output that is "
+        "repeated; true: all, false: none",
     )
-    pdop_below: float | None = Field(None, gt=0, description="leave out solutions of a greater dilution of precision")
+    pdop_below: float | None = Field(None, gt=0, description="reject solutions with a larger dilution of precision")
     wild_position: Annotated[units.Length, Field(gt=0.0)] | None = Field(
         None,
-        description="leave out a sample of which an axis is further from the prediction; before a start, further "
-        "from the sample before",
+        description="reject a sample if an axis differs from the prediction by more; before the start, from the "
+        "previous sample",
     )
     wild_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None  # the same for velocity
-    start_after: int = Field(1, ge=1, description="good samples in a row")
-    correct_after: units.Pause = Field(0.0, description="since its start the outputs are the inertial system's own")
-    stop_after: units.TimeConstant | None = Field(None, description="of any error: data loss, residual, covariance")
+    start_after: int = Field(1, ge=1, description="consecutive good samples before the filter starts")
+    correct_after: units.Pause = Field(
+        0.0,
+        description="time after the start until corrections are applied; before that, outputs are those of the "
+        "inertial system",
+    )
+    stop_after: units.TimeConstant | None = Field(
+        None, description="time for which an error persists before the filter stops: data loss, residual, covariance"
+    )
     covariance_position: Annotated[units.Length, Field(gt=0.0)] | None = Field(
-        None, description="a one-sigma beyond is an error of the covariance; so is one that is no number"
+        None, description="a larger one-sigma, or one that is not a number, is a covariance error"
     )
     covariance_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None  # the same for velocity
     restart_after: tuple[Persisting, ...] = Field(
-        ("data_loss", "residual", "covariance"), description="errors after which it starts again with good samples"
+        ("data_loss", "residual", "covariance"),
+        description="errors after which the filter restarts when samples are good",
     )
 
     @field_validator("check_flags", mode="before")

@@ -39,15 +39,17 @@ class GainSegment(Card):
 class GainSchedule(NamedCard):
     """Gains of a filter's states for its measurements, computed once on the flight that `source` names."""
 
-    flight: str = Field("", description="name of the trajectory that it was computed for")
-    flight_digest: str = Field("", description="of that trajectory: a filter on another one gives a warning")
-    by: Literal["event", "time"] = Field("event", description="what a segment's times count from")
+    flight: str = Field("", description="name of the trajectory for which the gains were computed")
+    flight_digest: str = Field(
+        "", description="digest of that trajectory; on another trajectory, the filter gives a warning"
+    )
+    by: Literal["event", "time"] = Field("event", description="reference of the times of a segment")
     states: tuple[str, ...] = Field(description="states in the order of the gains, such as 'velocity x'")
     measurements: tuple[str, ...] = Field(
-        ROWS, description="in the order of the gains: an axis of the solution, 'G05 range', 'altitude'"
+        ROWS, description="measurements in the order of the gains: an axis of the solution, 'G05 range', 'altitude'"
     )
     segments: tuple[GainSegment, ...] = Field(min_length=1)
-    digest: str = Field(description="of states and segments: numbers that were changed by hand are refused")
+    digest: str = Field(description="digest of states and segments; gains that were changed by hand are refused")
 
     def _faults(self) -> list[str]:
         digest, n, m = (

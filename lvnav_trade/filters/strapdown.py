@@ -39,7 +39,7 @@ class StrapdownCard(units.Card):
         "increment at their own rate (Savage); polynomial: integral of rates through all increments of the step "
         "(McKern)",
     )
-    ratio: int = Field(1, ge=1, le=8, description="increments of the unit to a step")
+    ratio: int = Field(1, ge=1, le=8, description="IMU increments per strapdown step")
 
     def _faults(self) -> Iterator[str]:
         if self.algorithm in {"optimised_present", "polynomial"} and self.ratio == 1:

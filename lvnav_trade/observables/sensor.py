@@ -87,7 +87,7 @@ class SensorModel(Card):
     states: ClassVar[Mapping[str, StateUnit]] = {}
     noise_field: ClassVar[str] = "sigma"
 
-    latency: Pause = Field(0.0, description="as delay_compensation takes it")
+    latency: Pause = Field(0.0, description="latency that delay_compensation assumes")
 
     def time_constant(self, field: str) -> float:
         """Return the time constant (s) that the filter assumes for the lasting error of a field; inf: constant."""
@@ -132,8 +132,8 @@ class SensorCard(Conditions, NamedCard):
     at_once: ClassVar[bool] = False
     able: ClassVar[str] = "it can measure"
 
-    rate: Frequency | None = Field(None, description="of its measurements; none: at every update of the filter")
-    latency: Pause = Field(0.0, description="from the time that a measurement is of to its arrival at the filter")
+    rate: Frequency | None = Field(None, description="rate of the measurements; none: at every update of the filter")
+    latency: Pause = Field(0.0, description="time between the validity of a measurement and its arrival at the filter")
     resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")
 
     def matched(self) -> SensorModel:

@@ -36,9 +36,13 @@ class UnderweightingCard(Conditions):
     scalar) and a larger noise. Where several cards apply, betas add and factors multiply.
     """
 
-    beta: float = Field(0.0, ge=0.0, description="of h P h', the variance that the state brings to the innovation")
-    noise_factor: float = Field(1.0, gt=0.0, description="of the assumed noise variance")
-    measurements: tuple[Weighted, ...] = Field((), description="none: all that the filter has")
+    beta: float = Field(
+        0.0, ge=0.0, description="fraction of h P h', the variance of the innovation due to the state, that is added"
+    )
+    noise_factor: float = Field(1.0, gt=0.0, description="factor on the assumed noise variance")
+    measurements: tuple[Weighted, ...] = Field(
+        (), description="measurements to which it applies; none: all measurements of the filter"
+    )
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
@@ -55,7 +59,7 @@ class RegionNoiseCard(Conditions):
     """
 
     force_change: Annotated[AccelerationSigma, Field(gt=0.0)] | None = Field(
-        None, description="change of the specific force vector, body axes, that is a new region"
+        None, description="change of the specific force vector in body axes that starts a new region"
     )
     rate_change: Annotated[AngularRateSigma, Field(gt=0.0)] | None = None  # the same of the body rate
     attitude: AngleSigma = 0.0  # added one-sigma per axis
@@ -88,9 +92,9 @@ class ProcessNoiseTable(OverFlight):
     Two entries that start at zero make the density proportional to the quantity. Variances of several tables add.
     """
 
-    attitude: tuple[AngleRandomWalk, ...] = Field((), description="root PSD per axis, at these values")
-    velocity: tuple[VelocityRandomWalk, ...] = Field((), description="root PSD per axis, at these values")
-    position: tuple[PositionRandomWalk, ...] = Field((), description="root PSD per axis, at these values")
+    attitude: tuple[AngleRandomWalk, ...] = Field((), description="root PSD per axis at these values")
+    velocity: tuple[VelocityRandomWalk, ...] = Field((), description="root PSD per axis at these values")
+    position: tuple[PositionRandomWalk, ...] = Field((), description="root PSD per axis at these values")
 
     def _unlike(self, values: tuple[float, ...]) -> Iterator[str]:
         if not any(any(getattr(self, name)) for name in DRIVEN):

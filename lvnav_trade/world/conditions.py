@@ -28,17 +28,17 @@ class Conditions(Card):
     model_config = ConfigDict(serialize_by_alias=True)
 
     from_: Instant | None = Field(
-        None, alias="from", description="on from this time, such as '100 s', or event: 'stage1_cutoff + 20 s'"
+        None, alias="from", description="active from this time, such as '100 s', or event: 'stage1_cutoff + 20 s'"
     )
-    until: Instant | None = Field(None, description="on until this time or event, as `from`")
-    above: Length | None = Field(None, description="on at and above this altitude over the ellipsoid")
-    below: Length | None = Field(None, description="on below this altitude over the ellipsoid")
-    speed_above: SpeedSigma | None = Field(None, description="on at and above this speed relative to the Earth")
-    speed_below: SpeedSigma | None = Field(None, description="on below this speed relative to the Earth")
+    until: Instant | None = Field(None, description="active until this time or event, in the same form as `from`")
+    above: Length | None = Field(None, description="active at and above this altitude above the ellipsoid")
+    below: Length | None = Field(None, description="active below this altitude above the ellipsoid")
+    speed_above: SpeedSigma | None = Field(None, description="active at and above this speed relative to the Earth")
+    speed_below: SpeedSigma | None = Field(None, description="active below this speed relative to the Earth")
     dynamic_pressure_above: Pressure | None = Field(
-        None, description="on at and above this dynamic pressure (US Standard Atmosphere 1976, no wind)"
+        None, description="active at and above this dynamic pressure (US Standard Atmosphere 1976, no wind)"
     )
-    dynamic_pressure_below: Pressure | None = Field(None, description="on below this dynamic pressure")
+    dynamic_pressure_below: Pressure | None = Field(None, description="active below this dynamic pressure")
 
     @property
     def stated(self) -> tuple[str, ...]:
@@ -56,8 +56,12 @@ class Conditions(Card):
 class SightConditions(Conditions):
     """Conditions that may also depend on the elevation of a satellite or transmitter."""
 
-    elevation_above: Angle | None = Field(None, description="on at and above this elevation of what is seen")
-    elevation_below: Angle | None = Field(None, description="on below this elevation of what is seen")
+    elevation_above: Angle | None = Field(
+        None, description="active at and above this elevation of the satellite, or of the vehicle seen from a station"
+    )
+    elevation_below: Angle | None = Field(
+        None, description="active below this elevation of the satellite, or of the vehicle seen from a station"
+    )
 
     def _faults(self) -> Iterable[str]:
         yield from super()._faults()

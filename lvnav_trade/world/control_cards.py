@@ -34,7 +34,7 @@ class Nozzle(units.Card):
     time_constant: units.TimeConstant
     rate_limit: units.AngularRateLimit
     deflection_limit: Annotated[units.Angle, Field(gt=0.0, lt=1.0)]
-    misalignment: units.AngleSigma = Field(0.0, description="of the thrust, constant over a burn, per axis")
+    misalignment: units.AngleSigma = Field(0.0, description="thrust misalignment, constant over a burn, per axis")
 
 
 class Thrusters(units.Card):
@@ -44,8 +44,10 @@ class Thrusters(units.Card):
     `release` of it.
     """
 
-    force: units.Force = Field(description="of a pair that turns the vehicle about one axis")
-    arm: Annotated[units.Length, Field(gt=0.0)] = Field(description="from the centre of mass, in every stack")
+    force: units.Force = Field(description="thrust of a pair of thrusters that turns the vehicle about one axis")
+    arm: Annotated[units.Length, Field(gt=0.0)] = Field(
+        description="lever arm of the thrusters from the centre of mass, in every stack"
+    )
     dead_band: units.AngleLimit
     lead: units.TimeConstant
     release: units.Share = Field(0.5, ge=0.0, lt=1.0)
@@ -73,7 +75,7 @@ class RotationCard(units.NamedCard):
     Roll is held; the axes do not couple. Bending, sloshing, jet damping and the nozzle's own inertia are left out.
     """
 
-    stacks: tuple[Stack, ...] = Field(min_length=1, description="one for each stage, from the first")
+    stacks: tuple[Stack, ...] = Field(min_length=1, description="one entry for each stage, from the first")
     nozzle: Nozzle
     thrusters: Thrusters
 
@@ -100,7 +102,7 @@ class Gains(units.Card):
 class Turn(units.Card):
     """A turn manoeuvre laid over the ascent's attitude: by an angle, from an event on, along a quintic in time."""
 
-    start: Instant = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
+    start: Instant = Field(description="event, also with a duration added, or a time since lift-off")
     axis: Literal["pitch", "yaw"]
     angle: units.Angle
     duration: units.TimeConstant
@@ -117,10 +119,12 @@ class Guidance(units.Card):
     time: units.TimeConstant = 20.0
     limit: units.AngleLimit = 0.03490658503988659  # 2 deg
     velocity_sigma: units.SpeedSigma = Field(
-        0.0, description="noise of the navigation's lateral speed, new at every step"
+        0.0, description="white noise of the navigated lateral speed, at every step"
     )
     command_sigma: units.AngleSigma = Field(
-        0.0, description="of what guidance asks for beside the lateral speed, per axis, new at every step"
+        0.0,
+        description="white noise of the attitude command in addition to that from the lateral speed, per axis, at "
+        "every step",
     )
 
 
@@ -132,10 +136,12 @@ class ControllerCard(units.NamedCard):
     the command begins where the vehicle points and goes over to the ascent's attitude by the lag of `command_time`.
     """
 
-    gains: tuple[Gains, ...] = Field(min_length=1, description="one for each stage, from the first")
-    command_time: units.TimeConstant = Field(2.0, description="critically damped lag that smooths steps of the command")
+    gains: tuple[Gains, ...] = Field(min_length=1, description="one entry for each stage, from the first")
+    command_time: units.TimeConstant = Field(
+        2.0, description="time constant of the critically damped lag that smooths steps of the command"
+    )
     turns: tuple[Turn, ...] = ()
-    guidance: Guidance | None = Field(None, description="none: the ascent's attitude is not corrected")
+    guidance: Guidance | None = Field(None, description="guidance; none: the attitude of the ascent is not corrected")
 
 
 class FeedbackCard(units.Card):
@@ -168,12 +174,14 @@ class WindCard(units.NamedCard):
     length that vary with height.
     """
 
-    height: tuple[units.Length, ...] = Field(min_length=2, description="rising, of all tables")
-    speed: tuple[units.SpeedSigma, ...] = Field(description="of the steady wind")
-    direction: units.Angle = Field(description="from which it blows, clockwise from north")
+    height: tuple[units.Length, ...] = Field(min_length=2, description="heights of all tables, increasing")
+    speed: tuple[units.SpeedSigma, ...] = Field(description="speed of the steady wind")
+    direction: units.Angle = Field(description="direction from which the wind blows, clockwise from north")
     spread: units.Fraction = 0.0
-    gust: tuple[units.SpeedSigma, ...] = Field(description="sigma of each component of a gust across the path")
-    gust_length: tuple[Annotated[units.Length, Field(gt=0.0)], ...] = Field(description="scale across the path")
+    gust: tuple[units.SpeedSigma, ...] = Field(description="sigma of each gust component across the path")
+    gust_length: tuple[Annotated[units.Length, Field(gt=0.0)], ...] = Field(
+        description="scale length of gusts across the path"
+    )
 
     def _faults(self) -> Iterator[str]:
         for name in ("speed", "gust", "gust_length"):
@@ -203,10 +211,12 @@ class SteeredCard(units.Card):
     rotation: RotationCard
     controller: ControllerCard
     wind: WindCard | None = Field(None, description="none: still air")
-    imu: ImuCard = Field(description="whose gyro feeds the controller, on whose ticks it commands")
+    imu: ImuCard = Field(description="IMU whose gyro feeds the controller; the controller commands at its ticks")
     feedback: FeedbackCard = FeedbackCard()
-    envelope: EnvelopeCard | None = Field(None, description="of the filtered rate; none: that of the card's defaults")
-    realisation: int = Field(0, ge=0, lt=2**32, description="which launch; the same for all runs")
+    envelope: EnvelopeCard | None = Field(
+        None, description="envelope of the filter for the rate; none: the defaults of the card"
+    )
+    realisation: int = Field(0, ge=0, lt=2**32, description="number of the launch; the same for all runs")
 
     def _faults(self) -> Iterator[str]:
         if self.envelope is None:

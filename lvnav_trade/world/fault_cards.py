@@ -37,7 +37,7 @@ class Timed(Conditions):
     start: Instant | None = Field(
         None, description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'; with a duration"
     )
-    duration: Pause | None = Field(None, description="how long it lasts from its start")
+    duration: Pause | None = Field(None, description="duration from the start")
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
@@ -72,14 +72,14 @@ class DegradedNoise(TimedInSight):
 
     kind: Literal["degraded_noise"] = "degraded_noise"
     factor: float = Field(gt=0.0)
-    satellites: Names = Field((), description="such as G05; all, and the solution, if empty")
+    satellites: Names = Field((), description="satellites such as G05; if empty: all, and the solution")
 
 
 class RangeBias(TimedInSight):
     """Step and drift of the pseudoranges of some satellites, as by a failed satellite clock."""
 
     kind: Literal["range_bias"] = "range_bias"
-    satellites: Names = Field((), description="such as G05; the highest at the start if empty")
+    satellites: Names = Field((), description="satellites such as G05; if empty: the highest at the start")
     size: Length = 0.0
     drift: Speed = 0.0
 
@@ -88,7 +88,7 @@ class Jump(Conditions):
     """A single jump, at a start or when conditions first become true."""
 
     start: Instant | None = Field(
-        None, description="time, or relative to an event; or conditions, once they begin to hold"
+        None, description="start as a time or relative to an event; without it, the start of the conditions"
     )
 
     @property
@@ -129,8 +129,8 @@ class CycleSlip(Jump):
     """Single jump of the carrier phases of some satellites, in cycles, which the receiver does not detect."""
 
     kind: Literal["cycle_slip"] = "cycle_slip"
-    satellites: Names = Field((), description="such as G05; the highest at the start if empty")
-    size: float = Field(description="cycles of the carrier")
+    satellites: Names = Field((), description="satellites such as G05; if empty: the highest at the start")
+    size: float = Field(description="size in cycles of the carrier")
 
     @property
     def once(self) -> str:
@@ -143,7 +143,7 @@ class WildSamples(TimedInSight):
 
     kind: Literal["wild_samples"] = "wild_samples"
     sigma: LengthSigma
-    satellites: Names = Field((), description="such as G05; all if empty")
+    satellites: Names = Field((), description="satellites such as G05; if empty: all")
 
 
 class FrozenOutput(Timed):
@@ -156,7 +156,9 @@ class InvalidOutput(Timed):
     """The receiver flags its output as invalid. A filter whose mode logic ignores that flag still uses the output."""
 
     kind: Literal["invalid_output"] = "invalid_output"
-    flag: Flag = Field("checksum", description="which: integrity or checksum, hardware, time synchronisation")
+    flag: Flag = Field(
+        "checksum", description="flag that is raised: integrity or checksum, hardware, time synchronisation"
+    )
 
 
 class Spoofing(Timed):
@@ -166,7 +168,9 @@ class Spoofing(Timed):
     """
 
     kind: Literal["spoofing"] = "spoofing"
-    velocity: tuple[Speed, Speed, Speed] = Field(description="of that place to the antenna: north, east, down")
+    velocity: tuple[Speed, Speed, Speed] = Field(
+        description="velocity of the false position relative to the true one: north, east, down"
+    )
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
@@ -181,10 +185,12 @@ class Jamming(Timed):
     latitude: Annotated[Angle, Field(ge=-0.5 * math.pi, le=0.5 * math.pi)]  # geodetic, of the transmitter
     longitude: Angle  # of the transmitter
     height: Length = 0.0  # over the ellipsoid
-    power: Level = Field(description="into the transmitter's antenna")
-    pattern: Pattern | None = Field(None, description="of the transmitter's antenna; none: 0 dBi in all directions")
-    azimuth: Angle = Field(0.0, description="of the boresight, from north over east")
-    elevation: Angle = Field(0.5 * math.pi, description="of the boresight")
+    power: Level = Field(description="power into the transmitter's antenna")
+    pattern: Pattern | None = Field(
+        None, description="gain pattern of the transmitter's antenna; none: 0 dBi in all directions"
+    )
+    azimuth: Angle = Field(0.0, description="azimuth of the boresight, from north towards east")
+    elevation: Angle = Field(0.5 * math.pi, description="elevation of the boresight")
     quality: float = Field(
         1.0,
         gt=0.0,
@@ -211,7 +217,7 @@ class LatencyChange(Timed):
 class UnitFault(Timed):
     """A fault of one IMU."""
 
-    unit: int = Field(1, ge=1, description="its number in the list of units")
+    unit: int = Field(1, ge=1, description="number of the unit in the list of units")
 
 
 class GyroBiasStep(UnitFault):
@@ -248,7 +254,9 @@ class DeadAxis(UnitFault):
     kind: Literal["dead_axis"] = "dead_axis"
     sensor: Literal["gyro", "accelerometer"]
     axis: int = Field(ge=1, description="number of the sensing axis in the unit: 1 is x")
-    output: Literal["zero", "last"] = Field("zero", description="of the element: none, or what it was at the start")
+    output: Literal["zero", "last"] = Field(
+        "zero", description="output of the element: zero, or its value at the start"
+    )
 
 
 class DroppedSamples(UnitFault):

@@ -52,7 +52,9 @@ class Noise(Card):
     """
 
     name: str = "vibration"
-    frequency: tuple[units.Frequency, ...] = Field(min_length=2, description="breakpoints of the density, rising")
+    frequency: tuple[units.Frequency, ...] = Field(
+        min_length=2, description="frequencies of the breakpoints of the density, increasing"
+    )
     acceleration: tuple[units.AccelerationDensity, ...] | None = Field(None, description="along each axis")
     rate: tuple[units.RateDensity, ...] | None = Field(None, description="of the body rate about each axis")
     axes: tuple[Axis, ...] = ("x", "y", "z")
@@ -81,10 +83,11 @@ class Mode(Card):
     name: str = "sway"
     frequency: units.Frequency
     axis: Axis
-    angle: Annotated[units.Angle, Field(gt=0.0, lt=0.1)] = Field(description="root mean square at the unit")
+    angle: Annotated[units.Angle, Field(gt=0.0, lt=0.1)] = Field(description="root mean square at the IMU")
     lever: tuple[units.Length, units.Length, units.Length] = Field(
         (0.0, 0.0, 0.0),
-        description="body axes, from the axis of rotation to the unit; of a bending mode deflection over slope",
+        description="vector from the axis of rotation to the IMU, body axes; for a bending mode, deflection divided "
+        "by slope",
     )
     damping: units.Share | None = Field(None, gt=0.0, lt=0.5, description="damping ratio; none: one sinusoid")
     lines: int = Field(32, ge=8, le=1024)
@@ -96,7 +99,7 @@ class OscillationCard(Card):
     They are added to the trajectory; the mean position and attitude of the IMU do not change.
     """
 
-    start: Instant = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
+    start: Instant = Field(description="event, also with a duration added, or a time since lift-off")
     end: Instant
     ramp: units.TimeConstant = 0.5
     coning: tuple[Coning, ...] = ()

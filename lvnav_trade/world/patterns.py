@@ -15,17 +15,17 @@ class CosineGain(Card):
     """Gain that falls with a power of the cosine of the angle off boresight, down to that of the back lobes."""
 
     kind: Literal["cosine"] = "cosine"
-    peak: Gain = Field(description="on boresight, right-hand circular")
-    exponent: float = Field(1.0, ge=0, le=1000, description="of the cosine, in power: 1 loses 3 dB at 60 deg")
-    front_to_back: Decibels = Field(15.0, description="the gain is never lower than the peak by more than this")
+    peak: Gain = Field(description="gain on boresight, right-hand circular polarisation")
+    exponent: float = Field(1.0, ge=0, le=1000, description="exponent of the cosine, in power: 1 loses 3 dB at 60 deg")
+    front_to_back: Decibels = Field(15.0, description="largest loss relative to the peak gain")
 
 
 class TableGain(Card):
     """Gain over the angle off boresight, straight lines in dBi between the entries and level beyond them."""
 
     kind: Literal["table"] = "table"
-    angle: tuple[Angle, ...] = Field(min_length=1, description="off boresight, rising")
-    gain: tuple[Gain, ...] = Field(min_length=1, description="at those angles")
+    angle: tuple[Angle, ...] = Field(min_length=1, description="angles off boresight, increasing")
+    gain: tuple[Gain, ...] = Field(min_length=1, description="gains at those angles")
 
     def _faults(self) -> Iterator[str]:
         if len(self.angle) != len(self.gain):

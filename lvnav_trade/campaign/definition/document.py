@@ -18,7 +18,7 @@ class Document(units.Card):
     """What the head of the report says of the document."""
 
     title: str | None = Field(None, description="title of the report; the name of the campaign if absent")
-    author: str | None = Field(None, description="who is responsible for it")
+    author: str | None = Field(None, description="author or responsible engineer")
     issue: str | None = Field(None, description="issue and revision, such as 1.2")
     classification: str | None = Field(None, description="marking or distribution statement")
 

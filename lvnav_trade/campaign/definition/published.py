@@ -78,25 +78,27 @@ def require_unit(unit: str, metric: str, which: str = "") -> None:
 class Stated(Card):
     """What every statement has: where it is from, what it is about, and what is said of it."""
 
-    id: str = Field("", max_length=60, description="name of the row in the CSV; from its place if absent")
+    id: str = Field(
+        "", max_length=60, description="name of the row in the CSV; if absent, it follows from the position in the file"
+    )
     source: str
     item: str = ""
     remark: str = ""
     own: str = Field(
         "",
         max_length=200,
-        description="what of it is not published: the statement, or its bound, and why; a study does not count it",
+        description="part that is not published (the statement or its bound), and why; a study does not count it",
     )
     repeats: str = Field(
         "",
         max_length=200,
-        description="the input that decides it: a study lists it apart and does not count it",
+        description="input that fixes the result; a study lists it separately and does not count it",
     )
     again: str = Field(
-        "", max_length=200, description="the row of which it is a second reading: a published number counts once"
+        "", max_length=200, description="first row that compares the same published number, which counts once"
     )
     verification: str = Field(
-        "", max_length=200, description="why it cannot fail: it checks the tool, and a study does not count it"
+        "", max_length=200, description="reason why it cannot fail: it checks the tool, and a study does not count it"
     )
 
 
@@ -104,7 +106,7 @@ class Pooled(Card):
     """What may be of several cases taken together."""
 
     pool: tuple[str, ...] = Field(
-        (), description="axes whose levels are taken together: all their runs count as runs of one case"
+        (), description="axes whose levels are pooled: all their runs count as runs of one case"
     )
 
     @field_validator("pool", mode="before")
@@ -132,22 +134,22 @@ class Measured(Pooled):
         "filter's own sigma; lincov: sigma of the true error",
     )
 
-    elevation: tuple[Angle, Angle] | None = Field(None, description="of signals: of the satellites, from and to")
-    altitude: tuple[Length, Length] | None = Field(None, description="of signals: of the vehicle, from and to")
+    elevation: tuple[Angle, Angle] | None = Field(None, description="for signals: range of elevation of the satellites")
+    altitude: tuple[Length, Length] | None = Field(None, description="for signals: range of altitude of the vehicle")
     below: str | None = Field(
         None,
         description="limit in three dimensions of a convergence time, an availability, a coverage; '3 rms', '3 sigma': "
         "so many times the root mean square by linear covariance of the case `sigma_of`, or its sigma, without the "
         "mean",
     )
-    sigma_of: Case | None = Field(None, description="levels of the case whose sigmas are the limit")
+    sigma_of: Case | None = Field(None, description="levels of the case whose sigmas set the limit")
     mode: Mode | None = Field(
         None, description=f"of what a filter's logic does: the mode ({', '.join(MODES)}) that is entered or lasts"
     )
     reason: Reason = Field(
-        "", description="of changes into a mode: those of this reason alone, as the table of the logic has it"
+        "", description="for changes into a mode: only those with this reason, as in the table of the logic"
     )
-    number: int = Field(1, ge=1, description="of changes into a mode during the phase: the first, the second, ...")
+    number: int = Field(1, ge=1, description="for changes into a mode: number of the change in the phase, from 1")
 
     @property
     def events(self) -> tuple[str, ...]:
@@ -192,19 +194,20 @@ class Published(Measured, Stated):
 
     case: Case = Field({}, description="level of each axis, by its label")
     against: Case | None = Field(
-        None, description="the number is by how many % the metric of `case` is smaller than that of this one"
+        None, description="the number is the reduction (%) of the metric of `case` relative to this case"
     )
     than: Annotated[str, AfterValidator(known_metric)] | None = Field(
-        None, description="the number is by how many % the metric is smaller than this one, of the same case"
+        None, description="the number is the reduction (%) of the metric relative to this metric of the same case"
     )
     value: float  # published number, in `unit`
     unit: str  # unit of `value`
-    band: tuple[float, float] = Field((0.5, 2.0), description="of ours / published")
+    band: tuple[float, float] = Field((0.5, 2.0), description="bounds of our number divided by the published one")
     single: bool = Field(
-        False, description="of a single run: the page shows where it lies among our runs, each by itself"
+        False, description="the number is of a single run; the report shows its percentile among our runs"
     )
     fitted: bool = Field(
-        False, description="settings were searched for by this number: a study counts it apart from those withheld"
+        False,
+        description="settings were fitted to this number; a study counts it separately from numbers that were withheld",
     )
 
     @field_validator("unit")

@@ -15,9 +15,9 @@ _CHOSEN = 10  # cases of many that have runs
 class MonteCarlo(units.Card):
     """How many runs per case; leave it out for linear covariance alone."""
 
-    runs: int = Field(description="runs per case, each with its own draws; with stop the most there may be")
+    runs: int = Field(description="runs per case; with stop, their largest number")
     stop: Literal["decided"] | None = Field(
-        None, description="'decided': a case's blocks of runs end once all its requirements are met or violated"
+        None, description="'decided': a case stops once all its requirements are met or violated"
     )
     block: int = Field(
         40, ge=8, le=limits.RUNS, multiple_of=8, description="runs per block of work: part of the results' identity"
@@ -29,12 +29,14 @@ class MonteCarlo(units.Card):
     )
     cases: Literal["undecided", "front"] | None = Field(
         None,
-        description="where a row is stored for each design: those that have runs; undecided: those nearest to a limit; "
-        "front: those on the Pareto front of error and cost; undecided if absent",
+        description="with one row per design: selection of designs with runs; undecided (default): those nearest to a"
+        " limit; front: those on the Pareto front of error and cost",
     )
-    most_cases: int | None = Field(None, ge=1, le=limits.CASES, description="most of these cases; 10 if absent")
+    most_cases: int | None = Field(
+        None, ge=1, le=limits.CASES, description="largest number of these cases; 10 if absent"
+    )
     other_runs: int | None = Field(
-        None, ge=0, description="runs of each case that `selected` leaves out; 40 if absent, 0: linear covariance alone"
+        None, ge=0, description="runs of each case that is not selected; 40 if absent, 0: linear covariance only"
     )
 
     @property

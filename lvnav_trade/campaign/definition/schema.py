@@ -30,15 +30,16 @@ class Axis(units.Card):
     values: tuple[Any, ...] | None = Field(None, description="values, one per level")
     labels: tuple[str, ...] | None = Field(None, description="names of the levels; from the cards or values if absent")
     linspace: tuple[Any, Any, int] | None = Field(None, description="or [first, last, count], equally spaced")
-    logspace: tuple[Any, Any, int] | None = Field(None, description="or [first, last, count], in equal ratios")
+    logspace: tuple[Any, Any, int] | None = Field(None, description="or [first, last, count], with equal ratios")
     range: tuple[Any, Any, Any] | None = Field(None, description="or [first, last, step]")
-    between: tuple[Any, Any] | None = Field(None, description="or [least, largest], of a design that is sampled")
-    log: bool = Field(False, description="samples are even in the logarithm")
+    between: tuple[Any, Any] | None = Field(None, description="or [smallest, largest], for a sampled design")
+    log: bool = Field(False, description="samples are uniform in the logarithm")
     crossed: bool = Field(
-        False, description="in a design one_at_a_time: each of its levels with every case of the other axes"
+        False,
+        description="in a design one_at_a_time: combine each level of this axis with every case of the other axes",
     )
     when: dict[str, str | tuple[str, ...]] = Field(
-        {}, description="varied only where another axis has this level, or one of these; else the base's own value"
+        {}, description="varied only if another axis has this level, or one of these; otherwise the value of the base"
     )
 
     @property
@@ -77,7 +78,7 @@ class Requirement(units.Card):
     at: str | None = Field(
         None, validate_default=True, description="event of the trajectory; injection if no phase is given"
     )
-    probability: units.Share = Field(gt=0, lt=1, description="fraction of flights that must keep the bound")
+    probability: units.Share = Field(gt=0, lt=1, description="fraction of flights that must stay within the bound")
     below: float = Field(json_schema_extra={"type": "string"}, description="bound with its unit, such as 0.3 m/s")
     confidence: units.Share = Field(0.9, gt=0, lt=1)  # at which the runs must show it
     window: Window | None = Field(
@@ -160,12 +161,12 @@ class ProtectionCard(units.Card):
         1e-4,
         ge=0.0,
         le=1.0,
-        description="probability that a satellite has failed; 1: any one of them for certain",
+        description="probability that a satellite has failed; 1: any one of them has certainly failed",
     )
     alarms: bool = Field(
         False,
-        description="fly the sub-filters of every run too, and log where a separation is beyond its limit: as many "
-        "further flights as there are satellites",
+        description="simulate the sub-filters in every run and log separations beyond their limit; this costs one "
+        "more filter per satellite",
     )
 
 
@@ -173,27 +174,28 @@ class Covariance(units.Card):
     """What linear covariance leaves."""
 
     budget: bool = Field(True, description="store the variance of every error source over the flight")
-    at: str | None = Field(None, description="event that is explained; injection, or else the last one, if absent")
-    adjoint: bool = Field(True, description="when every source put how much into the errors at the event")
+    at: str | None = Field(None, description="event of the diagnostics; if absent: injection, or the last event")
+    adjoint: bool = Field(True, description="contribution of every source to the errors at the event, over time")
     sensitivity: bool = Field(
         False,
-        description="errors at the event with each source 0.1 to 10 times as large and the filter re-tuned to it: four "
-        "further linear covariances per source that matters",
+        description="errors at the event with each source 0.1 to 10 times as large and the filter re-tuned: four "
+        "further linear covariances for each important source",
     )
-    observability: bool = Field(True, description="what the measurements tell in each phase of flight")
+    observability: bool = Field(True, description="observability of the states in each phase of flight")
     window: units.Duration | None = Field(
         None, gt=0, description="or in each window of this length, in place of phases"
     )
-    nonlinearity: bool = Field(True, description="how far each case is from linear at every event and gap")
+    nonlinearity: bool = Field(True, description="nonlinearity of each case at every event and gap")
     error_bound: bool = Field(
-        False, description="whether the noise that the filter assumes keeps its error bounded (q I <= Q, r I <= R)"
+        False,
+        description="check whether the noise that the filter assumes keeps its error bounded (q I <= Q, r I <= R)",
     )
     protection: ProtectionCard | None = Field(
         None, description="bounds on position and velocity: a further linear covariance for every satellite in use"
     )
     spot_check: int = Field(
         limits.SPOT_CHECK,
-        description="runs of each case that linear covariance is checked with, half of them where these fit; 0: none",
+        description="runs of each case that check linear covariance; only half of them if these agree; 0: none",
     )
 
     @field_validator("spot_check")
@@ -211,7 +213,7 @@ class Keep(units.Card):
         1.0, description="step of the stored histories, 1 ms or more; events are always kept"
     )
     allan: Annotated[units.Duration, Field(ge=100.0, le=limits.STREAM)] | None = Field(
-        None, description="length of a stream of each case's inertial units, whose Allan deviation is stored"
+        None, description="duration of IMU errors at rest, simulated for each case, whose Allan deviation is stored"
     )
 
     @field_validator("history")
@@ -229,7 +231,7 @@ class Compare(units.Card):
     effects: dict[str, str] = Field(
         {},
         description="smallest change of interest by METRIC, METRIC@EVENT, METRIC@EVENT:q95 or a requirement's name: "
-        "'5 %', '0.1 m/s', or none to leave it out",
+        "'5 %', '0.1 m/s', or none to omit the comparison",
     )
 
     @field_validator("effects")
@@ -258,7 +260,7 @@ class Corridor(units.Card):
         description="corners in order, each [latitude, longitude] with units; edges are straight in both angles"
     )
     probability: units.Share = Field(0.999, gt=0, lt=1, description="fraction of flights that must stay inside")
-    confidence: units.Share = Field(0.9, gt=0, lt=1, description="at which the runs must show it")
+    confidence: units.Share = Field(0.9, gt=0, lt=1, description="confidence at which the runs must demonstrate it")
 
     @field_validator("polygon")
     @classmethod
@@ -281,33 +283,37 @@ class Campaign(units.Card):
     axes: tuple[Axis, ...] = Field((), max_length=limits.AXES)  # fields that are varied
     # choice of the cases among all combinations of levels
     design: Literal["grid", "zip", "one_at_a_time", "latin_hypercube", "sobol", "box_behnken"] = "grid"
-    samples: int | None = Field(None, description="points of a Latin hypercube, or of Sobol's sequence (a power of 2)")
+    samples: int | None = Field(
+        None, description="number of points of a Latin hypercube or a Sobol sequence (a power of 2)"
+    )
     store: Literal["metrics", "events", "history"] | None = Field(
         None,
         description="history: everything of each case; metrics: a row for each and a few whole; events: that row with "
         f"the errors at every event; if absent metrics of more than {limits.CASES} cases",
     )
     exclude: tuple[dict[str, str | tuple[str, ...]], ...] = Field(
-        (), description="combinations that are left out: level of some axes, or lists of levels"
+        (), description="combinations that are excluded: levels of some axes, or lists of levels"
     )
     constraints: tuple[str, ...] = Field(
-        (), description="what numeric axes must keep, in SI: 'update_rate <= covariance_rate'"
+        (), description="conditions on numeric axes, in SI: 'update_rate <= covariance_rate'"
     )
     monte_carlo: MonteCarlo | None = None  # number of runs and rule for stopping; none: linear covariance alone
     covariance: Covariance = Covariance()  # results of linear covariance
     keep: Keep = Keep()  # data that are stored
     requirements: tuple[Requirement, ...] = Field((), max_length=limits.STATEMENTS)  # bounds that verdicts are given on
     references: tuple[Published, ...] = Field(
-        (), max_length=limits.STATEMENTS, description="published numbers that ours are held against"
+        (), max_length=limits.STATEMENTS, description="published numbers that are compared with ours"
     )
-    corridor: Corridor | None = Field(None, description="where the point of impact must stay")
-    margin_policy: MarginPolicy | None = Field(None, description="margins that verdicts are compared with")
+    corridor: Corridor | None = Field(None, description="corridor in which the point of impact must stay")
+    margin_policy: MarginPolicy | None = Field(None, description="margin policy that verdicts are compared with")
     document: Document = Document()  # title block of the document
     report: Report = Report()  # sections of the report
     compare: Compare = Compare()  # settings of the comparison of a candidate with these results
-    solve: Solve | None = Field(None, description="an inverse question, which lvnav-trade solve answers")
-    indices: Indices | None = Field(None, description="global sensitivity, which lvnav-trade indices computes")
-    tune: Tune | None = Field(None, description="a filter's tuning, which lvnav-trade tune finds")
+    solve: Solve | None = Field(
+        None, description="search by lvnav-trade solve: largest sufficient value, or cheapest case"
+    )
+    indices: Indices | None = Field(None, description="global sensitivity, computed by lvnav-trade indices")
+    tune: Tune | None = Field(None, description="tuning of a filter by lvnav-trade tune")
     _written: Written = PrivateAttr(default_factory=Written)  # place where each value is written
     _by_rule: "ByRule" = PrivateAttr(default_factory=lambda: ByRule())  # how many designs are stated
 

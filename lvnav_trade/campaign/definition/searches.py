@@ -13,9 +13,13 @@ class Vary(units.Card):
 
     path: str = Field(description="field of the base scenario, dotted: initial.heading, imu.gyro.bias_repeatability")
     between: tuple[Any, Any] | None = Field(None, description="[least, largest], numbers or quantities in one unit")
-    values: tuple[Any, ...] | None = Field(None, description="or numbers or quantities in one unit, growing")
-    log: bool = Field(False, description="searched in the logarithm")
-    points: int = Field(9, ge=3, le=100, description="of the first look, between which crossings are searched")
+    values: tuple[Any, ...] | None = Field(
+        None, description="or a list of increasing numbers or quantities in one unit"
+    )
+    log: bool = Field(False, description="search in the logarithm")
+    points: int = Field(
+        9, ge=3, le=100, description="number of points that are evaluated first; crossings are searched between them"
+    )
 
     def _faults(self) -> Iterator[str]:
         if (self.between is None) == (self.values is None):
@@ -33,9 +37,13 @@ class Solve(units.Card):
     """
 
     vary: tuple[Vary, ...] = Field((), max_length=2)
-    least: Total | None = Field(None, description="or: which case meets the requirements with the least of this total")
+    least: Total | None = Field(
+        None, description="or: find the case that meets the requirements with the smallest total of this kind"
+    )
     meet: tuple[str, ...] = Field((), description="names of the requirements; all if absent")
-    margin: units.Share = Field(0.1, gt=0, lt=1, description="how far beside the answer runs are flown")
+    margin: units.Share = Field(
+        0.1, gt=0, lt=1, description="margin m: runs are made at the answer divided by and multiplied by 1 + m"
+    )
 
     def _faults(self) -> Iterator[str]:
         if bool(self.vary) == (self.least is not None):
@@ -47,9 +55,11 @@ class Solve(units.Card):
 class Indices(units.Card):
     """Global sensitivity of one requirement's error to the sigmas of the largest error sources."""
 
-    requirement: str = Field("", description="whose error is looked at; the first if absent")
-    sources: int = Field(10, ge=2, le=20, description="so many of the largest sources of the error budget")
-    factor: float = Field(2.0, gt=1, description="each sigma is times 1/factor to factor, even in the logarithm")
+    requirement: str = Field("", description="requirement whose error is analysed; the first if absent")
+    sources: int = Field(10, ge=2, le=20, description="number of sources, the largest of the error budget")
+    factor: float = Field(
+        2.0, gt=1, description="each sigma is multiplied by 1/factor to factor, uniform in the logarithm"
+    )
     samples: int = Field(256, ge=16, le=4096, description="linear covariances with the filter re-tuned")
 
 
@@ -66,12 +76,14 @@ class Tune(units.Card):
     """A filter card whose numbers make an error small, over several cases at once."""
 
     variables: tuple[Variable, ...] = Field(min_length=1, max_length=8)
-    requirement: str = Field("", description="whose error is made small; the first if absent")
+    requirement: str = Field("", description="requirement whose error is minimised; the first if absent")
     over: Literal["worst", "mean"] = Field(
-        "worst", description="of the cases: the largest error over its limit, or the mean"
+        "worst", description="objective over the cases: the largest ratio of error to limit, or the mean"
     )
     nees: tuple[float, float] | None = Field(
         None, description="bounds of the expected normalised error squared at the requirement's event, per state"
     )
-    hold_out: tuple[str, ...] = Field((), description="labels of cases that are left out, and validate")
-    evaluations: int = Field(120, ge=10, le=2000, description="at most so many looks at all cases")
+    hold_out: tuple[str, ...] = Field(
+        (), description="labels of cases that are not used in the search and validate its result"
+    )
+    evaluations: int = Field(120, ge=10, le=2000, description="largest number of evaluations of all cases")

@@ -40,36 +40,36 @@ class Figure(Card):
     caption: str = ""  # text under the figure
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")
     cases: tuple[Case, ...] = Field((), description="the cases that are drawn, all if absent")
-    quantity: str = Field("position", description="of errors, envelope, budget and motion")
-    axis: str = Field("3d", description="of errors, relative: the axis; of locus: the axis that is varied")
-    during: str | None = Field(None, description="of errors, relative, locus: the phase")
-    metric: str = Field("position_error_3d", description="of locus")
-    at: str | None = Field(None, description="of locus: event; injection if no phase is given")
-    statistic: str = Field("rms", description="of locus, as in references")
-    unit: str = Field("m", description="of locus")
-    varied: str = Field(
-        "", description="of locus: the quantity that the axis varies, for its label; its name if absent"
-    )
-    flown: str = Field("", description="of locus: the level that the study flies; that of the base if absent")
-    published: float | None = Field(None, description="of locus: the published value, in that unit")
+    quantity: str = Field("position", description="for errors, envelope, budget and motion: the quantity")
+    axis: str = Field("3d", description="for errors, relative: the axis; for locus: the axis that is varied")
+    during: str | None = Field(None, description="for errors, relative, locus: the phase")
+    metric: str = Field("position_error_3d", description="for locus: the metric")
+    at: str | None = Field(None, description="for locus: the event; injection if no phase is given")
+    statistic: str = Field("rms", description="for locus: the statistic, as in references")
+    unit: str = Field("m", description="for locus: the metric")
+    varied: str = Field("", description="for locus: label of the quantity that the axis varies; its name if absent")
+    flown: str = Field("", description="for locus: the level that the study uses; that of the base if absent")
+    published: float | None = Field(None, description="for locus: the published value, in that unit")
     band: tuple[float, float] | None = Field(
-        None, description="of locus: of ours / published, [0.5, 2] if absent; of sweep: percents that are shaded"
+        None,
+        description="for locus: band of ours / published, [0.5, 2] if absent; for sweep: percentages that are shaded",
     )
-    channels: str = Field("", description="of autocorrelation: words that a channel's name holds")
-    settings: dict[str, Any] = Field({}, description="of a figure that the study's script draws: what it takes")
+    channels: str = Field("", description="for autocorrelation: words in the name of the channels")
+    settings: dict[str, Any] = Field({}, description="for a figure of the study's script: its settings")
 
 
 class Part(Card):
     """A campaign of the study."""
 
-    campaign: str = Field(description="its file in the folder, without ending")
-    question: str = Field("", description="what it asks; the campaign's own description if absent")
+    campaign: str = Field(description="name of its file in the folder, without extension")
+    question: str = Field("", description="question of the campaign; its description if absent")
     figures: tuple[Figure, ...] = ()  # of this campaign, in order
-    text: str = Field("", description="what should be said of what came out")
-    tables: tuple[Shown, ...] = Field((), description="tables of it that the study shows")
+    text: str = Field("", description="comment on the results")
+    tables: tuple[Shown, ...] = Field((), description="tables of the campaign that the study shows")
     paired: str = Field("", description="axis whose levels are compared run by run, on the same draws")
     kml: Case | None = Field(
-        None, description="level of each axis: the case whose flight is kept as KML, with its 3-sigma position errors"
+        None,
+        description="level of each axis of the case whose trajectory is saved as KML, with its 3-sigma position errors",
     )
 
 
@@ -78,16 +78,21 @@ class Study(Card):
 
     name: str = ""  # of the study
     title: str  # of the report
-    description: str = Field(description="the introduction: what is reproduced, from where")
-    assumptions: tuple[str, ...] = Field((), description="what the publication leaves open, and how it is filled")
+    description: str = Field(description="introduction: the results that are reproduced, and their source")
+    assumptions: tuple[str, ...] = Field(
+        (), description="assumptions in place of data that the publication does not state"
+    )
     important: tuple[str, ...] = Field(
         (),
-        description="beginnings of items, the most important first: of those that do not hold, three are named first",
+        description="first words of the important items, the most important first; three of those that do not hold "
+        "are named first",
     )
     units: dict[str, str] = Field(
-        {}, description="unit by quantity, such as attitude: deg, of figures and tables; the tool's own where absent"
+        {}, description="unit of each quantity in figures and tables, such as attitude: deg; the default unit if absent"
     )
-    campaigns: tuple[Part, ...] = Field((), description="in the order in which they stand; all of the folder if absent")
+    campaigns: tuple[Part, ...] = Field(
+        (), description="campaigns in the order of the report; all of the folder if absent"
+    )
 
     @field_validator("campaigns")
     @classmethod

@@ -12,15 +12,15 @@ class IntegrityCard(units.Card):
     """Tests of innovations for faults: thresholds by chi-square of the predicted innovation."""
 
     false_alarm: units.Share = Field(
-        1e-3, gt=0.0, lt=1.0, description="largest probability that a flight without faults has an alarm"
+        1e-3, gt=0.0, lt=1.0, description="largest probability of an alarm in a run without faults"
     )
-    isolation: units.Share = Field(
-        1e-3, gt=0.0, lt=1.0, description="level of the tests that say, of what is detected, what has failed"
-    )
+    isolation: units.Share = Field(1e-3, gt=0.0, lt=1.0, description="level of the tests that isolate a detected fault")
     window: int = Field(5, ge=2, le=50, description="epochs of a channel that are tested together")
-    hold: units.Pause = Field(10.0, description="how long a satellite stays excluded, or a solution is left out")
-    exclusions: int = Field(2, ge=1, le=6, description="satellites excluded at one epoch at most")
-    recovery: float = Field(3.0, gt=0.0, description="sigmas of inflation over the shift that was found")
+    hold: units.Pause = Field(10.0, description="time for which a satellite stays excluded, or a solution is rejected")
+    exclusions: int = Field(2, ge=1, le=6, description="largest number of satellites excluded at one epoch")
+    recovery: float = Field(
+        3.0, gt=0.0, description="sigma of the inflation, as a multiple of the shift that was found"
+    )
 
 
 def thresholds_of(card: IntegrityCard, n_test: int, most: int, interval: float) -> Tests:

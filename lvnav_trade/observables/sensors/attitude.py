@@ -34,7 +34,7 @@ class AttitudeReferenceCard(SensorCard):
     noise: ClassVar[str] = "attitude reference noise"
 
     kind: Literal["attitude_reference"] = "attitude_reference"
-    sigma: AngleSigma = Field(gt=0.0, description="of a measurement, per axis")
+    sigma: AngleSigma = Field(gt=0.0, description="white noise of a measurement, per axis")
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the attitude (n_epoch, 4), a quaternion from body to frame i."""

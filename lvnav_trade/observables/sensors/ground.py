@@ -86,21 +86,27 @@ class StationCard(SensorCard, SightConditions):
 
     kind: Literal["ground_station"] = "ground_station"
     latitude: Angle = Field(description="geodetic, of the station as surveyed")
-    longitude: Angle = Field(description="of the station as surveyed")
-    height: Length = Field(0.0, description="of the station over the ellipsoid")
+    longitude: Angle = Field(description="surveyed longitude of the station")
+    height: Length = Field(0.0, description="height of the station above the ellipsoid")
     measures: Annotated[tuple[Scalar, ...], AfterValidator(distinct)] = Field(
-        SCALARS, min_length=1, description="what it measures"
+        SCALARS, min_length=1, description="measurements of the station"
     )
-    range_sigma: LengthSigma = Field(0.0, description="white noise of a range; stated where it measures one")
-    angle_sigma: AngleSigma = Field(0.0, description="white noise of azimuth and of elevation; where it measures one")
-    range_bias: LengthSigma = Field(0.0, description="lasting error of the ranges: delay of transponder and receiver")
+    range_sigma: LengthSigma = Field(0.0, description="white noise of a range; required if the station measures range")
+    angle_sigma: AngleSigma = Field(
+        0.0, description="white noise of azimuth and elevation; required if the station measures one of them"
+    )
+    range_bias: LengthSigma = Field(
+        0.0, description="lasting error of the ranges, from the delay of transponder and receiver"
+    )
     angle_bias: AngleSigma = Field(0.0, description="lasting error of azimuth and of elevation: orientation, levelling")
-    survey: LengthSigma = Field(0.0, description="error of the station's surveyed place, each of north, east, up")
+    survey: LengthSigma = Field(0.0, description="survey error of the station, for each of north, east, up")
     refraction: Fraction = Field(
-        0.0, description="what the station's correction leaves of the refraction, as a share of it, one for all scalars"
+        0.0,
+        description="residual refraction after the station's correction, as a fraction of the refraction, equal for "
+        "all scalars",
     )
-    refraction_time: TimeConstant | None = Field(None, description="time constant of that share; none: constant")
-    longest_range: Annotated[Length, Field(gt=0.0)] = Field(description="range beyond which it does not measure")
+    refraction_time: TimeConstant | None = Field(None, description="time constant of that fraction; none: constant")
+    longest_range: Annotated[Length, Field(gt=0.0)] = Field(description="largest range at which the station measures")
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()

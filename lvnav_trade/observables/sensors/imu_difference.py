@@ -44,7 +44,7 @@ class ImuDifferenceCard(SensorCard):
     name: str = "difference of two units"
     source: str = ""
     units: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] = Field(
-        (1, 2), description="numbers of the two in the list of units; each senses along three axes or more"
+        (1, 2), description="numbers of the two units in the list of units; each has three or more sensing axes"
     )
 
     @model_validator(mode="after")

@@ -45,7 +45,7 @@ class MagnetometerModel(SensorModel):
     hard_iron: FluxDensitySigma = Field(0.0, description="of the extra state hard_iron: its initial one-sigma")
     soft_iron: Fraction = Field(0.0, description="of the extra state soft_iron: its initial one-sigma")
     degree: Annotated[int, Field(ge=1, le=geomagnetism.DEGREE)] = Field(
-        geomagnetism.DEGREE, description="of the field that the filter computes"
+        geomagnetism.DEGREE, description="degree of the field model that the filter uses"
     )
 
     def known(self, flight: FlightView) -> Floats:
@@ -70,10 +70,10 @@ class MagnetometerCard(SensorCard):
     kind: Literal["magnetometer"] = "magnetometer"
     sigma: FluxDensitySigma = Field(gt=0.0, description="white noise of a measurement, per axis")
     hard_iron: FluxDensitySigma = Field(
-        0.0, description="field of the vehicle and offset, constant in body axes, per axis"
+        0.0, description="constant field of the vehicle and sensor offset in body axes, per axis"
     )
     soft_iron: Fraction = Field(
-        0.0, description="each entry of the matrix by which the field is distorted: scale, coupling, misalignment"
+        0.0, description="one-sigma of each entry of the distortion matrix: scale, coupling, misalignment"
     )
 
     def matched(self) -> SensorModel:

@@ -63,10 +63,14 @@ class BarometerCard(SensorCard):
 
     kind: Literal["barometer"] = "barometer"
     sigma: Pressure = Field(description="white noise of the static pressure; dp / (rho g) of height")
-    bias: LengthSigma = Field(0.0, description="lasting error: of reference pressure (8.3 m each hPa) and instrument")
-    bias_time: TimeConstant | None = Field(None, description="its time constant; none: the same all flight")
-    scale: Fraction = Field(0.0, description="lasting error in proportion to the height: of the air's temperature")
-    flow: Fraction = Field(0.0, description="lasting error of the port: share of the dynamic pressure that it takes in")
+    bias: LengthSigma = Field(0.0, description="lasting error of reference pressure (8.3 m per hPa) and instrument")
+    bias_time: TimeConstant | None = Field(None, description="time constant of this error; none: constant during a run")
+    scale: Fraction = Field(
+        0.0, description="lasting error in proportion to the height, from the temperature of the air"
+    )
+    flow: Fraction = Field(
+        0.0, description="lasting error of the port: fraction of the dynamic pressure that it senses"
+    )
     highest: Length = Field(description="height above which it does not measure; at most 86 km")
 
     def _faults(self) -> Iterator[str]:

@@ -73,11 +73,13 @@ class StarTrackerCard(SensorCard):
     boresight: Direction = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")
     across: AngleSigma = Field(gt=0.0, description="white noise of a measurement about each axis across the boresight")
     about: AngleSigma = Field(gt=0.0, description="white noise of a measurement about the boresight")
-    misalignment: AngleSigma = Field(0.0, description="constant error of its mounting, about each axis")
+    misalignment: AngleSigma = Field(0.0, description="constant mounting error, about each axis")
     low_frequency: AngleSigma = Field(
         0.0, description="slow error about each axis (stars that cross the field of view, heat): Gauss-Markov"
     )
-    low_frequency_time: TimeConstant | None = Field(None, description="its time constant; none: the same all flight")
+    low_frequency_time: TimeConstant | None = Field(
+        None, description="time constant of this error; none: constant during a run"
+    )
     sun_exclusion: Angle | None = Field(
         None, ge=0.0, le=math.pi, description="least angle between boresight and Sun, unless the Earth hides it"
     )

@@ -30,22 +30,24 @@ class SpreadsCard(units.NamedCard):
     Motors, stages and their separations are drawn independently of one another.
     """
 
-    thrust: units.Fraction = Field(0.0, description="of each motor's vacuum thrust")
-    specific_impulse: units.Fraction = Field(0.0, description="of each motor's vacuum specific impulse")
-    propellant: units.Fraction = Field(0.0, description="of each motor's usable propellant")
-    dry_mass: units.Fraction = Field(0.0, description="of each motor's mass that does not burn")
+    thrust: units.Fraction = Field(0.0, description="one-sigma of the vacuum thrust of each motor")
+    specific_impulse: units.Fraction = Field(0.0, description="one-sigma of the vacuum specific impulse of each motor")
+    propellant: units.Fraction = Field(0.0, description="one-sigma of the usable propellant of each motor")
+    dry_mass: units.Fraction = Field(0.0, description="one-sigma of the dry mass of each motor")
     drag: units.Fraction = Field(0.0, description="of the drag coefficient")
-    density: units.Fraction = Field(0.0, description="of the density of the air, alike at all heights")
-    wind: units.SpeedSigma = Field(0.0, description="of each horizontal component, a Gauss-Markov process over height")
-    wind_length: units.ScaleHeight = Field(5e3, description="height over which the wind is correlated")
+    density: units.Fraction = Field(0.0, description="one-sigma of the density of the air, equal at all heights")
+    wind: units.SpeedSigma = Field(
+        0.0, description="one-sigma of each horizontal wind component, a Gauss-Markov process over height"
+    )
+    wind_length: units.ScaleHeight = Field(5e3, description="correlation height of the wind")
     thrust_misalignment: units.AngleSigma = Field(
         0.0, description="between thrust and body, per axis, constant over a stage's burn"
     )
     separation_impulse: units.SpeedSigma = Field(
-        0.0, description="speed along the thrust that a separation gives what flies on, beside what is planned"
+        0.0, description="one-sigma of the speed along the thrust that a separation adds to the remaining vehicle"
     )
     ignition_delay: units.Pause = Field(0.0, description="of the ignition of each stage above the first")
-    tail_off: units.SpeedSigma = Field(0.0, description="speed gained after the last cut-off, beside what is planned")
+    tail_off: units.SpeedSigma = Field(0.0, description="one-sigma of the speed gained after the last cut-off")
 
     def _faults(self) -> Iterator[str]:
         if self.wind == 0.0 and self.wind_length != 5e3:
@@ -62,18 +64,19 @@ class Dispersion(units.Card):
 
     thrust: Factor = Field(1.0, description="factor on the vacuum thrust of all motors")
     specific_impulse: Factor = Field(1.0, description="factor on the vacuum specific impulse of all motors")
-    mass: Factor = Field(1.0, description="factor on all masses that do not burn: stages, boosters, fairing, payload")
+    mass: Factor = Field(1.0, description="factor on all dry masses: stages, boosters, fairing, payload")
     pitch_program: units.Angle = Field(
-        0.0, description="nose up: the kick is less by it, the elevation of the steered burns more"
+        0.0,
+        description="pitch error, nose up: subtracted from the kick and added to the elevation of the steered burns",
     )
     sigmas: dict[SourceName, float] = Field(
         {},
-        description="fixed, as multiples of the spreads in vehicle.dispersions; with guidance",
+        description="fixed multiples of the sigmas in vehicle.dispersions; requires guidance",
         json_schema_extra={"digest_if_set": True},
     )
     draw: Literal["none", "all"] | tuple[SourceName, ...] = Field(
         "none",
-        description="spreads in vehicle.dispersions that every run draws; with guidance",
+        description="sources in vehicle.dispersions that every run draws; requires guidance",
         json_schema_extra={"digest_if_set": True},
     )
 

@@ -40,15 +40,15 @@ class OutsideFlight(FlightCard):
 
     highest_load: AccelerationLimit = Field(
         245.16625,  # 25 g: of the sounding rockets in use those with the strongest first motor reach some 20 g
-        description="greatest specific force; beyond it the flight is refused",
+        description="largest specific force; a trajectory beyond it is refused",
     )
     highest_rate: AngularRateLimit = Field(
         1.0471975511965976,  # 60 deg/s: ascents turn at a few deg/s, at some 30 where attitude follows noisy rows
-        description="greatest body rate across the roll axis; beyond it the flight is refused",
+        description="largest body rate across the roll axis; a trajectory beyond it is refused",
     )
     highest_spin: AngularRateLimit = Field(
         37.69911184307752,  # 6 turns a second: sounding rockets and spun-up stages make 1 to 5
-        description="greatest body rate about the roll axis; beyond it the flight is refused",
+        description="largest body rate about the roll axis; a trajectory beyond it is refused",
     )
 
 

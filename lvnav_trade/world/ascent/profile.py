@@ -58,8 +58,10 @@ class RecordedAscent(OutsideFlight):
 
     kind: Literal["profile"] = "profile"
     site: Site  # launch site
-    azimuth: Angle | None = Field(None, description="of the ground track at the site, from north over east")
-    inclination: Angle | None = Field(None, description="of the final orbit; gives the azimuth where that is not set")
+    azimuth: Angle | None = Field(None, description="azimuth of the ground track at the site, from north towards east")
+    inclination: Angle | None = Field(
+        None, description="inclination of the final orbit; determines the azimuth if that is not stated"
+    )
     direction: Literal["ascending", "descending"] = "ascending"  # of the ground track at the site, by inclination
     file: str = Field(description="the record", json_schema_extra={"path": True})
     events: dict[str, Duration] = Field(description="times of the named events, from lift-off")
@@ -71,15 +73,16 @@ class RecordedAscent(OutsideFlight):
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
     highest_load: AccelerationLimit = Field(
         147.09975,  # 15 g: launchers end a burn with 4 to 7 g, the lightest of solid motors with 13 g
-        description="greatest specific force; beyond it the flight is refused",
+        description="largest specific force; a trajectory beyond it is refused",
     )
     highest_spin: AngularRateLimit = Field(
         0.5235987755982988,  # 30 deg/s: a record holds no attitude, so that it cannot show a spin
-        description="greatest body rate about the roll axis; beyond it the flight is refused",
+        description="largest body rate about the roll axis; a trajectory beyond it is refused",
     )
     highest_misfit: Annotated[float, Field(gt=0.0)] = Field(
         2.0,
-        description="RMS of flight minus record in sigmas of the stated noises; beyond it the flight is refused",
+        description="largest RMS of trajectory minus record, in sigmas of the stated noise; a trajectory beyond it is"
+        " refused",
     )
 
     def _faults(self) -> Iterator[str]:

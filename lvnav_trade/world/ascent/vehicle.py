@@ -31,8 +31,10 @@ class Profile(Card):
     Only the shape counts: the mean over the burn is that of propellant, specific impulse and burn time.
     """
 
-    part: tuple[units.Share, ...] = Field(min_length=2, description="parts of the burn time, from 0 to 1, rising")
-    thrust: tuple[Annotated[float, Field(gt=0.0)], ...] = Field(description="vacuum thrust there, in any measure")
+    part: tuple[units.Share, ...] = Field(
+        min_length=2, description="fractions of the burn time, from 0 to 1, increasing"
+    )
+    thrust: tuple[Annotated[float, Field(gt=0.0)], ...] = Field(description="relative vacuum thrust at these times")
 
     def _faults(self) -> Iterator[str]:
         if len(self.part) != len(self.thrust):
@@ -50,12 +52,12 @@ class Motor(Card):
 
     name: str  # of the stage or booster
     propellant: Annotated[units.Mass, Field(gt=0.0)] = Field(description="usable propellant")
-    dry: Annotated[units.Mass, Field(gt=0.0)] = Field(description="mass that stays behind when it is dropped")
+    dry: Annotated[units.Mass, Field(gt=0.0)] = Field(description="mass that is dropped at separation")
     thrust: units.Force | None = Field(None, description="vacuum thrust at full throttle")
-    burn_time: units.TimeConstant | None = Field(None, description="of all the propellant")
+    burn_time: units.TimeConstant | None = Field(None, description="time to burn all the propellant")
     specific_impulse: units.TimeConstant = Field(description="vacuum specific impulse")
     exit_area: units.Area = 0.0  # of the nozzle
-    profile: Profile | None = Field(None, description="none: constant thrust")
+    profile: Profile | None = Field(None, description="shape of the thrust over the burn; none: constant thrust")
     separation_delay: units.Pause = Field(0.0, description="coast between cut-off and separation")
 
     def _faults(self) -> Iterator[str]:
@@ -92,8 +94,10 @@ class Stage(Motor):
 class Boosters(Motor):
     """Strap-on motors that burn beside the first stage, all of a group alike; masses and thrust are of one of them."""
 
-    name: str = Field(pattern="^[a-z][a-z0-9_]*$", description="begins the names of its events")
-    number: int = Field(ge=1, description="how many")
+    name: str = Field(
+        pattern="^[a-z][a-z0-9_]*$", description="name of the group; the names of its events start with it"
+    )
+    number: int = Field(ge=1, description="number of boosters in the group")
     ignition: units.Pause = Field(0.0, description="time between lift-off and ignition")
 
     @property
@@ -106,8 +110,8 @@ class Fairing(Card):
     """Payload fairing, released a while after a stage has lit."""
 
     mass: units.Mass
-    stage: int = Field(2, ge=1, description="number of the stage that burns when it is released")
-    after_ignition: units.Pause = Field(description="time between that ignition and the release")
+    stage: int = Field(2, ge=1, description="number of the stage that burns when the fairing is released")
+    after_ignition: units.Pause = Field(description="time between the ignition of that stage and the release")
 
 
 class VehicleCard(units.NamedCard):
@@ -118,14 +122,16 @@ class VehicleCard(units.NamedCard):
     payload: units.Mass  # above the last stage
     fairing: Fairing | None = None  # none: nothing is released
     reference_area: Annotated[units.Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
-    mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, rising")
+    mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, increasing")
     drag_coefficient: tuple[float, ...] = Field(min_length=2)  # at the Mach numbers
     max_load: units.AccelerationLimit | None = Field(
-        None, description="what can be throttled is, to stay below this specific force; none: no throttling"
+        None,
+        description="largest specific force; engines that can be throttled are throttled to stay below it; none: no "
+        "throttling",
     )
     dispersions: SpreadsCard | None = Field(
         None,
-        description="one sigma of what differs from vehicle to vehicle",
+        description="one-sigma dispersions from vehicle to vehicle",
     )
 
     def _faults(self) -> Iterator[str]:
@@ -162,10 +168,14 @@ class Orbit(Card):
 
     perigee: units.Length
     apogee: units.Length
-    inclination: units.Angle = Field(description="an angle, or the word sun-synchronous")
-    direction: Literal["ascending", "descending"] = Field("ascending", description="sense of the pass over the site")
+    inclination: units.Angle = Field(description="inclination, or the word sun-synchronous")
+    direction: Literal["ascending", "descending"] = Field(
+        "ascending", description="direction of the pass over the site"
+    )
     anomaly: Annotated[units.Angle, Field(ge=0.0, lt=1.5707963267948966)] = Field(
-        0.0, description="true anomaly of injection; zero: at perigee. A weak last stage gets there past it for less"
+        0.0,
+        description="true anomaly of injection; zero: perigee. A last stage of low thrust needs less propellant if it"
+        " is injected past the perigee",
     )
 
     @model_validator(mode="before")
@@ -206,7 +216,9 @@ class Parking(Card):
     """
 
     perigee: units.Length
-    stage: int | None = Field(None, ge=2, description="number of the stage that reaches it; none: the last")
+    stage: int | None = Field(
+        None, ge=2, description="number of the stage that reaches the parking orbit; none: the last"
+    )
 
 
 class Recorded(Card):
@@ -228,7 +240,7 @@ class Roll(Card):
     pad: units.Angle = 0.0
     flight: units.Angle = 0.0
     start: units.Duration = 5.0
-    rate: units.AngularRate = Field(0.05235987755982988, gt=0.0, description="greatest roll rate")  # 3 deg/s
+    rate: units.AngularRate = Field(0.05235987755982988, gt=0.0, description="largest roll rate")  # 3 deg/s
 
     def _faults(self) -> Iterator[str]:
         idle = [name for name in ("start", "rate") if getattr(self, name) != type(self).model_fields[name].default]
@@ -243,8 +255,8 @@ class FlightCard(units.NamedCard):
     epoch: units.Epoch = Field(description="lift-off, ISO 8601 UTC")
     named_times: dict[str, Instant] = Field(
         {},
-        description="further events by names of your own: '60 s', or 'stage1_cutoff + 20 s'; faults and statements can "
-        "name them, and every run is stored there",
+        description="further events by names of your choice: '60 s', or 'stage1_cutoff + 20 s'; faults and statements"
+        " can name them, and runs are stored at these times",
     )
 
 
@@ -255,36 +267,42 @@ class VehicleAscent(FlightCard):
     vehicle: VehicleCard  # stages, boosters, fairing and payload
     site: Site  # launch site
     target: Orbit  # orbit at injection
-    parking: Parking | None = Field(None, description="none: one burn of the last stage straight into the target")
+    parking: Parking | None = Field(
+        None, description="parking orbit; none: one burn of the last stage directly into the target orbit"
+    )
     azimuth: units.Angle | None = Field(
-        None, description="of the launch, where it is prescribed; the steered stages then turn the plane"
+        None, description="prescribed launch azimuth; the steered stages then turn the orbit plane"
     )
     dispersion: Dispersion | None = Field(
-        None, description="the vehicle flown differs from the card's, its steering is solved for that of the card"
+        None, description="off-nominal vehicle, with the steering that is solved for the vehicle of the card"
     )
     guidance: Literal["nominal", "open_loop", "explicit"] = Field(
         "nominal",
-        description="nominal: every run flies the nominal ascent; open_loop: its attitude over time, held by the "
-        "navigated attitude; explicit: the last stage steers by the navigated state",
+        description="nominal: every run has the nominal ascent; open_loop: the nominal attitude programme, followed "
+        "by the navigated attitude; explicit: the last stage is steered by the navigated state",
         json_schema_extra={"digest_if_set": True},
     )
     cutoff: Literal["energy", "time"] = Field(
         "energy",
-        description="of the last stage, with guidance: at the orbit's energy by the navigated state, or at the "
-        "nominal time",
+        description="cut-off of the last stage with guidance: at the energy of the target orbit by the navigated "
+        "state, or at the nominal time",
         json_schema_extra={"digest_if_set": True},
     )
-    recorded: Recorded | None = Field(None, description="a flight to compare with")
+    recorded: Recorded | None = Field(None, description="recorded flight to compare with")
     pad_hold: units.Pause = 60.0  # rest on the pad before lift-off
     vertical_rise: units.TimeConstant = 8.0  # time from lift-off to the kick
     kick_duration: units.TimeConstant = 8.0  # time of the tilt from vertical
-    kick_angle: units.AngleLimit | None = Field(None, description="none: chosen for the least propellant")
+    kick_angle: units.AngleLimit | None = Field(
+        None, description="angle of the kick; none: the angle that needs least propellant"
+    )
     steered_from: int = Field(2, ge=2, description="number of the first stage that follows the linear-tangent law")
     slew: units.TimeConstant = Field(12.0, description="time to turn from one steering law to the next")
     roll: Roll = Roll()  # roll angle on the pad and in flight
     coast_after_injection: units.TimeConstant = 20.0  # time from injection to the end of the flight
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
-    control: SteeredCard | None = Field(None, description="flown under wind and attitude control; none: as steered")
+    control: SteeredCard | None = Field(
+        None, description="wind and attitude control of the ascent; none: ideal attitude"
+    )
 
     def _faults(self) -> Iterator[str]:
         if len(self.vehicle.stages) < 2:

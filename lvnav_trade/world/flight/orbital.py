@@ -50,7 +50,7 @@ class Start(Card):
     inclination: Angle
     node: Angle = Field(0.0, description="longitude of the ascending node in the Earth-fixed frame at t = 0")
     perigee_argument: Angle = 0.0
-    latitude_argument: Angle = Field(0.0, description="angle from the ascending node to the place of the start")
+    latitude_argument: Angle = Field(0.0, description="angle from the ascending node to the start")
 
     def _faults(self) -> Iterator[str]:
         if self.apogee < self.perigee:
@@ -67,14 +67,16 @@ class Leg(Card):
     and yaw stand off from the law, as the body sees them.
     """
 
-    name: str = Field(pattern="^[a-z][a-z0-9_]*$", description="its event; of a burn NAME_ignition and NAME_cutoff")
+    name: str = Field(
+        pattern="^[a-z][a-z0-9_]*$", description="name of the event; a burn has NAME_ignition and NAME_cutoff"
+    )
     duration: TimeConstant
     thrust: Force | None = Field(None, description="vacuum thrust along the x axis; none: a coast")
     specific_impulse: TimeConstant | None = None
     attitude: Pointing = "inertial"
     pitch: Angle = 0.0
     yaw: Angle = 0.0
-    slew: TimeConstant = Field(_SLEW, description="time of the turn to the law")
+    slew: TimeConstant = Field(_SLEW, description="time to turn to the attitude law")
 
     @property
     def flow(self) -> float:
@@ -99,7 +101,7 @@ class Canopy(Card):
 class Descent(Card):
     """The last coast: down to an altitude through the air."""
 
-    altitude: Length = Field(description="where the flight ends, at the last whole second before")
+    altitude: Length = Field(description="height at which the flight ends, at the last whole second before it")
     attitude: Pointing = "airspeed"
     pitch: Angle = 0.0
     yaw: Angle = 0.0
@@ -123,7 +125,7 @@ class OrbitalFlight(FlightCard):
     orbit: Start  # at t = 0
     mass: Annotated[Mass, Field(gt=0.0)]  # at t = 0
     reference_area: Area = 0.0  # area that the drag coefficients refer to
-    mach: tuple[float, ...] = Field((0.0, 1.0), min_length=2, description="Mach numbers of the drag table, rising")
+    mach: tuple[float, ...] = Field((0.0, 1.0), min_length=2, description="Mach numbers of the drag table, increasing")
     drag_coefficient: tuple[float, ...] = Field((2.2, 2.2), min_length=2)  # at the Mach numbers
     legs: tuple[Leg, ...] = Field(min_length=1)  # coasts and burns in order
     descent: Descent | None = None  # to the end altitude; none: the flight ends with its last leg

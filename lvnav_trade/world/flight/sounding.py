@@ -54,7 +54,7 @@ class SolidMotor(Card):
 
     name: str  # of the stage
     propellant: Annotated[Mass, Field(gt=0.0)]  # mass that burns
-    dry: Annotated[Mass, Field(gt=0.0)] = Field(description="mass that falls away with it")
+    dry: Annotated[Mass, Field(gt=0.0)] = Field(description="mass that is dropped with the stage")
     burn_time: TimeConstant  # of all the propellant
     specific_impulse: TimeConstant = Field(description="vacuum specific impulse")
     exit_area: Area = 0.0  # of the nozzle
@@ -62,7 +62,7 @@ class SolidMotor(Card):
     separation_delay: Pause | None = Field(None, description="coast between cut-off and separation; none: it stays")
     elevation: Angle | None = Field(
         None,
-        description="the body is turned to this elevation before ignition, in its plane of flight; none: it is not",
+        description="elevation to which the body is turned before ignition, in its plane of flight; none: no turn",
     )
 
 
@@ -71,7 +71,7 @@ class Rail(Card):
 
     azimuth: Angle
     elevation: Annotated[Angle, Field(gt=0.3, lt=1.5707)] | None = Field(
-        None, description="none: solved for the apogee"
+        None, description="elevation of the rail; none: solved for the apogee"
     )
     length: Annotated[Length, Field(gt=0.0)]
 
@@ -79,9 +79,9 @@ class Rail(Card):
 class SpinStep(Card):
     """A change of the spin, such as canted fins or a yo-yo bring about: smooth, over a time."""
 
-    at: Instant = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
+    at: Instant = Field(description="event, also with a duration added, or a time since lift-off")
     frequency: Annotated[TurnRate, BeforeValidator(_turns)] = Field(
-        description="turns per second about the x axis from then on"
+        description="spin rate about the x axis from that time, in turns per second"
     )
     over: TimeConstant
 
@@ -99,16 +99,20 @@ class SoundingFlight(FlightCard):
     stages: tuple[SolidMotor, ...] = Field(min_length=1)  # in order of ignition
     payload: Annotated[Mass, Field(gt=0.0)]  # mass above the last stage
     reference_area: Annotated[Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
-    mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, rising")
+    mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, increasing")
     drag_coefficient: tuple[float, ...] = Field(min_length=2)  # at the Mach numbers
     apogee: Annotated[Length, Field(gt=0.0)] | None = None  # altitude over the ellipsoid; none: elevations stated
     weathercock: TimeConstant = Field(
-        10.0, description="time after the rail in which the air takes hold of the body and turns it into the wind"
+        10.0, description="time after the rail in which aerodynamics align the body with the airflow"
     )
-    held_above: Length = Field(60e3, description="height above which spin, not air, holds the attitude")
+    held_above: Length = Field(
+        60e3, description="height above which spin stabilises the attitude instead of aerodynamics"
+    )
     turn_time: TimeConstant = Field(6.0, description="time to turn from one law of attitude to the next")
     spin: tuple[SpinStep, ...] = ()  # changes of the spin, in order
-    end_altitude: Length = Field(100e3, description="of the descent, where the flight ends, at a whole second before")
+    end_altitude: Length = Field(
+        100e3, description="height in the descent at which the flight ends, at the last whole second before it"
+    )
     pad_hold: Pause = 60.0  # rest on the rail before lift-off
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 

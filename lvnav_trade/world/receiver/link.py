@@ -32,11 +32,13 @@ class AntennaCard(NamedCard):
 
     source: str = ""
     lever_b: tuple[Length, Length, Length] = Field(
-        (0.0, 0.0, 0.0), description="phase centre from the inertial unit, body axes"
+        (0.0, 0.0, 0.0), description="vector from the IMU to the phase centre, body axes"
     )
     boresight: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")
     pattern: Pattern
-    cutoff: AngleLimit = Field(math.pi, description="off boresight; what lies further off is hidden by the body")
+    cutoff: AngleLimit = Field(
+        math.pi, description="field of view as an angle off boresight; the body hides satellites beyond it"
+    )
 
     def _faults(self) -> Iterator[str]:
         if not 0.0 < math.hypot(*self.boresight) < math.inf:
@@ -72,18 +74,19 @@ class LinkCard(Card):
     """
 
     frequency: Frequency = 1575.42e6
-    transmit_power: Level = Field(16.5, description="into the satellite's antenna")
+    transmit_power: Level = Field(16.5, description="power into the satellite's antenna")
     transmit_angle: tuple[Angle, ...] = Field(
         tuple(math.radians(angle) for angle in (0.0, 8.90, 13.85, 16.0, 20.0)),
-        description="off the satellite's nadir, rising",
+        description="angles off the satellite's nadir, increasing",
     )
     transmit_gain: tuple[Gain, ...] = Field(
-        (11.8, 15.1, 13.8, 12.5, 9.0), description="of the satellite's antenna there; straight lines between"
+        (11.8, 15.1, 13.8, 12.5, 9.0),
+        description="gains of the satellite's antenna at those angles; interpolated linearly",
     )
-    loss: Decibels = Field(4.0, description="atmosphere, polarisation and mismatch of the antenna together")
-    antenna_temperature: Temperature = Field(130.0, description="noise that the receiving antenna takes in")
+    loss: Decibels = Field(4.0, description="total loss by atmosphere, polarisation and mismatch of the antenna")
+    antenna_temperature: Temperature = Field(130.0, description="noise temperature of the receiving antenna")
     noise_figure: Decibels = Field(2.0, description="of the receiver")
-    implementation_loss: Decibels = Field(1.0, description="by quantisation and band limits")
+    implementation_loss: Decibels = Field(1.0, description="loss by quantisation and band limits")
 
     def _faults(self) -> Iterator[str]:
         if not 0 < len(self.transmit_angle) == len(self.transmit_gain):

@@ -28,20 +28,24 @@ class LoopsCard(Card):
     """
 
     carrier: Literal["pll", "fll"] = "pll"  # phase or frequency lock loop
-    carrier_order: int = Field(3, ge=1, le=3, description="2 or 3 of a phase loop, 1 or 2 of a frequency loop")
+    carrier_order: int = Field(
+        3, ge=1, le=3, description="order of the loop: 2 or 3 for a phase loop, 1 or 2 for a frequency loop"
+    )
     carrier_bandwidth: Frequency = Field(18.0, description="one-sided noise bandwidth")
-    integration: TimeConstant = Field(0.02, description="coherent, before the discriminators")
+    integration: TimeConstant = Field(0.02, description="coherent integration time before the discriminators")
     rate_interval: TimeConstant = Field(
-        0.1, description="of a phase loop: range rate is the difference of phase over this time"
+        0.1, description="for a phase loop: range rate is the difference of phase over this time"
     )
     code_bandwidth: Frequency = Field(0.1, description="one-sided noise bandwidth")
-    code_aided: bool = Field(True, description="the carrier loop moves the code; else the code loop is of second order")
-    spacing: float = Field(1.0, gt=0, lt=2, description="of early and late correlator, chips")
-    front_end: Frequency = Field(4e6, description="double-sided bandwidth")
+    code_aided: bool = Field(
+        True, description="true: the carrier loop aids the code loop; false: the code loop is of second order"
+    )
+    spacing: float = Field(1.0, gt=0, lt=2, description="spacing of early and late correlator, in chips")
+    front_end: Frequency = Field(4e6, description="double-sided bandwidth of the front end")
     code_rate: Frequency = 1.023e6  # chips per second
-    jitter: AngleSigma = Field(0.0, description="phase jitter of the oscillator, always there")
+    jitter: AngleSigma = Field(0.0, description="constant phase jitter of the oscillator")
     vibration: JitterPerForce = Field(
-        0.0, description="phase jitter of the oscillator per specific force beyond one g: it shakes as the motor pushes"
+        0.0, description="phase jitter of the oscillator per specific force beyond 1 g, from vibration"
     )
 
     def _faults(self) -> Iterator[str]:

@@ -21,8 +21,8 @@ class OwnCovariance(units.Card):
     """The receiver reports with every solution the covariance that its solver computes."""
 
     kind: Literal["own"] = "own"
-    factor: float = Field(1.0, gt=0, description="that it is multiplied by")
-    correlated: bool = Field(True, description="whole; or its diagonal alone")
+    factor: float = Field(1.0, gt=0, description="factor on the covariance")
+    correlated: bool = Field(True, description="true: the full covariance; false: its diagonal only")
 
 
 class ConstantCovariance(units.Card):
@@ -35,14 +35,14 @@ class ConstantCovariance(units.Card):
 
 ReportedCovariance = Annotated[
     OwnCovariance | ConstantCovariance,
-    Field(discriminator="kind", description="covariance that goes out with a solution"),
+    Field(discriminator="kind", description="covariance that is reported with a solution"),
 ]
 Reported = Annotated[
     bool,
-    Field(description="errors of the solution and of the clock are reported beside those of the filter that uses it"),
+    Field(description="report errors of the solution and of the clock in addition to those of the filter that uses it"),
 ]
-RangeSigma = Annotated[units.LengthSigma, Field(gt=0.0, description="assumed by the receiver for its pseudoranges")]
-RateSigma = Annotated[units.SpeedSigma, Field(gt=0.0, description="and of its range rates")]
+RangeSigma = Annotated[units.LengthSigma, Field(gt=0.0, description="noise of pseudoranges that the receiver assumes")]
+RateSigma = Annotated[units.SpeedSigma, Field(gt=0.0, description="noise of range rates that the receiver assumes")]
 
 
 class SmoothingCard(units.Card):
@@ -53,16 +53,20 @@ class SmoothingCard(units.Card):
     noise is `carrier_phase_sigma`.
     """
 
-    time: units.TimeConstant = Field(100.0, description="window: mean of so long, then a gain of interval over this")
+    time: units.TimeConstant = Field(
+        100.0, description="window of the smoothing: a mean for this time, then a gain of epoch interval divided by it"
+    )
     velocity: Literal["doppler", "backward", "centred"] = Field(
         "doppler",
-        description="range rates: of the Doppler; or differences of carrier phase over an interval that ends at the "
-        "epoch (late by half of it); or one that is centred on it",
+        description="range rates: doppler: from the Doppler shift; backward: difference of carrier phase over an "
+        "interval that ends at the epoch (late by half of it); centred: over an interval centred on it",
     )
-    rate_interval: units.TimeConstant = Field(0.1, description="of differences of carrier phase")
+    rate_interval: units.TimeConstant = Field(0.1, description="interval of the differences of carrier phase")
 
 
-Smoothing = Annotated[SmoothingCard | None, Field(description="of the ranges by carrier phase; none: code alone")]
+Smoothing = Annotated[
+    SmoothingCard | None, Field(description="smoothing of the ranges by carrier phase; none: code only")
+]
 
 
 class _Solver(units.Card):
@@ -90,10 +94,12 @@ class DirectSolution(units.Card):
     kind: Literal["direct"] = "direct"
     position_sigma: units.LengthSigma
     velocity_sigma: units.SpeedSigma
-    position_bias: units.LengthSigma = Field(0.0, description="Gauss-Markov error per axis beside the white noise")
+    position_bias: units.LengthSigma = Field(
+        0.0, description="Gauss-Markov error per axis, in addition to the white noise"
+    )
     velocity_bias: units.SpeedSigma = 0.0
-    bias_time: units.TimeConstant = Field(60.0, description="time constant of both")
-    error_table: ErrorTable | None = Field(None, description="errors of a recording, added to all of the above")
+    bias_time: units.TimeConstant = Field(60.0, description="time constant of both errors")
+    error_table: ErrorTable | None = Field(None, description="recorded errors, added to all of the above")
 
 
 class BancroftSolution(_Solver):
@@ -103,13 +109,15 @@ class BancroftSolution(_Solver):
     range_sigma: RangeSigma  # modelled noise of a pseudorange
     rate_sigma: RateSigma  # modelled noise of a range rate
     refinements: int = Field(
-        2, ge=0, le=5, description="Newton steps to least squares after the closed form; 0: closed form alone"
+        2, ge=0, le=5, description="Newton steps of least squares after the closed form; 0: closed form only"
     )
     false_alarm: units.Share = Field(
-        1e-3, gt=0.0, lt=1.0, description="probability that residuals of good measurements are called inconsistent"
+        1e-3, gt=0.0, lt=1.0, description="probability that residuals of good measurements are rejected as inconsistent"
     )
     least_quality: Literal[1, 2, 3] = Field(
-        1, description="output from: 1 inconsistent residuals, 2 four satellites (no test), 3 consistent residuals"
+        1,
+        description="smallest status with output: 1 inconsistent residuals, 2 four satellites (no test), 3 consistent"
+        " residuals",
     )
     smoothing: Smoothing = None  # of the ranges by carrier phase; none: code alone
     reported_covariance: ReportedCovariance = OwnCovariance()  # covariance reported with the solution
@@ -132,29 +140,40 @@ class FilteredSolution(_Solver):
     kind: Literal["filtered"]
     range_sigma: RangeSigma  # modelled noise of a pseudorange
     rate_sigma: RateSigma  # modelled noise of a range rate
-    jerk: units.JerkSigma | None = Field(None, description="constant over an interval, per axis")
+    jerk: units.JerkSigma | None = Field(
+        None, description="white noise of the acceleration, constant over an interval, per axis"
+    )
     jerk_gain: units.JerkGain = 0.0  # of the jerk's variance, per squared acceleration
-    acceleration_noise: units.AccelerationSigma | None = Field(None, description="constant over an interval, per axis")
+    acceleration_noise: units.AccelerationSigma | None = Field(
+        None, description="white noise of the acceleration, constant over an interval, per axis"
+    )
     acceleration_gain: units.Fraction = 0.0  # of the acceleration noise's variance, per squared acceleration
     acceleration_time: units.TimeConstant | None = Field(
-        None, description="in which the acceleration decays; none: a random walk"
+        None, description="time constant of the acceleration; none: a random walk"
     )
     range_gain: units.RangeGain = 0.0  # of the range variance, per acceleration
     rate_gain: units.LengthSigma = 0.0  # of the range-rate variance, per acceleration
     clock_noise: units.AccelerationSigma = Field(
-        description="derivative of the clock's drift, constant over an interval"
+        description="white noise of the derivative of the clock drift, constant over an interval"
     )
-    start_acceleration: units.AccelerationSigma = Field(10.0, description="one-sigma when the filter starts")
-    gate: float | None = Field(None, gt=0.0, description="innovations beyond so many sigma are rejected")
-    range_limit: Annotated[units.Length, Field(gt=0.0)] | None = Field(None, description="and beyond so many metres")
+    start_acceleration: units.AccelerationSigma = Field(10.0, description="initial one-sigma of the acceleration")
+    gate: float | None = Field(None, gt=0.0, description="innovations beyond this number of sigmas are rejected")
+    range_limit: Annotated[units.Length, Field(gt=0.0)] | None = Field(
+        None, description="innovations beyond this length are rejected too"
+    )
     rate_limit: Annotated[units.Speed, Field(gt=0.0)] | None = None  # the same for range rates
     restart_after: int | None = Field(
-        None, ge=1, description="epochs in a row with most rows rejected; it starts again from a point solution"
+        None,
+        ge=1,
+        description="consecutive epochs with most scalars rejected, after which the filter restarts from a point "
+        "solution",
     )
     longest_coast: units.Pause | None = Field(
-        None, description="no solution goes out when no measurement has been accepted for longer; none: it always does"
+        None, description="time without an accepted measurement after which there is no output; none: there always is"
     )
-    point: BancroftSolution | None = Field(None, description="that starts it; none: the default with its sigmas")
+    point: BancroftSolution | None = Field(
+        None, description="point solution that starts the filter; none: the default with its sigmas"
+    )
     smoothing: Smoothing = None  # of the ranges by carrier phase; none: code alone
     reported_covariance: ReportedCovariance = OwnCovariance()  # covariance reported with the solution
     reported: Reported = False  # whether errors of the solution are reported too
@@ -207,58 +226,66 @@ class ReceiverCard(units.NamedCard):
     loss of lock follow from C/N0 and the motion. With tracking, search and pull-in take time.
     """
 
-    rate: units.StepRate = Field(1.0, description="of its measurements; a filter uses all of them or every n-th")
+    rate: units.StepRate = Field(1.0, description="rate of the measurements; a filter uses all or every n-th of them")
     resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")
-    latency: units.Pause = Field(
-        0.0, description="age of a measurement when the filter takes it for present; not compensated"
-    )
+    latency: units.Pause = Field(0.0, description="age of a measurement when the filter uses it")
     latency_per_satellite: units.Pause = Field(0.0, description="added to the latency for every satellite tracked")
-    latency_error: units.Pause = Field(0.0, description="one-sigma of what the latency differs by over a flight")
-    latency_sigma: units.Pause = Field(0.0, description="one-sigma of what is added to it at random, epoch by epoch")
-    multipath: units.LengthSigma = Field(0.0, description="Gauss-Markov error of every pseudorange of its own")
+    latency_error: units.Pause = Field(0.0, description="one-sigma of the latency error that is constant in a run")
+    latency_sigma: units.Pause = Field(0.0, description="one-sigma of the random latency error of each epoch")
+    multipath: units.LengthSigma = Field(0.0, description="Gauss-Markov error, independent for every pseudorange")
     multipath_time: units.TimeConstant = 60.0  # correlation time of multipath
     range_rate_offset: units.SpeedSigma = Field(
-        0.0, description="of all range rates alike, constant in a run: what is not the drift of the ranges' clock"
+        0.0,
+        description="offset that all range rates share, constant in a run, in addition to the clock drift of the "
+        "ranges",
     )
-    range_rate_instability: units.SpeedSigma = Field(0.0, description="the same, but a Gauss-Markov error")
+    range_rate_instability: units.SpeedSigma = Field(
+        0.0, description="Gauss-Markov part of the offset that all range rates share"
+    )
     range_rate_instability_time: units.TimeConstant = 60.0  # its correlation time
     doppler_interval: units.Pause = Field(
-        0.0, description="a range rate of the Doppler is the mean over so long up to its epoch; 0: instantaneous"
+        0.0, description="a Doppler range rate is the mean over this time up to its epoch; 0: instantaneous"
     )
     frequencies: Literal["L1", "L1_L2", "L1_L5"] = Field(
-        "L1", description="two: combined so that the ionosphere of first order is gone and noise is amplified"
+        "L1", description="two frequencies: combined to remove the first-order ionosphere, with amplified noise"
     )
-    lever_error: units.LengthSigma = Field(0.0, description="of the antenna's place on the vehicle, per body axis")
+    lever_error: units.LengthSigma = Field(
+        0.0, description="one-sigma of the position of the antenna on the vehicle, per body axis"
+    )
     mask: units.Angle = Field(0.0, description="elevation mask above the local horizontal")
     mask_height: Annotated[units.Length, Field(gt=0.0)] | None = Field(
         None,
-        description="the mask sinks to the horizontal at this height and then with the horizon of a shell this high; "
-        "none: the same everywhere",
+        description="height at which the mask reaches the horizontal; above it, the mask follows the horizon of a "
+        "shell of this height; none: a constant mask",
     )
     lever_b: tuple[units.Length, units.Length, units.Length] = Field(
-        (0.0, 0.0, 0.0), description="from the inertial unit to the point that the solution is for"
+        (0.0, 0.0, 0.0), description="vector from the IMU to the point to which the solution refers"
     )
-    channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
+    channels: int = Field(16, ge=1, le=64, description="largest number of satellites tracked; the highest are selected")
     pseudorange_sigma: Annotated[units.LengthSigma, Field(le=1e6)] = Field(
-        description="with loops: what is there beside their thermal noise"
+        description="white noise; with loops, the noise in addition to their thermal noise"
     )
     range_rate_sigma: Annotated[units.SpeedSigma, Field(le=1e5)] = Field(
-        description="with loops: what is there beside their thermal noise"
+        description="white noise; with loops, the noise in addition to their thermal noise"
     )
     noise_by: NoiseBy = ()  # factors on the sigmas over altitude, specific force or jerk
     carrier_phase_sigma: units.LengthSigma = Field(
-        0.002, description="white noise of a carrier phase; with loops what is there beside their thermal noise"
+        0.002, description="white noise of a carrier phase; with loops, the noise in addition to their thermal noise"
     )
     carrier_ambiguity: units.LengthSigma = Field(
-        10.0, description="one-sigma of the constant that a carrier phase begins with at every acquisition or slip"
+        10.0, description="one-sigma of the ambiguity of a carrier phase after every acquisition or slip"
     )
-    cycle_slips: CycleSlipCard | None = Field(None, description="none: a phase goes on while its signal is held")
+    cycle_slips: CycleSlipCard | None = Field(
+        None, description="cycle slips; none: a phase is continuous while its signal is tracked"
+    )
     solution: SolutionCard  # how position and velocity are computed
     clock: ClockCard  # oscillator
-    antennas: tuple[AntennaCard, ...] = Field((), description="none: one at lever_b that hears all directions alike")
-    link: LinkCard | None = Field(None, description="none: no C/N0")
-    loops: LoopsCard | None = Field(None, description="none: constant noise, no loss of lock; they need a link")
-    tracking: TrackingCard | None = Field(None, description="none: what can be held is tracked at once")
+    antennas: tuple[AntennaCard, ...] = Field((), description="antennas; none: one omnidirectional antenna at lever_b")
+    link: LinkCard | None = Field(None, description="link budget; none: no C/N0")
+    loops: LoopsCard | None = Field(
+        None, description="tracking loops, which require a link budget; none: constant noise, no loss of lock"
+    )
+    tracking: TrackingCard | None = Field(None, description="acquisition; none: a visible satellite is tracked at once")
 
     def _faults(self) -> Iterator[str]:
         if self.loops is not None and self.link is None:

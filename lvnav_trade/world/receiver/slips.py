@@ -15,9 +15,11 @@ class CycleSlipCard(Card):
     all runs.
     """
 
-    rate: Frequency = Field(0.0, description="slips of a channel, such as '2 1/h'")
-    below: CarrierToNoise | None = Field(None, description="weaker signals have no phase lock; it needs a link")
-    realisation: int = Field(0, ge=0, lt=2**32, description="which draw of slips; the same for all runs")
+    rate: Frequency = Field(0.0, description="rate of slips of a channel, such as '2 1/h'")
+    below: CarrierToNoise | None = Field(
+        None, description="C/N0 below which there is no phase lock; requires a link budget"
+    )
+    realisation: int = Field(0, ge=0, lt=2**32, description="number of the draw of slips; the same for all runs")
 
 
 def slipped(card: CycleSlipCard, names: tuple[str, ...], t: Floats) -> Bools:

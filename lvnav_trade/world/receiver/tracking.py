@@ -25,23 +25,28 @@ class TrackingCard(Card):
     distributed over the pass. The loops then pull in, and the satellite is measured afterwards.
     """
 
-    acquire_above: CarrierToNoise = Field(33.0, description="weaker signals are not found; without a link all are")
-    track_above: CarrierToNoise = Field(25.0, description="weaker signals are lost; loops may let go earlier")
-    search_time: Pause = Field(20.0, description="of a pass over everything that is possible")
-    reacquire_time: Pause = Field(4.0, description="of a pass around where a satellite was when it was lost")
-    memory: Pause = Field(15.0, description="how long after the loss that still helps")
+    acquire_above: CarrierToNoise = Field(
+        33.0, description="C/N0 below which signals are not acquired; without a link budget all are"
+    )
+    track_above: CarrierToNoise = Field(
+        25.0, description="C/N0 below which signals are lost; loops may lose them earlier"
+    )
+    search_time: Pause = Field(20.0, description="time of a search pass over the full range")
+    reacquire_time: Pause = Field(4.0, description="time of a search pass around the last values of a lost satellite")
+    memory: Pause = Field(15.0, description="time after a loss for which the last values narrow the search")
     aiding: Literal["none", "own", "fused"] = Field(
         "own",
         description="what narrows the search: the receiver's own solution while it tracks four, or the fused state",
     )
-    aided_factor: Share = Field(0.25, gt=0, le=1, description="of every pass, while aided")
-    searchers: int = Field(1, ge=1, description="satellites searched for at a time; 1: one after the other")
-    pull_in: Pause = Field(2.0, description="from found to measured: loops closed, bits and frames in step")
-    coast: Pause = Field(
-        0.5, description="how long a channel waits for a signal to come back before it is lost, such as over a jolt"
+    aided_factor: Share = Field(0.25, gt=0, le=1, description="factor on the time of every pass while aided")
+    searchers: int = Field(1, ge=1, description="number of satellites searched for at the same time")
+    pull_in: Pause = Field(
+        2.0,
+        description="time from acquisition to the first measurement: closing of loops, bit and frame synchronisation",
     )
-    start: Literal["tracking", "searching"] = Field("tracking", description="at the first epoch")
-    realisation: int = Field(0, ge=0, lt=2**32, description="which draw of search times; the same for all runs")
+    coast: Pause = Field(0.5, description="time for which a channel waits for a signal to return before it is lost")
+    start: Literal["tracking", "searching"] = Field("tracking", description="state of the channels at the first epoch")
+    realisation: int = Field(0, ge=0, lt=2**32, description="number of the draw of search times; the same for all runs")
 
     def _faults(self) -> Iterator[str]:
         if self.acquire_above < self.track_above:

@@ -168,7 +168,7 @@ class ImuCard(NamedCard):
     """An inertial measurement unit (IMU)."""
 
     rate: units.StepRate = 200.0
-    process_rate: units.StepRate = Field(10.0, description="how often time-varying errors take a step")
+    process_rate: units.StepRate = Field(10.0, description="rate at which time-varying errors change")
     gyro: GyroCard
     accel: AccelCard
     resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")

@@ -19,13 +19,13 @@ class ParityCard(units.Card):
     """Parity test of the IMUs of an array. A failed IMU is excluded for the rest of the flight, or only reported."""
 
     false_alarm: units.Share = Field(
-        1e-3, gt=0.0, lt=1.0, description="largest probability that a flight without faults has an alarm"
+        1e-3, gt=0.0, lt=1.0, description="largest probability of an alarm in a run without faults"
     )
     window: units.TimeConstant = Field(1.0, description="time over which increments are summed for a test")
     after_detection: Literal["exclude", "report"] = Field(
         "exclude",
-        description="exclude: leave out the IMU that has failed; report: log that they disagree and exclude none, as "
-        "two IMUs do not show which has failed",
+        description="exclude: exclude the failed IMU; report: only log the disagreement, because two IMUs do not show"
+        " which has failed",
     )
 
 

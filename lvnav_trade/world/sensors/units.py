@@ -31,15 +31,14 @@ class MountedUnit(ImuCard):
     """An IMU of an array, with its position and orientation."""
 
     lever_arm: tuple[units.Length, units.Length, units.Length] = Field(
-        (0.0, 0.0, 0.0), description="from the reference point, which is what is navigated, body axes"
+        (0.0, 0.0, 0.0), description="vector from the reference point of navigation, body axes"
     )
     orientation: tuple[units.Angle, units.Angle, units.Angle] = Field(
         (0.0, 0.0, 0.0), description="roll, pitch, yaw from body axes to those of the unit (3-2-1)"
     )
     axes: tuple[Direction, ...] | None = Field(
         None,
-        description="directions that it senses along, in its own axes: rows of the mounting matrix, of any length; "
-        "none: x, y, z",
+        description="sensing directions in axes of the unit: rows of the mounting matrix, of any length; none: x, y, z",
     )
 
     def _faults(self) -> Iterable[str]:
@@ -71,22 +70,22 @@ class ImuSet(NamedCard):
 
     name: str = "several units"
     source: str = ""
-    units: tuple[MountedUnit, ...] = Field(description="one or more, all of one rate")
+    units: tuple[MountedUnit, ...] = Field(description="one or more units, all with the same rate")
     weights: Literal["random_walk", "bias", "equal"] = Field(
         "random_walk",
-        description="of a sensing axis in the least squares: inverse square of its random walk, or of its bias "
-        "(repeatability and instability), or one",
+        description="weight of a sensing axis in the least squares: inverse square of its random walk, or of its bias"
+        " (repeatability and instability), or equal",
     )
     lever_arms: Literal["compensated", "ignored"] = Field(
         "compensated",
-        description="compensated: tangential and centripetal acceleration, from the fused rate and its change over a "
-        "sample, are taken off what each unit senses; ignored: they stay in it",
+        description="compensated: tangential and centripetal accelerations, from the fused rate and its change over a"
+        " sample, are subtracted from the output of each unit; ignored: they are not",
     )
 
     selection: Literal["mean", "mid_value"] = Field(
         "mean",
-        description="mean: least squares of all; mid_value: on each body axis the middle one of what the units sense, "
-        "of an even number the mean of the middle two",
+        description="mean: least squares of all units; mid_value: on each body axis the middle value of the units, or"
+        " the mean of the two middle values of an even number",
     )
     parity: ParityCard | None = Field(None, description="test of the units against each other; none: no test")
 

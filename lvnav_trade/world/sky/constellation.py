@@ -38,12 +38,14 @@ class Slot(Card):
     name: str  # such as A1
     node: Angle  # right ascension, at the epoch
     latitude_argument: Angle  # at the epoch
-    semi_major_axis: Annotated[Length, Field(gt=0.0)] | None = Field(None, description="that of the others if absent")
-    inclination: Angle | None = Field(None, description="that of the others if absent")
-    node_rate: AngularRate | None = Field(None, description="as that of the constellation; follows from J2 if absent")
-    latitude_rate: AngularRate | None = Field(None, description="as that of the constellation")
-    eccentricity: Eccentricity | None = Field(None, description="that of the others if absent")
-    perigee: Angle | None = Field(None, description="argument of perigee; that of the others if absent")
+    semi_major_axis: Annotated[Length, Field(gt=0.0)] | None = Field(
+        None, description="if absent: that of the constellation"
+    )
+    inclination: Angle | None = Field(None, description="if absent: that of the constellation")
+    node_rate: AngularRate | None = Field(None, description="as for the constellation; from J2 if absent")
+    latitude_rate: AngularRate | None = Field(None, description="as for the constellation")
+    eccentricity: Eccentricity | None = Field(None, description="if absent: that of the constellation")
+    perigee: Angle | None = Field(None, description="argument of perigee; if absent: that of the constellation")
 
 
 class SignalErrors(Card):
@@ -56,7 +58,9 @@ class SignalErrors(Card):
         default=None, description="time constant of the range error; constant over the flight if absent"
     )
     time_offset: LengthSigma = Field(
-        default=0.0, description="one sigma in range of the system's time against GPS time, one for all its satellites"
+        default=0.0,
+        description="one-sigma, in range, of the offset of the system's time from GPS time, equal for all its "
+        "satellites",
     )
     time_offset_time: TimeConstant | None = Field(
         default=None, description="time constant of the time offset; constant over the flight if absent"
@@ -85,8 +89,8 @@ class NominalConstellation(SignalErrors, NamedCard):
     latitude_rate: AngularRate | None = Field(
         default=None, description="published rate of the argument of latitude; two bodies and J2 if absent"
     )
-    eccentricity: Eccentricity = Field(default=0.0, description="of all orbits; GPS keeps it below 0.02")
-    perigee: Angle = Field(default=0.0, description="argument of perigee of all orbits, where they are eccentric")
+    eccentricity: Eccentricity = Field(default=0.0, description="eccentricity of all orbits; for GPS below 0.02")
+    perigee: Angle = Field(default=0.0, description="argument of perigee of all orbits if they are eccentric")
     slots: tuple[Slot, ...] = Field(min_length=1)  # one satellite each
 
     def _faults(self) -> Iterator[str]:
@@ -111,11 +115,11 @@ class AlmanacConstellation(SignalErrors):
 
     kind: Literal["almanac"] = "almanac"
     system: Literal["GPS", "BeiDou"] = Field(
-        default="GPS", description="of a YUMA file; weeks and times of one of BeiDou are those of BeiDou time"
+        default="GPS", description="system of a YUMA file; weeks and times of a BeiDou file are in BeiDou time"
     )
     almanac: str = Field(description="path of a YUMA or SEM file", json_schema_extra={"path": True})
     longest_age: TimeConstant = Field(
-        default=180 * 86400.0, description="lift-off at most this far from the time of applicability"
+        default=180 * 86400.0, description="largest time between lift-off and the time of applicability"
     )
 
 
@@ -126,21 +130,22 @@ class RinexConstellation(SignalErrors):
 
     kind: Literal["rinex"] = "rinex"
     rinex: str | tuple[str, ...] = Field(
-        description="path of a RINEX 2 or 3 navigation file, gzip or plain, or a list of such",
+        description="path of a RINEX 2 or 3 navigation file, gzip or plain, or a list of paths",
         json_schema_extra={"path": True},
     )
     systems: tuple[System, ...] | None = Field(
-        default=None, description="systems to take; those of the four that the files hold if absent"
+        default=None,
+        description="satellite systems to use; if absent: all in the files, of the four that are supported",
     )
     longest_age: TimeConstant | None = Field(
         default=None,
-        description="lift-off at most this far from a satellite's reference time; 2 h for GPS and BeiDou, 4 h for "
-        "Galileo and 30 min for GLONASS if absent",
+        description="largest time between lift-off and a satellite's reference time; if absent: 2 h for GPS and "
+        "BeiDou, 4 h for Galileo, 30 min for GLONASS",
     )
     time_correction: Literal["applied", "ignored"] = Field(
         default="applied",
-        description="what the files state of a system's time against GPS time (TIME SYSTEM CORR), to the "
-        "receiver: applied, so that time_offset is all that is left; or ignored, so that ranges are off by it too",
+        description="use of the offset between a system's time and GPS time in the files (TIME SYSTEM CORR) by the "
+        "receiver: applied: only time_offset remains; ignored: ranges contain the offset too",
     )
 
     @field_validator("rinex", "systems")
@@ -156,11 +161,12 @@ class PreciseConstellation(SignalErrors):
 
     kind: Literal["sp3"] = "sp3"
     sp3: str | tuple[str, ...] = Field(
-        description="path of an SP3 file, gzip or plain, or a list of such that follow one another",
+        description="path of an SP3 file, gzip or plain, or a list of consecutive files",
         json_schema_extra={"path": True},
     )
     systems: tuple[System, ...] | None = Field(
-        default=None, description="systems to take; those of the four that the files hold if absent"
+        default=None,
+        description="satellite systems to use; if absent: all in the files, of the four that are supported",
     )
 
     @field_validator("sp3", "systems")

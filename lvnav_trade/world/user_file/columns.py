@@ -35,7 +35,7 @@ class TimeColumn(Card):
 
     column: str
     unit: TimeUnit
-    liftoff: float = Field(0.0, description="what the column shows at lift-off, in its unit")
+    liftoff: float = Field(0.0, description="value of the column at lift-off, in its unit")
 
 
 class PositionColumns(Card):
@@ -47,8 +47,8 @@ class PositionColumns(Card):
 
     frame: Literal["geodetic", "ecef", "eci", "j2000"]
     columns: Three = Field(description="latitude, longitude, height; or x, y, z")
-    unit: str = Field(description="of the angles where the frame is geodetic, else of x, y and z")
-    height_unit: LengthUnit | None = Field(None, description="of the height where the frame is geodetic")
+    unit: str = Field(description="unit of the angles if the frame is geodetic, otherwise of x, y and z")
+    height_unit: LengthUnit | None = Field(None, description="unit of the height if the frame is geodetic")
 
     def _faults(self) -> Iterator[str]:
         parse(f"1 {self.unit}", "rad" if self.frame == "geodetic" else "m")
@@ -76,13 +76,15 @@ class AttitudeColumns(Card):
     """
 
     form: Literal["quaternion", "matrix", "euler"]
-    frame: Literal["ecef", "eci", "j2000", "ned"] = Field(description="that the attitude is against")
-    columns: tuple[str, ...] = Field(description="4 of a quaternion, 9 of a matrix by rows, or yaw, pitch, roll")
-    scalar: Literal["first", "last"] | None = Field(None, description="where the quaternion has its scalar")
-    turns: Literal["body_to_frame", "frame_to_body"] | None = Field(
-        None, description="which components a quaternion or matrix turns into which"
+    frame: Literal["ecef", "eci", "j2000", "ned"] = Field(description="frame to which the attitude refers")
+    columns: tuple[str, ...] = Field(
+        description="4 columns of a quaternion, 9 of a matrix by rows, or yaw, pitch, roll"
     )
-    unit: AngleUnit | None = Field(None, description="of Euler angles")
+    scalar: Literal["first", "last"] | None = Field(None, description="position of the scalar in the quaternion")
+    turns: Literal["body_to_frame", "frame_to_body"] | None = Field(
+        None, description="direction of the transformation by a quaternion or matrix"
+    )
+    unit: AngleUnit | None = Field(None, description="unit of Euler angles")
 
     def _faults(self) -> Iterator[str]:
         wanted = {"quaternion": 4, "matrix": 9, "euler": 3}[self.form]
@@ -105,8 +107,10 @@ class TableTrajectory(OutsideFlight):
     """
 
     kind: Literal["table"] = "table"
-    file: str = Field(description="the rows: CSV, or Parquet by its ending", json_schema_extra={"path": True})
-    delimiter: str = Field(",", min_length=1, max_length=1, description="between the fields of a CSV file")
+    file: str = Field(
+        description="file with the rows: Parquet if its name says so, otherwise CSV", json_schema_extra={"path": True}
+    )
+    delimiter: str = Field(",", min_length=1, max_length=1, description="separator of the fields of a CSV file")
     time: TimeColumn  # column of time
     position: PositionColumns  # columns of position
     velocity: VelocityColumns | None = None  # columns of velocity; none: derivative of the position
@@ -117,24 +121,35 @@ class TableTrajectory(OutsideFlight):
         "the epoch",
     )
     events: dict[str, Duration] = Field(default_factory=dict, description="times of the named events, from lift-off")
-    position_noise: LengthSigma | None = Field(None, description="one sigma of a row; none: the rounding of its digits")
-    velocity_noise: SpeedSigma | None = Field(None, description="one sigma of a row; none: the rounding of its digits")
-    attitude_noise: AngleSigma | None = Field(None, description="one sigma of a row; none: the rounding of its digits")
+    position_noise: LengthSigma | None = Field(
+        None, description="one-sigma of a row; none: the rounding error implied by its digits"
+    )
+    velocity_noise: SpeedSigma | None = Field(
+        None, description="one-sigma of a row; none: the rounding error implied by its digits"
+    )
+    attitude_noise: AngleSigma | None = Field(
+        None, description="one-sigma of a row; none: the rounding error implied by its digits"
+    )
     smallest_jump: LengthSigma = Field(
-        0.5, description="a step of the rows of position at an event beyond this is a change of their reference point"
+        0.5, description="a larger step of the position at an event is treated as a change of its reference point"
     )
     moving_reference: tuple[tuple[str, str], ...] = Field(
-        (), description="pairs of events between which the point that the rows of position refer to moves in the body"
+        (), description="pairs of events between which the reference point of the position moves in the body"
     )
     largest_force_angle: AngleLimit = Field(
         0.5235987755982988,  # 30 deg
-        description="median angle of forces above 1 g from the body's x axis; beyond it the attitude is refused",
+        description="largest median angle between the body's x axis and specific forces above 1 g; beyond it the "
+        "attitude is refused",
     )
     pointing: Literal["thrust", "velocity"] = Field(
-        "thrust", description="without attitude: along the specific force, or along the Earth-relative velocity"
+        "thrust",
+        description="direction of the x axis if the file has no attitude: along the specific force, or along the "
+        "Earth-relative velocity",
     )
-    roll: Roll = Field(Roll(), description="without attitude")
-    pad_hold: Pause = Field(0.0, description="rest on the pad that is put before the first row, from that row's place")
+    roll: Roll = Field(Roll(), description="roll angle if the file has no attitude")
+    pad_hold: Pause = Field(
+        0.0, description="duration of rest on the pad before the first row, at the position of that row"
+    )
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
     coast_after_injection: ClassVar[float] = 0.0  # nothing is added behind the last row

@@ -51,7 +51,7 @@ class PositionErrorColumns(_ErrorColumns):
 
     SI = "m"
 
-    unit: LengthUnit | None = Field(None, description="none: the one that the columns' names end in, such as north_m")
+    unit: LengthUnit | None = Field(None, description="unit; none: from the names of the columns, such as north_m")
 
 
 class VelocityErrorColumns(_ErrorColumns):
@@ -59,7 +59,7 @@ class VelocityErrorColumns(_ErrorColumns):
 
     SI = "m/s"
 
-    unit: SpeedUnit | None = Field(None, description="none: the one that the columns' names end in, such as east_cm_s")
+    unit: SpeedUnit | None = Field(None, description="unit; none: from the names of the columns, such as east_cm_s")
 
 
 class ErrorTable(Card):
@@ -71,19 +71,25 @@ class ErrorTable(Card):
     in its mean.
     """
 
-    file: str = Field(description="the rows: CSV, or Parquet by its ending", json_schema_extra={"path": True})
-    delimiter: str = Field(",", min_length=1, max_length=1, description="between the fields of a CSV file")
+    file: str = Field(
+        description="file with the rows: Parquet if its name says so, otherwise CSV", json_schema_extra={"path": True}
+    )
+    delimiter: str = Field(",", min_length=1, max_length=1, description="separator of the fields of a CSV file")
     frame: Literal["ned", "ecef", "eci"]  # axes of the error columns
     time: TimeColumn  # column of time
     position: PositionErrorColumns  # columns of the position error
     velocity: VelocityErrorColumns | None = Field(None, description="none: the velocity has no recorded error")
     truth_minus_solution: bool = Field(False, description="sign of the columns; false: solution minus truth")
-    factor: Fraction = Field(1.0, description="that all errors are multiplied by")
-    largest_gap: Pause | None = Field(None, description="between rows; none: three times their median interval")
-    outside: Literal["refuse", "zero", "repeat"] = Field(
-        "refuse", description="what a flight sees before the first row and after the last one"
+    factor: Fraction = Field(1.0, description="factor on all errors")
+    largest_gap: Pause | None = Field(
+        None, description="largest interval between rows; none: three times their median interval"
     )
-    starts: int = Field(1, ge=1, le=MOST_STARTS, description="places of the recording where a run may begin")
+    outside: Literal["refuse", "zero", "repeat"] = Field(
+        "refuse", description="errors before the first row and after the last one"
+    )
+    starts: int = Field(
+        1, ge=1, le=MOST_STARTS, description="number of places in the recording at which a run may start"
+    )
 
     def _faults(self) -> Iterator[str]:
         if self.starts > 1 and self.outside != "repeat":

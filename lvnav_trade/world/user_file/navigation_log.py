@@ -36,7 +36,7 @@ class UnitFile(Card):
     axes: tuple[Axis, Axis, Axis] = Field(
         ("x", "y", "z"), description="axis of the log along each body axis (x forward, y right, z down)"
     )
-    delay: Duration = Field(0.0, description="by which its time tags are late against those of the receiver")
+    delay: Duration = Field(0.0, description="delay of the IMU's time tags relative to those of the receiver")
 
     def _faults(self) -> Iterator[str]:
         if round(float(np.linalg.det(turning(self.axes)))) != 1:
@@ -46,21 +46,27 @@ class UnitFile(Card):
 class NavigationLog(NamedCard):
     """A recorded log, and how it is aligned."""
 
-    epoch: Epoch = Field(description="UTC when the columns of time are zero")
+    epoch: Epoch = Field(description="UTC at which the time columns are zero")
     time_scale: Literal["gps", "unix"] | None = Field(
         None,
-        description="whether the columns of time count leap seconds (gps) or skip them (unix); none: gps with epoch "
-        "1980-01-06, unix with 1970-01-01, and no leap second between another epoch and the log",
+        description="gps: the time columns count leap seconds; unix: they skip them; none: gps for the epoch "
+        "1980-01-06, unix for 1970-01-01; with another epoch it is required if a leap second lies between"
+        " epoch and log",
     )
     imu: UnitFile  # file of IMU data and its columns
     gnss: ReceiverFile  # file of the receiver's solutions and its columns
     ranges: RangesFile | None = None  # file of ranges; none: solutions alone
-    still: tuple[Duration, Duration] = Field(description="where the vehicle rests, from the receiver's first row")
-    heading: Angle | None = Field(
-        None, description="of the body's x axis, or of its z axis where x stands upright; none: from the motion"
+    still: tuple[Duration, Duration] = Field(
+        description="interval in which the vehicle rests, from the receiver's first row"
     )
-    heading_within: Pause = Field(15.0, description="after the rest: the motion that shows the heading")
-    gyro_bias: Literal["still", "none"] = Field("still", description="whether the mean rate at rest is taken off")
+    heading: Angle | None = Field(
+        None, description="heading of the body's x axis, or of its z axis if x points up; none: from the motion"
+    )
+    heading_within: Pause = Field(15.0, description="time after the rest whose motion determines the heading")
+    gyro_bias: Literal["still", "none"] = Field(
+        "still",
+        description="still: the mean rate at rest, minus the Earth rate, is removed; none: it is left to the filter",
+    )
 
     def _faults(self) -> Iterator[str]:
         if not 0.0 <= self.still[0] < self.still[1]:

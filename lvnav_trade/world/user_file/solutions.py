@@ -45,7 +45,9 @@ class ReceiverFile(Card):
     file: str
     delimiter: str = Field(",", min_length=1, max_length=1)
     noise: Literal["filter", "log"] = Field(
-        "filter", description="what the filter assumes of a solution: its card, or the sigmas of the file"
+        "filter",
+        description="noise that the filter assumes of a solution: filter: that of its card; log: the sigmas of the "
+        "file",
     )
 
 

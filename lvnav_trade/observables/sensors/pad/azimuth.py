@@ -45,7 +45,7 @@ class AzimuthCard(StandingCard):
 
     kind: Literal["azimuth"] = "azimuth"
     sigma: AngleSigma = Field(gt=0.0, description="white noise of a measurement")
-    bias: AngleSigma = Field(0.0, description="error of the surveyed line and of the mirror, the same all the time")
+    bias: AngleSigma = Field(0.0, description="constant error of the surveyed line and of the mirror")
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the azimuth of the mirror's normal (n_epoch, 1) in rad."""

@@ -36,9 +36,9 @@ class PadPositionCard(RestCard):
     noise: ClassVar[str] = "pad position noise"
 
     kind: Literal["pad_position"] = "pad_position"
-    sigma: LengthSigma = Field(gt=0.0, description="of the sway, per axis, as a matched filter assumes it")
-    jitter: LengthSigma = Field(0.0, description="true white noise per axis, beside the sway of the trajectory")
-    survey: LengthSigma = Field(0.0, description="error of the survey, per axis, the same all the time")
+    sigma: LengthSigma = Field(gt=0.0, description="sway per axis that a matched filter assumes")
+    jitter: LengthSigma = Field(0.0, description="true white noise per axis, in addition to the sway of the trajectory")
+    survey: LengthSigma = Field(0.0, description="constant error of the survey, per axis")
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the place at rest (n_epoch, 3) in m, frame e."""

@@ -45,9 +45,11 @@ class ZeroRotationCard(RestCard):
     noise: ClassVar[str] = "zero rotation noise"
 
     kind: Literal["zero_rotation"] = "zero_rotation"
-    sigma: AngleSigma = Field(gt=0.0, description="of sway and twist, per axis, as a matched filter assumes it")
-    jitter: AngleSigma = Field(0.0, description="true white noise per axis, beside sway and twist of the trajectory")
-    attitude: AngleSigma = Field(gt=0.0, description="how well the standing attitude is known beforehand, per axis")
+    sigma: AngleSigma = Field(gt=0.0, description="sway and twist per axis that a matched filter assumes")
+    jitter: AngleSigma = Field(
+        0.0, description="true white noise per axis, in addition to sway and twist of the trajectory"
+    )
+    attitude: AngleSigma = Field(gt=0.0, description="initial one-sigma of the standing attitude, per axis")
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the attitude at rest (n_epoch, 4), a quaternion from body to frame e."""

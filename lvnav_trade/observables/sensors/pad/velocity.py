@@ -37,8 +37,8 @@ class ZeroVelocityCard(RestCard):
     noise: ClassVar[str] = "zero velocity noise"
 
     kind: Literal["zero_velocity"] = "zero_velocity"
-    sigma: SpeedSigma = Field(gt=0.0, description="of the sway, per axis, as a matched filter assumes it")
-    jitter: SpeedSigma = Field(0.0, description="true white noise per axis, beside the sway of the trajectory")
+    sigma: SpeedSigma = Field(gt=0.0, description="sway per axis that a matched filter assumes")
+    jitter: SpeedSigma = Field(0.0, description="true white noise per axis, in addition to the sway of the trajectory")
 
     def truth(self, flight: FlightView) -> Floats:
         """Return zero, (n_epoch, 3) m/s."""
