@@ -39,7 +39,9 @@ def test_the_status_is_reported_in_words_and_as_json(variants: Path) -> None:
 def test_fields_are_listed_with_default_and_what_they_take() -> None:
     shown = call("fields", "receiver.clock").output
     assert "initial_bias   0         length (m, km, cm)" in shown
-    assert "kind: clock_jump - The receiver's clock jumps by so much range, once." in call("fields", "faults").output
+    assert (
+        "kind: clock_jump - Single jump of the receiver clock, in metres of range." in call("fields", "faults").output
+    )
     part = json.loads(call("fields", "receiver.clock", "--json").stdout)["parts"][0]
     assert part["rows"][0] == {"field": "h0", "type": "number", "default": "required", "meaning": ""}
     assert call("fields", "receiver.clok").exit_code == 2

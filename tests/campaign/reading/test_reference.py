@@ -34,7 +34,7 @@ def test_a_field_has_its_units_its_default_and_its_meaning() -> None:
 
 def test_settings_of_several_kinds_are_reported_kind_by_kind_without_the_kind_itself() -> None:
     parts = {part.kind: part for part in reference("faults")}
-    assert parts["clock_jump"].title == "The receiver's clock jumps by so much range, once."
+    assert parts["clock_jump"].title == "Single jump of the receiver clock, in metres of range."
     assert [one.field for one in parts["clock_jump"].rows][-2:] == ["start", "size"]
     assert parts["clock_jump"].rows[0].field == "from"
 
