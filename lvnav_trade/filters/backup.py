@@ -1,7 +1,7 @@
-"""A second strapdown that is never corrected: the fall-back of a vehicle (fail-operational).
+"""Backup strapdown, which is never corrected: the fall-back of a fail-operational vehicle.
 
-It takes the increments as the unit puts them out. Its covariance is that of the filter's model without measurements, by
-the transition at the corrected state, the best that is known.
+It integrates the increments as the IMU outputs them. Its covariance is that of the filter model without measurements,
+with the transition matrix linearised at the corrected state, which is the best estimate.
 """
 
 from typing import NamedTuple
@@ -15,8 +15,13 @@ from lvnav_trade.records import Floats
 
 
 class Backup(NamedTuple):
-    """State of the strapdown, updated: nav (10,), sums (18,), previous (6,), P (n, n) covariance of the filter's states
-    without measurements, x (n,) error at a history time.
+    """State of the backup strapdown, updated in place.
+
+    nav : (10,). Navigation state, frame i.
+    sums : (18,). Strapdown integrals over the window.
+    previous : (6,) rad, m/s. Increments of the step before.
+    P : (n_state, n_state). Covariance of the filter's states without measurements.
+    x : (n_state,). Error at a history time.
     """
 
     nav: Floats
@@ -27,14 +32,14 @@ class Backup(NamedTuple):
 
 
 def new_backup(n_state: int, lanes: int = 0) -> Backup:
-    """Return the arrays of a strapdown that is never corrected: one run, or `lanes` runs on the last axis."""
+    """Return the arrays of a backup strapdown: one run, or `lanes` runs on the last axis."""
     shapes = {"nav": (10,), "sums": (N_SUM,), "previous": (6,), "P": (n_state, n_state), "x": (n_state,)}
     return Backup(**zeros_of(shapes, lanes))
 
 
 @jit
 def begin_backup(backup, work):
-    """Let it start where the corrected one does, with nothing sensed before."""
+    """Start the backup strapdown with the state and the covariance of the corrected strapdown."""
     if backup is not None:
         for i in range(10):
             backup.nav[i] = work.nav[i]
@@ -47,16 +52,23 @@ def begin_backup(backup, work):
 
 @inlined
 def advance_backup(backup, work, model, n_tick, dt, seconds):
-    """Mechanise the increments of a window before anything is taken off them; dt s of a strapdown step, seconds from
-    tick 0 to the first of them.
+    """Integrate the increments of a window; called before the estimated IMU errors are removed from them.
+
+    Parameters
+    ----------
+    backup : Backup, or None
+    n_tick : number of increments in the window
+    dt : s, of a strapdown step
+    seconds : s, from tick 0 to the first tick of the window
     """
     if backup is not None:
-        how = model.strapdown
-        mechanise(backup.nav, backup.sums, backup.previous, work.increments, n_tick // how.subsamples, dt, how, seconds)
+        algorithm = model.strapdown
+        n_step = n_tick // algorithm.subsamples
+        mechanise(backup.nav, backup.sums, backup.previous, work.increments, n_step, dt, algorithm, seconds)
 
 
 @inlined
 def predict_backup(backup, work, model, length, injection):
-    """Propagate its covariance over a window, with the blocks that `fill_transition` has filled."""
+    """Propagate the covariance of the backup strapdown over a window, with the blocks of `ekf.fill_transition`."""
     if backup is not None:
         predict_covariance(backup.P, work.D, work.sums, model, length, injection)

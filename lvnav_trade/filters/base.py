@@ -1,4 +1,4 @@
-"""Filter card: what the filter assumes, estimates and how often it works."""
+"""Filter card: measurements, states, noise model and rates of a navigation filter."""
 
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -26,7 +26,7 @@ from lvnav_trade.observables.sensors import (
 from lvnav_trade.observables.tuning import ProcessNoiseTable, RegionNoiseCard, UnderweightingCard
 
 Matched = Literal["matched"]
-# Standard states; what else is a state of the filter is named in its card.
+# Standard states of every filter; its card names the additional states.
 BIASES = ("gyro_bias", "accel_bias")
 # Measurements of the filter kinds of earlier versions.
 _KINDS = {
@@ -39,7 +39,10 @@ _KINDS = {
 
 
 class ImuModel(units.Card):
-    """What the filter assumes of its inertial unit, by axis or not; `matched` in its card takes all from the truth."""
+    """Filter model of the IMU; each parameter is common to the axes or given by axis.
+
+    `imu: matched` in the filter card takes every parameter from the true IMU.
+    """
 
     gyro_random_walk: per_axis.AngleRandomWalk  # root PSD of white noise
     accel_random_walk: per_axis.VelocityRandomWalk  # root PSD of white noise
@@ -74,16 +77,19 @@ class ImuModel(units.Card):
     )
 
     def sigma(self, name: str) -> per_axis.PerAxis:
-        """Return the one-sigma of a parameter (SI); of a nonlinearity its slope, the error at full scale over that."""
-        return per_axis.each_axis(lambda one: float(one) / self.full_scale(name), getattr(self, name))
+        """Return the one-sigma of a parameter (SI), or of a nonlinearity its coefficient.
+
+        The coefficient is the scale-factor error at full scale divided by the full scale.
+        """
+        return per_axis.each_axis(lambda sigma: float(sigma) / self.full_scale(name), getattr(self, name))
 
     def full_scale(self, name: str) -> float:
-        """Return what a parameter is stated at: of a nonlinearity the input at full scale (SI), else one."""
+        """Return the input (SI) at which a nonlinearity is specified; 1 for any other parameter."""
         return float(getattr(self, name.replace("nonlinearity", "full_scale"))) if "nonlinearity" in name else 1.0
 
 
 class ReceiverModel(units.Card):
-    """What the filter assumes of the receiver's measurement noise and clock."""
+    """Filter model of the receiver: measurement noise, measurement errors that are states, and the clock."""
 
     pseudorange_sigma: units.LengthSigma  # white noise
     range_rate_sigma: units.SpeedSigma  # white noise
@@ -138,9 +144,10 @@ else:
 
 
 class DelayCompensation(units.Card):
-    """How a filter meets measurements that are late: at the state that its unit had then, or propagated to the present.
+    """Compensation of measurement latency, for the receiver and for every sensor with a latency.
 
-    It acts on the receiver and on every sensor that has a latency.
+    buffered: the innovation is formed with the stored state of the time of validity. extrapolated: the receiver's
+    solution is extrapolated to the present.
     """
 
     kind: Literal["buffered", "extrapolated"] = Field(
@@ -160,11 +167,13 @@ class DelayCompensation(units.Card):
 
 
 class FilterCard(units.NamedCard):
-    """A navigation filter: error-state, its errors in the inertial frame whatever the strapdown is integrated in.
+    """Card of a navigation filter.
 
-    Closed loop: what it estimates is fed back to the strapdown at every epoch. Open loop: the strapdown is left alone,
-    the estimate is added to its output. With `imu` among the measurements, rate and acceleration of the vehicle are
-    states with a process noise that an envelope states, and the samples of the IMU are measurements, one by one.
+    The error state is resolved in the inertial frame, whichever frame the strapdown is integrated in.
+
+    Closed loop: the error state is fed back to the strapdown at every epoch. Open loop: the strapdown runs uncorrected,
+    and the error state is added to its output. With `imu` among the measurements, angular rate and specific force of
+    the vehicle are states; the motion envelope gives their process noise, and every IMU sample is a measurement.
     """
 
     OLD_KEYS: ClassVar[Mapping[str, str]] = {
@@ -292,17 +301,17 @@ class FilterCard(units.NamedCard):
     @classmethod
     def _renamed(cls, data: Any) -> Any:
         """Refuse the keys of earlier versions with the key that replaces them."""
-        found = next((key for key in cls.OLD_KEYS if isinstance(data, Mapping) and key in data), None)
-        if found == "kind" and data["kind"] in _KINDS:
+        old_key = next((key for key in cls.OLD_KEYS if isinstance(data, Mapping) and key in data), None)
+        if old_key == "kind" and data["kind"] in _KINDS:
             raise ValueError(f"kind: replaced by measurements: {_KINDS[data['kind']]}")
-        if found is not None:
-            raise ValueError(f"{found}: {cls.OLD_KEYS[found]}")
+        if old_key is not None:
+            raise ValueError(f"{old_key}: {cls.OLD_KEYS[old_key]}")
         return data
 
     @field_validator("measurements")
     @classmethod
     def _measurable(cls, listed: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the measurements in the order of `MEASUREMENTS`: which comes first in the card has no meaning."""
+        """Return the measurements in the order of `MEASUREMENTS`; their order in the card has no effect."""
         twice = next((name for name in listed if listed.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"{twice!r} is listed twice")
@@ -359,7 +368,7 @@ class FilterCard(units.NamedCard):
 
     @property
     def tight(self) -> bool:
-        """Whether ranges of the receiver are measured."""
+        """Whether the filter processes satellite observables (tight coupling)."""
         return any(name in self.measurements for name in OBSERVABLES)
 
     @property
@@ -369,15 +378,15 @@ class FilterCard(units.NamedCard):
 
     @property
     def loose(self) -> bool:
-        """Whether the receiver's solution is measured."""
+        """Whether the filter processes the receiver's solution (loose coupling)."""
         return any(name in self.measurements for name in RECEIVER_SOLUTION)
 
     @property
     def aided(self) -> bool:
-        """Whether anything is measured."""
+        """Whether the filter processes any measurement."""
         return bool(self.measurements)
 
     @property
     def models_vehicle(self) -> bool:
-        """Whether samples of the IMU are measurements and rate and acceleration of the vehicle are states."""
+        """Whether IMU samples are measurements, and angular rate and specific force of the vehicle are states."""
         return "imu" in self.measurements

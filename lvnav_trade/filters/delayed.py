@@ -1,14 +1,16 @@
-"""Differences of two epochs: the earlier state is stored, and cloned in the covariance or found from the present one.
+"""Differences of two epochs: the earlier state is cloned in the covariance, or computed from the present state.
 
-A difference of ranges, z_k - z_(k-1), depends on the state at two epochs. The estimate of the earlier one is stored;
-its error is a clone of the present one (stochastic cloning: Roumeliotis and Burdick 2002), so that the update has its
-usual form. After the updates of an epoch the clone is replaced: x_clone <- S x. Instead of cloning, the covariance of
-the earlier state follows from the present one by the inverse of the transition in between (Wendel and Trommer 2004):
+A difference of ranges, z_k - z_(k-1), depends on the state at two epochs. The estimate at the earlier epoch is stored.
+Its error is a set of cloned states (stochastic cloning: Roumeliotis and Burdick 2002), so the measurement update has
+its usual form. After the updates of an epoch the clones are replaced by the present states: x_clone <- S x.
+
+Without clones, the covariance of the earlier state follows from the present state and the inverse of the transition
+matrix in between (Wendel and Trommer 2004):
 
     x_(k-1) = Phi^-1 (x_k - w),   Cov(x_k, x_(k-1)) = (P_k - Q) Phi^-T,   P_(k-1) = Phi^-1 (P_k - Q) Phi^-T
 
-with w of covariance Q, which is the correlation of process noise with the measurement. As S x these are the rows that
-the clone has, so both are the same filter but for rounding, as long as nothing is measured between the two epochs.
+The process noise w has covariance Q and is correlated with the measurement. Both filters are identical except for
+rounding, as long as no measurement is processed between the two epochs.
 """
 
 from typing import NamedTuple
@@ -28,12 +30,15 @@ from lvnav_trade.records import Bools, Floats, Ints
 
 
 class Delayed(NamedTuple):
-    """How a filter measures further observables of satellites, beside pseudorange and range rate.
+    """Processing of the further satellite observables: carrier phase and differences of two epochs.
 
-    difference (n_kind,) whether an observable is a difference of two epochs; present (n_epoch, n_receiver) whether a
-    channel has a measurement; earlier: first entry of a row that is of the earlier epoch; renewed (n_epoch, n_extra)
-    variance that an extra state begins anew with at an epoch, -1 where it does not; cloned (n_clone,) states, and
-    clone, the first of their clones; back: the earlier state is found from the present one.
+    difference : (n_kind,). Whether the observable is a difference of two epochs.
+    present : (n_epoch, n_receiver). Whether the channel has a measurement.
+    earlier : First Jacobian entry of the earlier epoch.
+    renewed : (n_epoch, n_extra) SI squared. Variance to which an extra state is reset at the epoch; -1: no reset.
+    cloned : (n_clone,). States that have a clone.
+    clone : First clone in the state vector.
+    back : Whether the earlier state is computed from the present state by the inverse transition.
     """
 
     difference: Bools
@@ -46,9 +51,17 @@ class Delayed(NamedTuple):
 
 
 class Earlier(NamedTuple):
-    """What a filter stores of the epoch before: antenna (n_antenna, 21), clock (1,) m and extra (n_extra,) estimates;
-    phi and noise (n_state, n_state), the transition since then and its noise, lu (n_state, n_state), all empty unless
-    the earlier state is found from the present one; growth (1,) of deviations by fading memory since then.
+    """Estimate at the previous epoch, and the transition since then.
+
+    The transition is empty unless the earlier state is computed from the present state.
+
+    antenna : (n_antenna, 21). Antenna states, see `line_of_sight.antenna`.
+    clock : (1,) m. Clock bias.
+    extra : (n_extra,). Extra states.
+    phi : (n_state, n_state). Transition matrix since the epoch, transposed: each row is a column of it.
+    noise : (n_state, n_state). Covariance of the process noise since the epoch.
+    lu : (n_state, n_state). LU factors of the transition matrix.
+    growth : (1,). Factor on standard deviations by fading memory since the epoch.
     """
 
     antenna: Floats
@@ -70,17 +83,30 @@ def new_earlier(delayed: Delayed, n_antenna: int, n_extra: int, n_state: int, la
 def cloned_states(
     layout: StateLayout, channels: Channels, differences: tuple[str, ...], has_lever: bool
 ) -> tuple[int, ...]:
-    """Return the states that the earlier range of a difference depends on."""
+    """Return the states that the earlier range of a difference depends on; these are cloned.
+
+    Parameters
+    ----------
+    layout, channels
+        States and measurement channels of the filter.
+    differences
+        Names of the measurements that are differences of two epochs.
+    has_lever
+        Whether an antenna is away from the IMU, so that attitude enters.
+    """
     if not differences:
         return ()
-    of_differences = np.r_[tuple(channels.of(name) for name in differences)]
-    entering = [e for e in layout.extras if np.any(e.member[of_differences] >= 0)]
-    found = [*range(POS, POS + 3), *(range(ATT, ATT + 3) if has_lever else ()), layout.clock]
-    return (*found, *(e.offset + i for e in entering for i in range(len(e.labels))))
+    difference_channels = np.r_[tuple(channels.of(name) for name in differences)]
+    entering = [e for e in layout.extras if np.any(e.member[difference_channels] >= 0)]
+    navigation = [*range(POS, POS + 3), *(range(ATT, ATT + 3) if has_lever else ()), layout.clock]
+    return (*navigation, *(e.offset + i for e in entering for i in range(len(e.labels))))
 
 
 def earlier_entries(layout: StateLayout, present: list[tuple[int, int]], first: int) -> list[tuple[int, int]]:
-    """Return entries and clones of the earlier epoch of a difference by those of the later one; first: entry."""
+    """Return the pairs (Jacobian entry, clone) of the earlier epoch of a difference.
+
+    present: the pairs (entry, state) of the later epoch; first: first entry of the earlier epoch.
+    """
     moved = {**{H_POS + i: D_POS + i for i in range(3)}, **{H_ATT + i: D_ATT + i for i in range(3)}, H_CLOCK: D_CLOCK}
     return [
         (
@@ -93,7 +119,7 @@ def earlier_entries(layout: StateLayout, present: list[tuple[int, int]], first: 
 
 @jit
 def is_present(delayed, model, epoch, channel):
-    """Return whether the filter takes a channel of the receiver that has a row at an epoch."""
+    """Return whether the filter processes a receiver channel at an epoch (Delayed, or None)."""
     if delayed is None:
         return model.measured[channel]
     return model.measured[channel] and delayed.present[epoch, channel]
@@ -101,8 +127,8 @@ def is_present(delayed, model, epoch, channel):
 
 @jit
 def subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel):
-    """Set the entries of a difference for extra states at its earlier epoch; return what their estimates take off the
-    prediction.
+    """Set the Jacobian entries of extra states at the earlier epoch of a difference; return the contribution of their
+    estimates, which is subtracted from the prediction.
     """
     h = work.H[row]
     total = like(work.x[0], 0.0)
@@ -117,7 +143,7 @@ def subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel):
 
 @jit
 def _begin_anew(P, at, variance):
-    """Let a state of the covariance P begin anew, with a variance and independent of the others."""
+    """Reset a state in the covariance P to a variance, uncorrelated with all other states."""
     for i in range(P.shape[0]):
         P[at, i], P[i, at] = like(P[0, 0], 0.0), like(P[0, 0], 0.0)
     P[at, at] = like(P[0, 0], variance)
@@ -125,9 +151,13 @@ def _begin_anew(P, at, variance):
 
 @jit
 def renew(P, x, extra, delayed, model, epoch):
-    """Let states begin anew at an epoch: the noise of a measurement, the ambiguity of a carrier that was acquired.
+    """Reset extra states at an epoch: the noise of a new measurement, the ambiguity of a newly acquired carrier.
 
-    P (n, n), x (n,) and the estimates extra (n_extra,) updated; delayed : Delayed, or None
+    Parameters
+    ----------
+    P, x : (n, n) covariance and (n,) error state, updated in place
+    extra : (n_extra,) estimates, updated in place
+    delayed : Delayed, or None
     """
     if delayed is not None:
         for e in range(delayed.renewed.shape[1]):
@@ -139,7 +169,7 @@ def renew(P, x, extra, delayed, model, epoch):
 
 @jit
 def clone(P, delayed):
-    """Replace the clones in the covariance P (n, n) by the states that they are of: S P S'."""
+    """Replace the clones in the covariance P (n, n) by copies of the present states: P <- S P S'."""
     n = P.shape[0]
     for c in range(delayed.cloned.shape[0]):
         for j in range(n):
@@ -151,8 +181,18 @@ def clone(P, delayed):
 
 @inlined
 def accumulate_transition(earlier, delayed, blocks, sums, model, length, injection):
-    """Accumulate transition and noise since the epoch before over a window, where the earlier state is found from them;
-    sums (18,): the strapdown's, of which the blocks are.
+    """Accumulate transition matrix and process noise since the previous epoch over one window.
+
+    Only a filter that computes the earlier state from the present state needs them.
+
+    Parameters
+    ----------
+    earlier, delayed : Earlier, and Delayed or None
+    blocks : (n_block, 9) blocks of the transition over the window
+    sums : (18,) integrals of the strapdown over the window
+    model : FilterModel
+    length : index of the window length
+    injection : change of operating region at the end of the window, -1 none
     """
     if delayed is not None and delayed.back:
         seconds, n, factor = model.seconds[length], earlier.phi.shape[0], model.inflation[length]
@@ -162,7 +202,7 @@ def accumulate_transition(earlier, delayed, blocks, sums, model, length, injecti
                 for i in range(model.n_estimated):
                     earlier.phi[j, i] = earlier.phi[j, i] * factor
             earlier.growth[0] = earlier.growth[0] * factor
-        # by columns: Phi of the window times each of them
+        # phi is transposed, so each of its rows is a column that the transition of the window multiplies
         for j in range(n):
             apply_phi(
                 earlier.phi[j],
@@ -192,7 +232,7 @@ def accumulate_transition(earlier, delayed, blocks, sums, model, length, injecti
 
 @jit
 def begin_transition(earlier, delayed):
-    """Start transition and noise at an epoch."""
+    """Reset the accumulated transition to the identity and its noise to zero."""
     if delayed is not None and delayed.back:
         n = earlier.phi.shape[0]
         earlier.growth[0] = like(earlier.clock[0], 1.0)
@@ -206,7 +246,7 @@ def begin_transition(earlier, delayed):
 def _factorise(lu, phi):
     """Set lu (n, n) to the factors L (unit diagonal) and U of the transition, whose columns are the rows of phi.
 
-    Without pivots: a transition of some seconds is lower and upper triangular with ones but for small numbers.
+    No pivoting: over some seconds a transition matrix has ones on its diagonal and small elements on one side of it.
     """
     n = lu.shape[0]
     for i in range(n):
@@ -235,20 +275,20 @@ def _solve(lu, y):
 
 @jit
 def find_earlier(P, earlier, delayed):
-    """Set the clones in the covariance P (n, n) to the earlier state as it follows from the present one.
+    """Set the clones in the covariance P (n, n) to the earlier state, computed from the present state.
 
-    earlier.noise becomes (P - Q) Phi^-T. The rows and columns of the clones themselves are cleared first. With fading
-    memory the recovered covariance is inflated by `growth`, as that of a stored clone would be.
+    `earlier.noise` becomes (P - Q) Phi^-T. The rows and columns of the clones themselves are cleared first. With fading
+    memory the computed covariance is inflated by `growth`, as that of a stored clone would be.
     """
     if delayed is not None and delayed.back:
         growth = earlier.growth[0]
         n, n_clone, first = P.shape[0], delayed.cloned.shape[0], delayed.clone
         _factorise(earlier.lu, earlier.phi)
-        back = earlier.noise  # row i: what state i of now has with the states of then
+        back = earlier.noise  # element (i, j): covariance of the present state i with the earlier state j
         for i in range(n):
             for j in range(n):
                 back[i, j] = P[i, j] - back[i, j]
-        for c in range(n_clone):  # whatever the clones were is no information
+        for c in range(n_clone):  # the clones of the epoch before have no information on this one
             for j in range(n):
                 back[first + c, j], back[j, first + c] = like(P[0, 0], 0.0), like(P[0, 0], 0.0)
         for i in range(n):
@@ -258,7 +298,7 @@ def find_earlier(P, earlier, delayed):
                 if not (first <= i and i < first + n_clone):
                     P[i, first + c] = growth * back[i, delayed.cloned[c]]
                     P[first + c, i] = growth * back[i, delayed.cloned[c]]
-        # then with then: Phi^-1 once more, on the other side
+        # covariance of earlier states with each other: Phi^-1 once more, from the left
         for c in range(n_clone):
             column = earlier.phi[c]
             for i in range(n):
@@ -270,8 +310,9 @@ def find_earlier(P, earlier, delayed):
 
 @jit
 def correct_earlier(x, earlier, delayed, model):
-    """Correct the stored estimate of the earlier epoch by the clones in an error state x (n,) that is fed back between
-    rows of the same epoch.
+    """Correct the stored estimate of the earlier epoch by the clones in the error state x (n,).
+
+    Needed if the error state is fed back between scalar measurements of the same epoch.
     """
     if delayed is not None:
         for c in range(delayed.cloned.shape[0]):
@@ -280,7 +321,7 @@ def correct_earlier(x, earlier, delayed, model):
                 at = earlier.antenna[a]
                 if POS <= state and state < POS + 3:
                     at[state - POS] = at[state - POS] + value
-                elif state < ATT + 3:  # the arm turns about one axis: x cross arm
+                elif state < ATT + 3:  # an attitude error about one axis rotates the lever arm: x cross arm
                     second, third = (state - ATT + 1) % 3, (state - ATT + 2) % 3
                     up, down = value * at[6 + second], value * at[6 + third]
                     at[third], at[6 + third] = at[third] + up, at[6 + third] + up
@@ -294,8 +335,9 @@ def correct_earlier(x, earlier, delayed, model):
 
 @inlined
 def store_estimate(work, earlier, past, late, delayed, model, epoch):
-    """Store the estimate at the end of an epoch for the differences of the next one; of a late receiver (Late, or None)
-    that of the time when its measurements were valid.
+    """Store the estimate at the end of an epoch, for the differences of the next epoch.
+
+    For a delayed receiver (Late, or None) it is the estimate at the time of validity of its measurements.
     """
     if delayed is not None:
         for a in range(model.lever_arms.shape[0]):
@@ -312,8 +354,9 @@ def store_estimate(work, earlier, past, late, delayed, model, epoch):
 
 @inlined
 def clone_formal(P, earlier, delayed):
-    """Let the earlier state be that of this epoch in the covariance P (n, n) of the filter, or in what it will be found
-    from.
+    """Make the present epoch the earlier one in the covariance P (n, n) of the filter.
+
+    The present states are cloned, or the accumulation of the transition starts again.
     """
     if delayed is not None:
         if not delayed.back:
@@ -323,7 +366,7 @@ def clone_formal(P, earlier, delayed):
 
 @inlined
 def clone_open_loop(x, past, open_loop, late, delayed, epoch):
-    """Let the clones of the error state x (n,) of an open loop be what the states are at the end of an epoch."""
+    """Set the clones in the error state x (n,) of an open loop to the states at the end of an epoch."""
     if delayed is not None and open_loop is not None:
         for c in range(delayed.cloned.shape[0]):
             state = delayed.cloned[c]

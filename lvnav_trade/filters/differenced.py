@@ -1,10 +1,10 @@
-"""Ranges less that of a reference satellite, without off-diagonal noise: its measurement determines the clock.
+"""Ranges differenced with a reference satellite, processed without correlated noise.
 
-What the other satellites measure less that of the reference has the noise of the reference in common. The same results
-from making the clock's state what the reference measures (an update with the gain one for that state, zero for others):
-the state's error is then the reference's, and other satellites are ordinary rows. Of a difference of two epochs it is
-the clock at the earlier one, a clone, with the gain minus one. So nothing is known of the clock but what an epoch
-measures.
+Ranges of other satellites minus that of the reference have the noise of the reference in common. The equivalent used
+here: the reference satellite determines the clock state, by an update with gain 1 for that state and 0 for all others.
+The error of the clock state is then that of the reference measurement, and the other satellites are ordinary scalar
+measurements. For a difference of two epochs the state is the clock at the earlier epoch, a clone, and the gain is -1.
+The clock estimate has no memory: each epoch determines it anew.
 """
 
 import numpy as np
@@ -15,14 +15,15 @@ from lvnav_trade.kernels.lanes import where
 
 @jit
 def is_reference(model, signals, epoch, row):
-    """Return whether a row is of the satellite that others are differenced with."""
+    """Return whether a row is a measurement of the reference satellite."""
     return signals.reference[epoch, row % model.n_kind] == row // model.n_kind
 
 
 @jit
 def leave_out(z, starts, delayed, model, row):
-    """Let a difference of two epochs be no number where the filter starts at the later one (lanes, or None): of the
-    earlier one it knows nothing.
+    """Set a difference of two epochs to not-a-number where the filter starts at the later epoch.
+
+    The filter has no estimate of the earlier epoch then. starts : condition by lane, or None without a mode logic.
     """
     if starts is not None and delayed is not None and delayed.difference[row % model.n_kind]:
         z[row] = where(starts, np.nan, z[row])

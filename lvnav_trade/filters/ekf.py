@@ -26,7 +26,14 @@ def apply_fading_memory(P, model, length):
 
 @jit
 def inject(P, model, injection):
-    """Add the variances of a change of operating region, by number, -1 none."""
+    """Add the variances of a change of operating region.
+
+    Parameters
+    ----------
+    P : (n_state, n_state) covariance, updated in place
+    model : FilterModel
+    injection : row of `model.injected`; -1 adds nothing
+    """
     if injection >= 0:
         for i in range(P.shape[0]):
             P[i, i] = P[i, i] + model.injected[injection, i]
@@ -34,10 +41,19 @@ def inject(P, model, injection):
 
 @inlined
 def predict_covariance(P, D, sums, model, length, injection):
-    """Propagate a covariance over a window of a known length index by the blocks D of its transition, which are those
-    of the strapdown's sums (18,); injection: number of what a change of operating region adds at its end, -1 none.
+    """Propagate a covariance over one window: P <- Phi P Phi' + Q.
+
+    Parameters
+    ----------
+    P : (n_state, n_state) covariance, updated in place
+    D : (n_block, 9) blocks of the transition, of `fill_transition`
+    sums : (18,) integrals of the strapdown over the window, from which the blocks were computed
+    model : FilterModel
+    length : index of the window length in `model.seconds`
+    injection : change of operating region at the end of the window, a row of `model.injected`; -1 none
     """
     apply_fading_memory(P, model, length)
+    # half of the noise of unequal axes enters before the transition, half after, as `predict` does with the rest
     add_turned(P, model.uneven, sums, model.seconds[length])
     predict(
         P,
@@ -55,7 +71,7 @@ def predict_covariance(P, D, sums, model, length, injection):
 
 @jit
 def fill_transition(work, model, length):
-    """Set the blocks of the transition over a window of a known length index."""
+    """Set `work.D`, the blocks of the transition over one window, whose length has index `length`."""
     transition.fill(
         work.D,
         model.block_kinds,
@@ -70,7 +86,10 @@ def fill_transition(work, model, length):
 
 @jit
 def propagate_estimates(work, model, length):
-    """Propagate clock estimate and fading parameters over a window."""
+    """Propagate the estimates of clock, IMU parameters and extra states over one window.
+
+    The clock bias grows by drift times time; a Gauss-Markov estimate decays by its factor.
+    """
     if model.clock >= 0:
         work.clock_hat[0] = work.clock_hat[0] + model.seconds[length] * work.clock_hat[1]
     if model.fading:
@@ -84,7 +103,7 @@ def propagate_estimates(work, model, length):
 
 @inlined
 def predict_window(work, model, length, injection):
-    """Propagate covariance and estimates over a window by its transition; see `predict_covariance`."""
+    """Propagate covariance and estimates over one window by its transition; arguments as in `predict_covariance`."""
     fill_transition(work, model, length)
     predict_covariance(work.P, work.D, work.sums, model, length, injection)
     propagate_estimates(work, model, length)
@@ -92,7 +111,14 @@ def predict_window(work, model, length, injection):
 
 @jit
 def _place_at(work, model, nav, increments, first, dt):
-    """Set every antenna's state from a navigation state and from a tick's increments, which begin at `first`."""
+    """Set the state of every antenna from a navigation state and the increments of one strapdown step.
+
+    Parameters
+    ----------
+    nav : (10,) navigation state, frame i
+    increments : array with the angle increments (rad, body axes) of the step at `first`, `first` + 1, `first` + 2
+    dt : s, of a strapdown step
+    """
     for i in range(3):
         work.rate[i] = increments[first + i] / dt
     for a in range(model.lever_arms.shape[0]):
@@ -101,8 +127,13 @@ def _place_at(work, model, nav, increments, first, dt):
 
 @jit
 def place_antenna(work, past, late, model, dt, epoch):
-    """Set the estimated state of every antenna from the navigation state and the last tick's rate; for a buffered late
-    measurement (Late, or None) they are those of the time when it was valid, in the stored states `past`.
+    """Set the estimated state of every antenna from the navigation state and the rate of the last step.
+
+    Parameters
+    ----------
+    past : stored states of `late.keep`. With a buffered receiver the antenna is placed at the time of validity.
+    late : Late, or None
+    dt : s, of a strapdown step
     """
     _place_at(work, model, work.nav, work.previous, 0, dt)
     if late is not None and not late.extrapolated and late.receiver >= 0:
@@ -112,16 +143,14 @@ def place_antenna(work, past, late, model, dt, epoch):
 
 @jit
 def _add_extra(work, model, signals, epoch, row, channel):
-    """Set the entries of a Jacobian row for the filter's extra states; return what their estimates add to the
-    prediction.
-    """
+    """Set the Jacobian entries of the extra states; return their contribution to the predicted measurement."""
     h = work.H[row]
     total = like(work.x[0], 0.0)
     for f in range(model.extra_member.shape[0]):
         e = model.extra_member[f, channel]
         if e >= 0:
             partial = like(work.x[0], signals.partial[f, epoch, channel])
-            # decorrelated rows have the entries of all axes: each state has one of its own
+            # decorrelation mixes the rows of all axes, so there every extra state needs an entry to itself
             h[N_ENTRY + (e if model.has_covariance else f)] = partial
             total = total + partial * work.extra[e]
     return total
@@ -129,7 +158,7 @@ def _add_extra(work, model, signals, epoch, row, channel):
 
 @jit
 def _fill_further(work, earlier, delayed, model, signals, epoch):
-    """Set the rows of what is measured of satellites beside pseudorange and range rate: phases, differences."""
+    """Set the rows of the further observables: carrier phase and differences of two epochs."""
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
         a = signals.antenna[epoch, s]
@@ -152,8 +181,15 @@ def _fill_further(work, earlier, delayed, model, signals, epoch):
 
 @jit
 def fill_tight(work, earlier, delayed, model, signals, epoch):
-    """Set the rows of every satellite in use: pseudorange and range rate, then what else is measured of it (Delayed, or
-    None); z holds measured minus predicted.
+    """Set Jacobian rows `work.H` and innovations `work.z` (measured minus predicted) of all satellites in use.
+
+    Each satellite has `model.n_kind` rows: pseudorange (m), range rate (m/s), then the further observables.
+
+    Parameters
+    ----------
+    earlier, delayed : Earlier and Delayed of differences of two epochs; None without further observables
+    model, signals : FilterModel, Signals
+    epoch : index
     """
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
@@ -171,9 +207,9 @@ def fill_tight(work, earlier, delayed, model, signals, epoch):
 
 @jit
 def fill_loose(work, model, signals, epoch):
-    """Set three position and three velocity rows; z holds measured minus predicted."""
+    """Set Jacobian rows and innovations (measured minus predicted) of a solution: position (m), velocity (m/s)."""
     for row in range(6):
-        if model.has_covariance:  # decorrelated afterwards: what a row lacks is zero
+        if model.has_covariance:  # decorrelation combines whole rows, so unused entries must be zero
             for e in range(model.extra_offset.shape[0]):
                 work.H[row, N_ENTRY + e] = like(work.x[0], 0.0)
         predicted = solution.row(work.H[row], work.antenna[0], row)
@@ -182,14 +218,20 @@ def fill_loose(work, model, signals, epoch):
 
 @jit
 def row_of(model, work, channel):
-    """Return the row of a channel of a sensor beside the receiver: the last rows are theirs."""
+    """Return the row of a sensor channel in `work.H` and `work.z`: sensors have the last rows."""
     return work.z.shape[0] - model.n_entry.shape[0] + channel
 
 
 @jit
 def fill_sensor(work, past, late, model, signals, sensors, k, epoch):
-    """Set the rows of sensor k, see `row_of`; z holds measured minus predicted. Those of a late sensor that is
-    compensated (Late, or None) are compared with the state of the time when they were valid.
+    """Set Jacobian rows and innovations (measured minus predicted) of sensor k.
+
+    Parameters
+    ----------
+    past : stored states. With delay compensation the prediction is that of the time of validity.
+    late : Late, or None
+    model, signals, sensors : FilterModel, Signals, Sensors
+    k, epoch : indices
     """
     at = row_of(model, work, sensors.channel[k])
     code, theta, known = sensors.code[k], sensors.theta[k, epoch], sensors.known[k, epoch]
@@ -205,8 +247,10 @@ def fill_sensor(work, past, late, model, signals, sensors, k, epoch):
 
 @jit
 def n_measured(model, signals, epoch):
-    """Return how many rows the receiver has for the filter at an epoch: a simulated solution takes four satellites, of
-    a solver's own the rows that are none are not-a-number.
+    """Return the number of receiver rows that the filter processes at an epoch.
+
+    A simulated solution needs four satellites. A receiver that solves for position itself has six rows at every epoch;
+    innovations without a solution are not-a-number.
     """
     if (epoch + 1) % model.every != 0 or model.n_receiver == 0:
         return 0
@@ -217,14 +261,14 @@ def n_measured(model, signals, epoch):
 
 @jit
 def channel_of(model, signals, epoch, row):
-    """Return the channel of a row of the receiver at an epoch."""
+    """Return the channel of a receiver row at an epoch."""
     return model.n_kind * signals.used[epoch, row // model.n_kind] + row % model.n_kind if model.tight else row
 
 
 @jit
 def _report(reported, rx, signals, epoch):
-    """Set the covariance (6, 6) that a solution comes with: the receiver's (Receiver), or of a simulated one (None) the
-    filter's own variances.
+    """Set the reported covariance (6, 6) of a solution: that of the receiver (Receiver), or of a simulated solution
+    (None) the variances of the filter model.
     """
     for i in range(6):
         for j in range(6):
@@ -236,7 +280,7 @@ def _report(reported, rx, signals, epoch):
 
 @jit
 def _add_spread(reported, points):
-    """Add what points (Points, or None) leave of a row: it is noise of the row."""
+    """Add the variance that the regression over sigma points (Points, or None) does not explain to the noise."""
     if points is not None:
         for i in range(6):
             reported[i, i] = reported[i, i] + points.spread[i]
@@ -244,14 +288,14 @@ def _add_spread(reported, points):
 
 @jit
 def _extrapolate(work, past, late, epoch):
-    """Extrapolate a solution that is late to the present, if the filter (Late, or None) does."""
+    """Extrapolate a delayed solution to the present, if the filter is so configured (Late, or None)."""
     if late is not None and late.extrapolated:
         carry_on(work.z, work.reported, past, work.P, late, epoch)
 
 
 @jit
 def _whiten(work, gains, model):
-    """Decorrelate the rows of a solution; with stored gains (Gains, or None) they stay as they are."""
+    """Decorrelate the rows of a solution. Stored gains (Gains, or None) are for correlated rows, which then stay."""
     if gains is None:
         separate(work.reported, model)
         whiten(work.reported, work.z, work.H, 6, work.H.shape[1])
@@ -259,8 +303,14 @@ def _whiten(work, gains, model):
 
 @jit
 def decorrelate(work, parts, case, rx, late, epoch):
-    """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one: from the receiver
-    (Receiver, or None), or because it is extrapolated (Late, or None).
+    """Decorrelate the rows of a solution by its reported covariance, so that they can be processed as scalars.
+
+    With R = L L' the rows become L^-1 z and L^-1 H, with unit variance.
+
+    Parameters
+    ----------
+    rx : Receiver, whose solution reports a covariance; None for a simulated solution
+    late : Late, whose extrapolation correlates position with velocity; None without delay compensation
     """
     if rx is None and late is None:
         return
@@ -273,8 +323,9 @@ def decorrelate(work, parts, case, rx, late, epoch):
 
 @jit
 def separate(covariance, model):
-    """Set the covariance (6, 6) of position with velocity to zero, where the filter does not take the position: its
-    rows come first, so without velocity nothing needs to be done.
+    """Set the covariance (6, 6) of position with velocity to zero if the filter does not process position.
+
+    Position comes first in the Cholesky factor, so a filter without velocity needs no change.
     """
     if not model.measured[0]:
         for i in range(3):
@@ -284,7 +335,7 @@ def separate(covariance, model):
 
 @jit
 def clear_epoch(work, epoch):
-    """Start an epoch's counts at zero and its innovations at not-a-number (no row)."""
+    """Set the counts of an epoch to zero and its innovations to not-a-number, which means: no measurement."""
     zero = like(work.x[0], 0.0)
     work.nis[epoch], work.n_row[epoch], work.n_reject[epoch] = zero, zero, zero
     for channel in range(work.innovation.shape[1]):
@@ -293,7 +344,7 @@ def clear_epoch(work, epoch):
 
 @inlined
 def fill_receiver(work, earlier, delayed, model, signals, epoch):
-    """Set the rows of what the receiver measures at an epoch, all linearised at one point."""
+    """Set the rows of all receiver measurements of an epoch, linearised at the same state."""
     if model.tight:
         fill_tight(work, earlier, delayed, model, signals, epoch)
     else:
@@ -320,7 +371,10 @@ def correct_receiver(work, model):
 
 @jit
 def correct(work, past, late, model):
-    """Feed the error state back and set it to zero."""
+    """Feed the error state back to all estimates and set it to zero (closed loop).
+
+    Corrected are navigation state, stored states of delayed measurements, IMU parameters, clock and extra states.
+    """
     x = work.x
     correct_motion(work.nav, x)
     correct_stored(past, late, x)

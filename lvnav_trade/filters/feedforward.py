@@ -1,13 +1,13 @@
 """Use of the error state: a closed loop feeds it back to the strapdown, an open loop adds it to the outputs.
 
-A direct filter has none: its update acts on the total state after every scalar measurement, so that the next one is
-linearised there. A closed loop linearises all scalars of an epoch where the epoch begins.
+A direct filter has no error state: every scalar measurement corrects the total state, and the next measurement is
+linearised there. A closed loop linearises all measurements of an epoch at the state at its beginning.
 
-In an open loop the error state stays beside the inertial system: it is propagated with the transition of every window,
-also where the covariance's is linearised less often, measurements are linearised at the uncorrected state, and the sum
-of both goes into the records and nowhere else. For small errors that is the closed loop; a large error of the inertial
-system leaves its second order in the measurements and in the transition. A mode logic, if there is one, permits or
-stops the processing of measurements.
+An open loop propagates the error state separately from the inertial system, with the transition matrix of every window,
+even if the covariance is linearised less often. Measurements are linearised at the uncorrected state. The sum of
+inertial system and error state is recorded and used nowhere else. To first order the result is that of a closed loop;
+large inertial errors add second-order terms to the measurements and to the transition. A mode logic permits or stops
+the processing of measurements.
 """
 
 from typing import NamedTuple
@@ -24,8 +24,13 @@ from lvnav_trade.records import Floats
 
 
 class OpenLoop(NamedTuple):
-    """What an open loop stores while its sum is recorded, or an epoch is processed: x (n_state,) error state, nav (10,)
-    inertial system, par (n_par, 3), clock_hat (2,) and extra (n_extra,) estimates.
+    """Uncorrected state of an open loop, stored while the corrected outputs are recorded or an epoch is processed.
+
+    x : (n_state,). Error state.
+    nav : (10,). Navigation state of the inertial system, frame i.
+    par : (n_par, 3). Estimated IMU parameters.
+    clock_hat : (2,) m, m/s. Estimated clock bias and drift.
+    extra : (n_extra,). Estimated extra states.
     """
 
     x: Floats
@@ -43,11 +48,18 @@ def new_open_loop(n_state: int, n_par: int, n_extra: int, lanes: int = 0) -> Ope
 
 @jit
 def propagate_open_loop(work, points, open_loop, model, length, linearised):
-    """Propagate the error state of an open loop over a window: by the blocks of its transition, the motion of an
-    unscented filter by its points (Points, or None).
+    """Propagate the error state of an open loop over a window.
 
-    linearised : what the window does to the rates at which the covariance's transition is linearised; the error state
-        is propagated by the window's own in any case, as the strapdown is
+    The transition matrix is that of the window itself, even if the covariance is linearised less often: the error state
+    must follow the strapdown.
+
+    Parameters
+    ----------
+    points : Points of an unscented filter, whose mean gives the navigation errors; None with Jacobians
+    open_loop : OpenLoop, or None in a closed loop
+    model : FilterModel
+    length : index of the window length
+    linearised : how the window changes the rates at which the covariance is linearised, as in `kernels.transition`
     """
     if open_loop is not None:
         if linearised != EVERY_WINDOW:
@@ -70,7 +82,7 @@ def propagate_open_loop(work, points, open_loop, model, length, linearised):
 
 @jit
 def apply_feedback(work, past, open_loop, late, model):
-    """Feed the error state back in a closed loop; in an open one correct what late measurements are compared with."""
+    """Feed the error state back in a closed loop; in an open loop correct the stored states of late measurements."""
     if open_loop is None:
         ekf.correct(work, past, late, model)
     else:
@@ -96,8 +108,9 @@ def _copy_estimates(to, source):
 
 @jit
 def apply_correction(work, open_loop, watch, model):
-    """Set the estimates to the sum of inertial system and error state; `remove_correction` restores them. Where a mode
-    logic (Watch, or None) does not yet correct the outputs, they remain the inertial system's own.
+    """Set the estimates to the sum of inertial system and error state; `remove_correction` restores them.
+
+    While a mode logic (Watch, or None) does not correct the outputs, they remain those of the inertial system.
     """
     _copy_estimates(open_loop, work)
     if watch is not None:
@@ -108,15 +121,15 @@ def apply_correction(work, open_loop, watch, model):
 
 @jit
 def remove_correction(work, open_loop, model):
-    """Undo `apply_correction`: nothing that is estimated reaches the strapdown."""
+    """Undo `apply_correction`, so that no estimate enters the strapdown."""
     _copy_estimates(work, open_loop)
     processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)
 
 
 @jit
 def compare_receiver(work, past, case, late, epoch):
-    """Correct the innovations of an open loop for what its error state has changed by since they were valid, those of
-    the receiver (Late, or None).
+    """Correct the innovations of delayed receiver measurements for the change of the error state since their time of
+    validity (open loop; Late, or None).
     """
     if late is not None and not late.extrapolated:
         model, place = case.model, place_of(late, late.receiver, epoch)
@@ -129,7 +142,7 @@ def compare_receiver(work, past, case, late, epoch):
 
 @jit
 def _compare_sensor(work, past, case, open_loop, late, k, epoch):
-    """Do the same for sensor k, for what the error state has changed by up to this epoch."""
+    """Correct the innovations of sensor k as `compare_receiver` does, for the error state before this epoch."""
     if open_loop is not None and late is not None and late.of_sensor[k] >= 0:
         model, place = case.model, place_of(late, late.of_sensor[k], epoch)
         first = ekf.row_of(model, work, case.sensors.channel[k])
@@ -142,7 +155,7 @@ def _compare_sensor(work, past, case, open_loop, late, k, epoch):
 
 @inlined
 def fill_sensor_at_state(work, parts, case, k, epoch):
-    """Set the rows of sensor k at the navigation state as it stands, less what an open loop knows of late ones."""
+    """Set the rows of sensor k at the present navigation state; in an open loop correct those of a late sensor."""
     late = case.options.late
     ekf.fill_sensor(work, parts.past, late, case.model, case.signals, case.sensors, k, epoch)
     _compare_sensor(work, parts.past, case, parts.open_loop, late, k, epoch)
@@ -150,6 +163,6 @@ def fill_sensor_at_state(work, parts, case, k, epoch):
 
 @inlined
 def begin_sum(open_loop, x):
-    """Hold the error state x (n,) that an epoch of an open loop (OpenLoop, or None) begins with."""
+    """Store the error state x (n,) at the beginning of an epoch of an open loop (OpenLoop, or None)."""
     if open_loop is not None:
         _copy(open_loop.x, x)

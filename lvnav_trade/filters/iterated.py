@@ -5,9 +5,9 @@ Gauss and Newton's method for the measurements of an epoch (Bell and Cathey, IEE
 
     x_(i+1) = x- + K_i (y - h(x_i) - H_i (x- - x_i)),   K_i = P- H_i' (H_i P- H_i' + R)^-1.
 
-So a pass is the update of the extended filter from the same prediction, with rows at x_i and with H_i x_i added to what
-is measured beyond them. An earlier state of a difference stays where it is; what is compared with a stored state is not
-iterated.
+Each pass is therefore the update of the extended filter from the same prediction, with rows linearised at x_i and with
+H_i x_i added to the innovation. The earlier state of a difference of two epochs is not iterated, nor are measurements
+that are compared with a stored state.
 """
 
 from typing import NamedTuple
@@ -30,15 +30,26 @@ from lvnav_trade.records import Floats
 
 
 class Passes(NamedTuple):
-    """How an update is iterated: repeats after the first pass; n_present states before the clones."""
+    """Settings of an iterated update.
+
+    repeats : Number of passes after the first.
+    n_present : Number of states of the present epoch; clones follow them.
+    """
 
     repeats: int
     n_present: int
 
 
 class Again(NamedTuple):
-    """Arrays of an iterated update: P (n, n), x (n,) of the prediction; at (n,) where rows are linearised; nav (10,),
-    clock (2,), extra (n_extra,) that errors are of; counts (3,) of the epoch.
+    """Arrays of an iterated update: the prediction, which every pass starts from.
+
+    P : (n, n). Covariance of the prediction.
+    x : (n,). Error state of the prediction.
+    at : (n,). Error state at which rows are linearised, x_i.
+    nav : (10,). Navigation state that the error state refers to.
+    clock : (2,) m, m/s. Clock estimate that it refers to.
+    extra : (n_extra,). Estimated extra states that it refers to.
+    counts : (3,). NIS, accepted and rejected measurements of the epoch before the update.
     """
 
     P: Floats
@@ -72,7 +83,7 @@ def _copy(to, source):
 
 @jit
 def hold(again, work, epoch):
-    """Hold what an update starts from (Again, or None)."""
+    """Store the prediction that an update starts from (Again, or None)."""
     if again is not None:
         for i in range(again.x.shape[0]):
             _copy(again.P[i], work.P[i])
@@ -85,12 +96,12 @@ def hold(again, work, epoch):
 
 @jit
 def _move(work, again, passes, model, epoch):
-    """Take the update back, and move the estimate to what it has found."""
+    """Undo the last pass and move the estimates to its result, where rows are linearised next."""
     for i in range(again.x.shape[0]):
         again.at[i] = work.x[i] if i < passes.n_present else like(work.x[i], 0.0)
         work.x[i] = again.at[i]
         _copy(work.P[i], again.P[i])
-    _stay(work, again)
+    _restore_estimates(work, again)
     correct_motion(work.nav, work.x)
     correct_receiver(work, model)
     _copy(work.x, again.x)
@@ -98,16 +109,16 @@ def _move(work, again, passes, model, epoch):
 
 
 @jit
-def _stay(work, again):
-    """Set the estimate to what errors are of."""
+def _restore_estimates(work, again):
+    """Set the estimates back to those that the error state refers to."""
     _copy(work.nav, again.nav)
     _copy(work.clock_hat, again.clock)
     _copy(work.extra, again.extra)
 
 
 @jit
-def _refer(work, again, model, row, channel):
-    """Let a row's measured minus predicted be of the state that errors are of."""
+def _add_linear_term(work, again, model, row, channel):
+    """Add H_i x_i to an innovation, which then refers to the state that the error state refers to."""
     for c in range(model.n_entry[channel]):
         value = work.H[row, model.entry[channel, c]] * again.at[model.column[channel, c]]
         work.z[row] = work.z[row] + value
@@ -115,14 +126,22 @@ def _refer(work, again, model, row, channel):
 
 @jit
 def linearise_receiver(work, parts, case, again, epoch):
-    """Set the rows of what the receiver measures, linearised at what the last update has found, which is taken back."""
+    """Undo the last pass and set the receiver's rows, linearised at its result.
+
+    Parameters
+    ----------
+    work, parts : arrays of the run and of its optional features
+    case : FilterCase
+    again : Again, of `hold`
+    epoch : index
+    """
     model, signals, options = case.model, case.signals, case.options
     _move(work, again, options.iterated, model, epoch)
     place_antenna(work, parts.past, options.late, model, case.step, epoch)
     fill_receiver(work, parts.earlier, options.delayed, model, signals, epoch)
     for row in range(n_measured(model, signals, epoch)):
-        _refer(work, again, model, row, channel_of(model, signals, epoch, row))
-    _stay(work, again)
+        _add_linear_term(work, again, model, row, channel_of(model, signals, epoch, row))
+    _restore_estimates(work, again)
     place_antenna(work, parts.past, options.late, model, case.step, epoch)
     repeat_extrapolation(parts.past, options.late)
     decorrelate(work, parts, case, parts.rx, options.late, epoch)
@@ -130,11 +149,11 @@ def linearise_receiver(work, parts, case, again, epoch):
 
 @jit
 def linearise_sensor(work, parts, case, again, k, epoch):
-    """Do the same with the rows of sensor k."""
+    """Undo the last pass and set the rows of sensor k, linearised at its result."""
     model, sensors = case.model, case.sensors
     at = row_of(model, work, sensors.channel[k])
     _move(work, again, case.options.iterated, model, epoch)
     fill_sensor_at_state(work, parts, case, k, epoch)
     for i in range(sensors.scalars[k]):
-        _refer(work, again, model, at + i, sensors.channel[k] + i)
-    _stay(work, again)
+        _add_linear_term(work, again, model, at + i, sensors.channel[k] + i)
+    _restore_estimates(work, again)

@@ -1,10 +1,13 @@
 """Delayed measurements: compared with the stored state of their time of validity, or extrapolated to the present.
 
-Canepa and Servidia, algorithm 5.1 and eq. 7.19, 7.20. Buffered, the innovation is formed with the estimate of the time
-of validity; gain and Jacobian are those of the present (Phi over the delay is taken for one), and what the filter
-corrects in between it also corrects in the states that are stored. Extrapolated, a receiver's position and velocity are
-extrapolated by one Euler step with the filter's own velocity and acceleration, and what that adds to their covariance
-is added to the one that is reported with them.
+Canepa and Servidia, algorithm 5.1 and eq. 7.19, 7.20.
+
+Buffered: the innovation is formed with the estimate at the time of validity. Gain and Jacobian are the present ones,
+since the transition matrix over the delay is approximated by the identity. Corrections in between are also applied to
+the stored states.
+
+Extrapolated: position and velocity of the receiver are extrapolated to the present by one Euler step with the filter's
+velocity and acceleration. The covariance of that step is added to the reported covariance of the solution.
 """
 
 from typing import NamedTuple
@@ -16,10 +19,10 @@ from lvnav_trade.kernels.strapdown import Q, R, V, gravity
 from lvnav_trade.kernels.transition import VEL, correct_motion
 from lvnav_trade.records import Bools, Floats, Ints
 
-# What is stored of a time of validity: navigation state, last increments, velocity a while before, error state.
+# Places of a stored state: navigation state (10), last increments (6), earlier velocity (3), error state (9).
 NAV, LAST, EARLY, ERROR, N_PAST = 0, 10, 16, 19, 28
-# In the last row of the store: acceleration that an epoch was extrapolated with, whether there was one, and then the
-# same of the epoch before.
+# The last row of the store has the acceleration of the last extrapolation (3) and whether there was one (1), then the
+# same four numbers of the epoch before.
 BEFORE, KNOWN, N_EXTRAPOLATED = 0, 3, 4
 
 
@@ -66,13 +69,13 @@ class Late(NamedTuple):
 
 @jit
 def place_of(late, line, epoch):
-    """Return where the state of an epoch's measurement of a line is stored."""
+    """Return the place in the store of the state that a line's measurement of an epoch is compared with."""
     return late.first[line] + epoch % late.n_ring[line]
 
 
 @jit
 def place_of_channel(late, channel, epoch):
-    """Return where the state of an epoch's measurement of a channel is stored (Late, or None); 0 if it is not late."""
+    """Return the place in the store for a channel's measurement of an epoch (Late, or None); 0 if it is not late."""
     if late is None:
         return 0
     line = late.line[channel]
@@ -81,20 +84,23 @@ def place_of_channel(late, channel, epoch):
 
 @jit
 def _move(stored, seconds, dt, kind):
-    """Move the place and velocity of a stored state by less than a tick."""
+    """Propagate position and velocity of a stored state by less than a step, with the specific force of the last step.
+
+    seconds : s, of either sign; dt : s, of a strapdown step; kind : gravity model
+    """
     c = matrix(stored[NAV + Q], stored[NAV + Q + 1], stored[NAV + Q + 2], stored[NAV + Q + 3])
-    pulled = gravity(kind, stored[NAV + R], stored[NAV + R + 1], stored[NAV + R + 2])
+    gravitation = gravity(kind, stored[NAV + R], stored[NAV + R + 1], stored[NAV + R + 2])
     x, y, z = stored[LAST + 3] / dt, stored[LAST + 4] / dt, stored[LAST + 5] / dt
     for i in range(3):
         v = stored[NAV + V + i]
-        total = pulled[i] + c[3 * i] * x + c[3 * i + 1] * y + c[3 * i + 2] * z
+        total = gravitation[i] + c[3 * i] * x + c[3 * i + 1] * y + c[3 * i + 2] * z
         stored[NAV + R + i] = stored[NAV + R + i] + seconds * (v + 0.5 * seconds * total)
         stored[NAV + V + i] = v + seconds * total
 
 
 @jit
 def _turn(stored, seconds, dt):
-    """Turn the attitude of a stored state by less than a tick, as its body turned in the last one."""
+    """Propagate the attitude of a stored state by less than a step, with the angular rate of the last step."""
     share, at = seconds / dt, NAV + Q
     d0, d1, d2, d3 = from_rotation(share * stored[LAST], share * stored[LAST + 1], share * stored[LAST + 2])
     stored[at], stored[at + 1], stored[at + 2], stored[at + 3] = multiply(
@@ -104,11 +110,18 @@ def _turn(stored, seconds, dt):
 
 @inlined
 def keep(past, nav, previous, x, late, window, dt, kind):
-    """Store, at the end of a window, the state that a measurement on its way will be compared with.
+    """Store the state at the end of a window, if a delayed measurement will be compared with it.
 
-    past (n_place + 1, N_PAST) updated; nav (10,), previous (6,) the strapdown's state and last increments; x (n,) error
-    state (of a closed loop zero); late : Late, or None where nothing is compensated; dt s of a strapdown step; kind of
-    gravity
+    Parameters
+    ----------
+    past : (n_place + 1, N_PAST) store, updated in place
+    nav : (10,) navigation state, frame i
+    previous : (6,) rad, m/s. Last increments
+    x : (n,) error state; zero in a closed loop
+    late : Late, or None without delay compensation
+    window : index
+    dt : s, of a strapdown step
+    kind : gravity model
     """
     if late is not None:
         for line in range(late.n_ring.shape[0]):
@@ -125,14 +138,15 @@ def keep(past, nav, previous, x, late, window, dt, kind):
                     stored[ERROR + i] = x[i]
                 if late.offset[line, epoch] != 0.0:
                     _move(stored, late.offset[line, epoch], dt, kind)
-                    if line != late.receiver:  # a lever arm turns by a hundredth of a millimetre
+                    if line != late.receiver:  # attitude enters there by lever arms only: 0.01 mm within a tick
                         _turn(stored, late.offset[line, epoch], dt)
 
 
 @jit
 def correct_stored(past, late, x):
-    """Correct the stored states by the error state x (n,) that is fed back: measurements on their way are compared with
-    what the filter would have estimated.
+    """Correct the stored states by the error state x (n,) that is fed back.
+
+    Measurements still to come are thus compared with the best estimate of their time of validity.
     """
     if late is not None:
         for place in range(late.buffered.shape[0]):
@@ -142,7 +156,7 @@ def correct_stored(past, late, x):
 
 @jit
 def correct_stored_errors(past, late, x, before):
-    """Correct the error states that an open loop stores by what an epoch has added: x (n,) less `before` (n,)."""
+    """Correct the stored error states of an open loop by the correction of an epoch: x (n,) minus `before` (n,)."""
     if late is not None:
         for place in range(late.buffered.shape[0]):
             if late.buffered[place]:
@@ -152,8 +166,14 @@ def correct_stored_errors(past, late, x, before):
 
 @jit
 def predicted_of_stored(past, place, h, entries, columns, x):
-    """Return what the error state x of an open loop had predicted of a measurement when it was valid, beyond what it
-    predicts now.
+    """Return the measurement predicted by the stored error state minus that predicted by the present one (open loop).
+
+    Parameters
+    ----------
+    past, place : store, and place of the state of the time of validity
+    h : Jacobian row
+    entries, columns : entries of the row that are not zero, and the states that they multiply
+    x : (n,) present error state
     """
     stored, total = past[place], like(x[0], 0.0)
     for c in range(columns.shape[0]):
@@ -164,7 +184,7 @@ def predicted_of_stored(past, place, h, entries, columns, x):
 
 @jit
 def repeat_extrapolation(past, late):
-    """Let an epoch be extrapolated again, by another pass of an iterated update: from the epoch before."""
+    """Restore the acceleration of the epoch before, so that another pass of an iterated update can extrapolate."""
     if late is not None and late.extrapolated:
         last = past[late.buffered.shape[0]]
         for i in range(N_EXTRAPOLATED):
@@ -173,21 +193,29 @@ def repeat_extrapolation(past, late):
 
 @jit
 def carry_on(z, reported, past, P, late, epoch):
-    """Extrapolate a late solution to the present, in the innovations z (6,), and add to its covariance `reported` (6,
-    6) what that costs (eq. 7.20): the filter's own velocity and acceleration, the delay's error, and what an Euler step
-    leaves.
+    """Extrapolate a delayed solution to the present by one Euler step (eq. 7.19, 7.20).
 
-    P (n, n) of the filter gives the velocity's part. The acceleration of this epoch is stored for the next one, beside
-    that of the epoch before.
+    With the delay d, position moves by d v and velocity by d a, v and a being those of the filter. The covariance grows
+    by the uncertainty of v and a, of d, and by the truncation error of the Euler step.
+
+    Parameters
+    ----------
+    z : (6,) innovations, updated in place
+    reported : (6, 6) reported covariance of the solution, updated in place
+    past : store, with the state at the time of validity. The acceleration of this epoch is stored for the next.
+    P : (n, n) covariance of the filter
+    late : Late
+    epoch : index
     """
     stored, last = past[place_of(late, late.receiver, epoch)], past[late.buffered.shape[0]]
     delay, half = late.delay[epoch], 0.5 * late.delay[epoch] * late.delay[epoch]
-    # the velocity that the filter had: of an open loop the inertial system's plus the error state
+    # estimated velocity at the time of validity: in an open loop that of the inertial system plus the error state
     at, error, inverse = NAV + V, ERROR + VEL, 1.0 / late.base[epoch]
     vx, vy = stored[at] + stored[error], stored[at + 1] + stored[error + 1]
     vz = stored[at + 2] + stored[error + 2]
     ax, ay, az = (vx - stored[EARLY]) * inverse, (vy - stored[EARLY + 1]) * inverse, (vz - stored[EARLY + 2]) * inverse
-    # half the acceleration is left of the position, half its change of the velocity; the first epoch knows none
+    # truncation error: d^2 / 2 times the acceleration in position, times its rate of change in velocity; the first
+    # epoch has no earlier acceleration, hence no rate
     rate = where(last[KNOWN] > 0.0, half / late.interval, 0.0)
     bx, by, bz = rate * (ax - last[BEFORE]), rate * (ay - last[BEFORE + 1]), rate * (az - last[BEFORE + 2])
     for i in range(N_EXTRAPOLATED):

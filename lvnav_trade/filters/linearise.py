@@ -1,7 +1,7 @@
-"""Where Jacobians and sigma points part: propagation of a window, and rows of what is measured, for every filter.
+"""Choice between Jacobians and sigma points, for the propagation of a window and for the measurement rows.
 
-An extended filter takes Jacobians, an unscented one its points (Points, or None). What is compared with a stored state
-is linearised there by Jacobians in both.
+An extended filter uses Jacobians, an unscented filter its sigma points (Points, or None). Measurements compared with a
+stored state are linearised at that state by Jacobians in both.
 """
 
 from lvnav_trade.filters.ekf import fill_receiver, n_measured, predict_window, row_of
@@ -12,7 +12,7 @@ from lvnav_trade.kernels.jit import inlined, jit
 
 @inlined
 def propagate_estimate(work, case, points, open_loop, w):
-    """Propagate covariance and estimates over window w: by the transition, or by the points (Points, or None)."""
+    """Propagate covariance and estimates over window w: by the transition matrix, or by sigma points (Points)."""
     if points is None:
         predict_window(work, case.model, case.schedule.length[w], case.schedule.injection[w])
     else:
@@ -21,7 +21,7 @@ def propagate_estimate(work, case, points, open_loop, w):
 
 @jit
 def is_receiver_stored(late):
-    """Return whether what the receiver measures is compared with a stored state (Late, or None)."""
+    """Return whether measurements of the receiver are compared with a stored state (Late, or None)."""
     if late is None:
         return False
     return not late.extrapolated and late.receiver >= 0
@@ -29,14 +29,18 @@ def is_receiver_stored(late):
 
 @jit
 def is_sensor_stored(late, k):
-    """Return whether what sensor k measures is compared with a stored state (Late, or None)."""
+    """Return whether measurements of sensor k are compared with a stored state (Late, or None)."""
     return False if late is None else late.of_sensor[k] >= 0
 
 
 @inlined
 def fill_receiver_rows(work, parts, case, points, late, epoch):
-    """Set Jacobian rows and innovations of what the receiver measures: by Jacobians, or over the points (Points, or
-    None), but where it is compared with a stored state (Late, or None).
+    """Set Jacobian rows and innovations of the receiver's measurements.
+
+    Parameters
+    ----------
+    points : Points of an unscented filter, whose regression gives the rows; None: Jacobians
+    late : Late, or None. Measurements compared with a stored state have Jacobians in any case.
     """
     if points is None:
         fill_receiver(work, parts.earlier, case.options.delayed, case.model, case.signals, epoch)

@@ -18,7 +18,7 @@ from lvnav_trade.layout import ErrorTerm, StateLayout
 from lvnav_trade.per_axis import PerAxis, axes, squares
 from lvnav_trade.records import Bools, Floats, Ints
 
-# One-sigma (m) of the receiver's clock at an epoch before the filter starts: such a difference tells nothing.
+# One-sigma (m) of the receiver's clock at an epoch before the filter starts: a difference with it has no weight.
 UNKNOWN = 1e6
 BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias"}
 
@@ -116,24 +116,40 @@ class FilterModel(NamedTuple):
 
 
 def transition_blocks(parameters: tuple[ErrorTerm, ...], order: int) -> tuple[Ints, Ints, Ints, Ints]:
-    """List the 3 x 3 blocks of Phi in the order in which they act: rows, columns, kinds, drivers.
+    """Return the 3 x 3 blocks of the transition matrix in the order in which they are applied.
 
-    Order 1 is I + F dt, the terms linear in the window: position moves on by the velocity before the window, and what
-    its gradient of gravity would make of that is taken off again. Order 2 is all that `transition` knows.
+    Parameters
+    ----------
+    parameters
+        Estimated or considered IMU parameters, three states each.
+    order
+        1: I + F dt, terms linear in the window length. 2: all blocks of `kernels.transition`.
+
+    Returns
+    -------
+    rows, columns, kinds, drivers
+        (n_block,) each. First row, first column, kind as in `kernels.transition`, quantity that the parameter of the
+        block multiplies.
+
+    Notes
+    -----
+    Blocks are applied one after the other. In order 1, position is propagated with the velocity before the window; the
+    block VEL_VEL then removes the second-order term that the gravity gradient makes of it. In order 2, position takes
+    half of the velocity before the window and half after it.
     """
     gyro = [block for block in parameters if block.sensor == GYRO]
     accel = [block for block in parameters if block.sensor != GYRO]
     if order == 1:
-        found = [(POS, VEL, transition.POS_VEL, 0), (VEL, VEL, transition.VEL_VEL, 0)]
+        blocks = [(POS, VEL, transition.POS_VEL, 0), (VEL, VEL, transition.VEL_VEL, 0)]
     else:
-        found = [(POS, VEL, transition.POS_VEL_HALF, 0)]
-        found += [(VEL, block.offset, transition.VEL_GYRO, block.driver) for block in gyro]
-    found += [(VEL, ATT, transition.VEL_ATT, 0), (VEL, POS, transition.VEL_POS, 0)]
-    found += [(VEL, block.offset, transition.VEL_ACCEL, block.driver) for block in accel]
-    found += [(ATT, block.offset, transition.ATT_GYRO, block.driver) for block in gyro]
+        blocks = [(POS, VEL, transition.POS_VEL_HALF, 0)]
+        blocks += [(VEL, block.offset, transition.VEL_GYRO, block.driver) for block in gyro]
+    blocks += [(VEL, ATT, transition.VEL_ATT, 0), (VEL, POS, transition.VEL_POS, 0)]
+    blocks += [(VEL, block.offset, transition.VEL_ACCEL, block.driver) for block in accel]
+    blocks += [(ATT, block.offset, transition.ATT_GYRO, block.driver) for block in gyro]
     if order == 2:
-        found.append((POS, VEL, transition.POS_VEL_HALF, 0))
-    rows, columns, kinds, drivers = (np.array(values, dtype=np.int64) for values in zip(*found, strict=True))
+        blocks.append((POS, VEL, transition.POS_VEL_HALF, 0))
+    rows, columns, kinds, drivers = (np.array(values, dtype=np.int64) for values in zip(*blocks, strict=True))
     return rows, columns, kinds, drivers
 
 
@@ -142,30 +158,47 @@ def _square(value: PerAxis) -> float | Floats:
 
 
 def _blocks(layout: StateLayout) -> list[tuple[slice, PerAxis, float]]:
-    """Return the states, the sigma and the time constant of every block of parameters or extra states."""
-    found: list[tuple[slice, PerAxis, float]] = [
+    """Return states, one-sigma (SI) and time constant (s) of every block of IMU parameters and of extra states."""
+    parameters: list[tuple[slice, PerAxis, float]] = [
         (slice(b.offset, b.offset + 3), b.sigma, b.time_constant) for b in layout.parameters
     ]
-    return found + [(slice(e.offset, e.offset + len(e.labels)), e.sigma, e.time_constant) for e in layout.extras]
+    return parameters + [(slice(e.offset, e.offset + len(e.labels)), e.sigma, e.time_constant) for e in layout.extras]
 
 
 def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tuple[Floats, Floats]:
-    """Return decay and noise variance of every state over windows of the given lengths, (n_length, n_state) each.
+    """Return decay factor and process-noise variance of every state over windows of the given lengths.
 
-    densities (n_state,): noise PSD of each state; for a Gauss-Markov parameter the noise that holds its sigma is added.
+    Parameters
+    ----------
+    layout
+        States of the filter.
+    densities
+        (n_state,) SI squared per second. PSD of the noise of each state.
+    seconds
+        (n_length,) s. Window lengths.
+
+    Returns
+    -------
+    decay, noise
+        (n_length, n_state) each. A Gauss-Markov state has d = exp(-t / T) and, in addition to its PSD, the variance
+        that keeps its sigma constant.
     """
     decay = np.ones((seconds.size, layout.n_state))
     noise = seconds[:, None] * densities
     for states, sigma, time_constant in _blocks(layout):
         if math.isfinite(time_constant):
             decay[:, states] = np.exp(-seconds / time_constant)[:, None]
-            # half of it enters before the decay d, half after: 2 (1 - d^2) / (1 + d^2) of the variance then holds it
+            # half of the noise q enters before the decay d, half after: s^2 = d^2 (s^2 + q / 2) + q / 2 gives
+            # q = 2 s^2 (1 - d^2) / (1 + d^2), which is 2 s^2 tanh(t / T)
             noise[:, states] += 2.0 * _square(sigma) * np.tanh(seconds / time_constant)[:, None]
     return decay, noise
 
 
 def _uneven(layout: StateLayout, imu: ImuModel) -> Floats | None:
-    """Return what the PSD of each axis has more than the least: as a sum of squares it leaves a covariance positive."""
+    """Return the PSD of each axis in excess of the least of the three, (2, 3); None if all axes are alike.
+
+    The excess is not negative, so adding it keeps a covariance positive definite.
+    """
     walks = (imu.gyro_random_walk, imu.accel_random_walk)
     if layout.motion >= 0 or not any(isinstance(walk, tuple) for walk in walks):
         return None
@@ -173,23 +206,24 @@ def _uneven(layout: StateLayout, imu: ImuModel) -> Floats | None:
 
 
 def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: ReceiverModel, drift: float) -> Floats:
-    found = np.zeros(layout.n_state)
-    # with a model of the vehicle the noise of samples enters by their rows, and nowhere else
+    """Return the PSD of the process noise of each state, (n_state,), SI squared per second; drift m/s one-sigma."""
+    densities = np.zeros(layout.n_state)
+    # with a model of the vehicle the noise of IMU samples is measurement noise and must not be counted twice
     by_window = layout.motion < 0
-    found[ATT : ATT + 3] = by_window * min(squares(imu.gyro_random_walk)) + card.attitude_noise**2
-    found[VEL : VEL + 3] = by_window * min(squares(imu.accel_random_walk)) + card.velocity_noise**2
-    found[POS : POS + 3] = card.position_noise**2
+    densities[ATT : ATT + 3] = by_window * min(squares(imu.gyro_random_walk)) + card.attitude_noise**2
+    densities[VEL : VEL + 3] = by_window * min(squares(imu.accel_random_walk)) + card.velocity_noise**2
+    densities[POS : POS + 3] = card.position_noise**2
     for block in layout.parameters:
-        found[block.offset : block.offset + 3] = _square(block.walk)
+        densities[block.offset : block.offset + 3] = _square(block.walk)
     for extra in layout.extras:
-        found[extra.offset : extra.offset + len(extra.labels)] = _square(extra.walk)
+        densities[extra.offset : extra.offset + len(extra.labels)] = _square(extra.walk)
     if layout.clock >= 0:
         bias, walk = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
-        if layout.has_reduced_clock:  # of an update interval the same variance as that of bias and drift
+        if layout.has_reduced_clock:  # bias variance after one update interval equals that of the two-state clock
             interval = 1.0 / card.update_rate
             bias, walk = bias + walk * interval**2 / 3.0 + drift**2 * interval, 0.0
-        found[layout.clock : layout.clock + 2] = bias, walk
-    return found
+        densities[layout.clock : layout.clock + 2] = bias, walk
+    return densities
 
 
 def build_filter_model(
@@ -201,26 +235,35 @@ def build_filter_model(
     injected: Floats | None = None,
     stored: Bools | None = None,
 ) -> FilterModel:
-    """Turn a filter card and its filter models into numbers.
+    """Return a filter card and its sensor models as arrays for the kernels.
 
-    Long because a record of 32 numbers is filled here, each by an expression of its own.
+    Long because it fills a record of 40 fields, each with its own expression.
 
     Parameters
     ----------
+    card
+        Filter card.
     layout
         States of the filter, of `state_layout`.
+    taken
+        Sensor models, channels and measurements of the filter.
     seconds
         (n_length,) s. Window lengths that occur.
     strapdown
-        Its algorithm; None: that of the card, in the inertial frame.
+        Algorithm of the strapdown; None: that of the card, in the inertial frame.
     injected
-        (n_injection, n_state) SI squared. Variances that are added at some windows; None: none.
+        (n_injection, n_state) SI squared. Variances added at changes of operating region; None: none.
     stored
-        (n_channel,). Channels that have stored gains, which alone are processed; None: the gains are not stored.
+        (n_channel,). Whether a channel has stored gains; the others are not processed. None: no stored gains.
+
+    Returns
+    -------
+    FilterModel
+        The filter as arrays.
     """
     imu, receiver, channels, measurements = taken.imu, taken.receiver, taken.channels, taken.measurements
     rows, columns, block_kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
-    if "imu" in measurements:  # all but the gradient of gravity is propagated sample by sample
+    if "imu" in measurements:  # everything but the gravity gradient is propagated sample by sample
         gradient = block_kinds == transition.VEL_POS
         rows, columns, block_kinds, drivers = (
             rows[gradient],
@@ -282,8 +325,18 @@ def build_filter_model(
 def initial_covariance(
     layout: StateLayout, initial: InitialModel, C_n_i: Floats, envelope: EnvelopeCard | None = None
 ) -> Floats:
-    """Return the filter's covariance (n_state, n_state) at the start; C_n_i (3, 3) of the starting point; envelope of a
-    filter that models the vehicle.
+    """Return the initial covariance of the filter, (n_state, n_state), SI squared.
+
+    Parameters
+    ----------
+    layout
+        States of the filter.
+    initial
+        One-sigma of the initial errors.
+    C_n_i
+        (3, 3). Rotation from the local frame (north, east, down) at the starting point to the inertial frame.
+    envelope
+        Motion envelope of a filter that models the vehicle; None otherwise.
     """
     variance, clock, motion = np.zeros(layout.n_state), layout.clock, layout.motion
     variance[VEL : VEL + 3], variance[POS : POS + 3] = initial.velocity**2, initial.position**2

@@ -1,9 +1,8 @@
 """Mode logic of a filter: when it starts, which measurements it accepts, when it stops and starts again.
 
-The logic of an open-loop filter (Thomas et al., section 5) as a small state machine, one step an epoch, of one run or
-of eight at once. What the receiver tells of a sample (flags, freshness, dilution of precision) is the same in every
-run and comes in as `Rules.good`; what the filter finds of it (a wild sample, a covariance out of bounds) is each
-run's own.
+The logic of an open-loop filter (Thomas et al., section 5) is a state machine with one step per epoch, for one run or
+for eight lanes. The checks at the input (flags, freshness, dilution of precision) have the same result in every run and
+are in `Rules.good`. Residuals and covariance differ from run to run and are checked here.
 """
 
 from typing import NamedTuple
@@ -18,10 +17,10 @@ from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.records import AIDING, CONVERGING, PREDICTING, STOPPED, WAITING, Bools, Floats
 
 (NONE, GOOD_SAMPLES, CONVERGED, DATA_LOST, DATA_AGAIN, LOSS_PERSISTS, RESIDUAL_PERSISTS, COVARIANCE_PERSISTS) = range(8)
-"""Why what it does changes, by number; in words: records.REASONS."""
+"""Reasons of a mode transition; their texts are in records.REASONS."""
 
 MODE, COUNT, SINCE, ERROR, WHY = range(5)
-"""Where a run's state stands: mode, good samples in a row, seconds since the filter started, seconds since the last
+"""Elements of `Watch.state`: mode, successive good samples, seconds since the filter started, seconds since the last
 epoch without an error, reason of the last stop.
 """
 N_WATCH = 5
@@ -56,15 +55,15 @@ class Rules(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """A run's watch, updated.
+    """State of the mode logic of a run, updated in place.
 
-    state : (N_WATCH,). What the logic remembers.
-    before : (n_receiver,). The sample before by channel, less the inertial prediction; not-a-number: none.
+    state : (N_WATCH,). Mode, counters and timers, see `MODE`.
+    before : (n_receiver,). Previous sample by channel minus the inertial prediction; not-a-number if there is none.
     z : (n_row,). Measured minus predicted by the inertial system alone; in linear covariance its mean.
-    predicted : (n_row,). The same as the error state predicts it; of a sample that the filter starts from its variance.
+    predicted : (n_row,). Prediction of z by the error state; at a start from the receiver, the variances of its rows.
     sample : (2,). Whether the sample of this epoch is used, and whether the filter starts with it.
-    mode : (n_epoch,). What the filter does after each epoch.
-    reason : (n_epoch,). Why that changed there; 0: it did not.
+    mode : (n_epoch,). Mode after each epoch.
+    reason : (n_epoch,). Reason of a mode transition at the epoch; 0: no transition.
     """
 
     state: Floats
@@ -77,7 +76,7 @@ class Watch(NamedTuple):
 
 
 def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0) -> Watch:
-    """Return the arrays of a watch: one run, or `lanes` runs on the last axis."""
+    """Return the arrays of a mode logic: one run, or `lanes` runs on the last axis."""
     shapes = {
         "state": (N_WATCH,),
         "before": (max(1, n_receiver),),
@@ -92,7 +91,7 @@ def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0)
 
 @jit
 def begin_watch(watch):
-    """Let a run's filter wait for its first samples, where it has a logic."""
+    """Reset the mode logic (Watch, or None) to waiting for the first samples."""
     if watch is not None:
         for i in range(N_WATCH):
             watch.state[i] = like(watch.before[0], 0.0)
@@ -108,19 +107,27 @@ def is_running(mode):
 
 @jit
 def is_correcting(mode):
-    """Return 1 where the outputs are corrected, 0 where they are the inertial system's own."""
+    """Return 1 where the outputs are corrected, 0 where they are those of the uncorrected inertial system."""
     return where((mode == AIDING) | (mode == PREDICTING), 1.0, 0.0)
 
 
 @jit
 def check_measurements(watch, rules, delayed, model, signals, epoch, z, n_row):
-    """Check an epoch's sample: set `watch.sample`, count good samples in a row.
+    """Check the sample of an epoch: set `watch.sample` and count successive good samples.
+
+    While the filter runs, a sample is wild if a residual exceeds its limit. Before a start there is no estimate, so
+    the sample is compared with the previous one.
 
     Parameters
     ----------
-    watch : Watch, with `predicted` set to what the error state predicts of z; rules : Rules
-    z : (n_row,) measured minus predicted by the inertial system alone. Not read where the sample fails the checks at
-        the input.
+    watch : Watch, whose `predicted` is the prediction of z by the error state
+    rules : Rules
+    delayed : Delayed, or None
+    model, signals : FilterModel, Signals
+    epoch : index
+    z : (n_row,) measured minus predicted by the inertial system alone; not read if the sample fails the checks at the
+        input
+    n_row : number of rows of the receiver
     """
     state = watch.state
     zero = like(state[MODE], 0.0)
@@ -134,7 +141,7 @@ def check_measurements(watch, rules, delayed, model, signals, epoch, z, n_row):
             continue
         limit, before = rules.limits[channel], watch.before[channel]
         wild = where(magnitude(z[row] - watch.predicted[row]) <= limit, wild, 1.0)
-        # before the start there is no prediction but the sample before: the inertial error changes little in between
+        # before a start only the previous sample predicts this one: the inertial error changes little in between
         apart = where(magnitude(z[row] - where(before == before, before, z[row])) <= limit, apart, 1.0)
         watch.before[channel] = z[row]
     apart = where(state[COUNT] > 0.0, apart, 0.0)
@@ -150,8 +157,16 @@ def check_measurements(watch, rules, delayed, model, signals, epoch, z, n_row):
 
 @jit
 def start_filter(P, x, watch, rules, z):
-    """Set error state and covariance where the filter starts; with `from_gnss` the sample is taken for position and
-    velocity as it is, else it is used as any other. `watch.predicted` (6,) holds the variances of its rows then.
+    """Set error state and covariance of the runs whose filter starts at this epoch.
+
+    With `rules.from_gnss` the sample itself is the initial position and velocity, with the variances in
+    `watch.predicted` (6,) and no correlation with other states. Otherwise the sample is processed as a measurement.
+
+    Parameters
+    ----------
+    P, x : (n, n) covariance and (n,) error state, updated in place
+    watch, rules : Watch, Rules
+    z : (6,) measured minus predicted by the inertial system alone
     """
     starts = watch.sample[1] > 0.0
     n = rules.P.shape[0]
@@ -173,7 +188,7 @@ def start_filter(P, x, watch, rules, z):
 
 @jit
 def _covariance_error(P, rules):
-    """Return 1 where a variance of position or velocity is out of bounds, or no number."""
+    """Return 1 where a variance of position or velocity exceeds its limit, is not positive or is not a number."""
     error = like(P[0, 0], 0.0)
     for row in range(N_SPREAD):
         at = POS + row if row < 3 else VEL + row - 3
@@ -183,7 +198,10 @@ def _covariance_error(P, rules):
 
 @jit
 def update_mode(watch, rules, epoch, P):
-    """Decide, after the sample was processed or not, what the filter does from this epoch on; log it."""
+    """Set the mode of the filter from this epoch on, and log mode and reason.
+
+    Called after the sample was processed or rejected. P (n, n) is the covariance after the update.
+    """
     state, used, starts = watch.state, watch.sample[0], watch.sample[1]
     before, good = state[MODE], rules.good[epoch]
     broken = _covariance_error(P, rules)

@@ -1,4 +1,4 @@
-"""Jacobian rows of a filter: measurement types by number and name, and the states of a row's entries."""
+"""Structure of the Jacobian: measurement type of each channel, and the state of each entry that is not zero."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSORS
 from lvnav_trade.records import Floats, Ints
 
 PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE, FIRST_SENSOR = range(8)
-# The number of each type of measurement in the kernels, by name.
+# Number of each measurement type in the kernels, by name.
 TYPES = {
     "pseudorange": PSEUDORANGE,
     "range_rate": RANGE_RATE,
@@ -22,12 +22,12 @@ TYPES = {
     "tdcp": TDCP,
     "delta_pseudorange": DELTA_PSEUDORANGE,
 } | {name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)}
-# States of an observable that a filter has without its card naming them.
+# Noise states of differences of two epochs; the filter has them although its card does not name them.
 NOISE_STATES = {"tdcp": "phase_noise", "delta_pseudorange": "code_noise"}
 
 
 def row_types(channels: Channels) -> Ints:
-    """Return the type of measurement of each channel, (n_channel,)."""
+    """Return the measurement type of each channel, (n_channel,), as numbered in `TYPES`."""
     types = [POSITION] * 3 + [VELOCITY] * 3
     if channels.tight:
         types = [TYPES[name] for name in channels.observables] * len(channels.satellites)
@@ -36,16 +36,33 @@ def row_types(channels: Channels) -> Ints:
 
 
 def _rate_state(layout: StateLayout) -> int:
-    """Return the first of the states that the body rate is known by: the rate itself or a gyro bias, -1 for neither."""
+    """Return the first of the three states that model the body-rate error: rate states or gyro biases; -1 if none."""
     if layout.motion >= 0:
         return layout.motion
-    found = [b.offset for b in layout.parameters if b.sensor == GYRO and b.driver == transition.CONSTANT]
-    return found[0] if found else -1
+    gyro_biases = [b.offset for b in layout.parameters if b.sensor == GYRO and b.driver == transition.CONSTANT]
+    return gyro_biases[0] if gyro_biases else -1
 
 
 def row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: bool) -> tuple[Ints, Ints, Ints]:
-    """Return per channel how many entries its Jacobian row has, which, and the states that they stand for; a whitened
-    solution's rows have the entries of all of them.
+    """Return the structure of the Jacobian row of each channel.
+
+    Parameters
+    ----------
+    layout
+        States of the filter.
+    row_type
+        (n_channel,). Measurement types, of `row_types`.
+    has_lever
+        Whether an antenna is away from the IMU; otherwise attitude and body rate do not enter.
+    whitened
+        Whether the rows of a solution are decorrelated. Each of them then has the entries of all six.
+
+    Returns
+    -------
+    count
+        (n_channel,). Number of entries that are not zero.
+    entry, column
+        (n_channel, n_entry). Places of these entries in the Jacobian row, and the states that they multiply.
     """
     navigation = (("position", H_POS, POS), ("velocity", H_VEL, VEL), ("attitude", H_ATT, ATT))
     whole = {name: [(entry + i, state + i) for i in range(3)] for name, entry, state in navigation}
@@ -67,37 +84,47 @@ def row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: b
     pairs = np.zeros((2, row_type.size, width + n_earlier), dtype=np.int64)
     for channel, kind in enumerate(row_type.tolist()):
         if whitened:
-            stood_for = [e.offset + int(e.member[channel]) for e in layout.extras if e.member[channel] >= 0]
-            own = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY) or at in stood_for]
+            states = [e.offset + int(e.member[channel]) for e in layout.extras if e.member[channel] >= 0]
+            extra = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY) or at in states]
         else:
-            own = [
+            extra = [
                 (N_ENTRY + f, e.offset + int(e.member[channel]))
                 for f, e in enumerate(layout.extras)
                 if e.member[channel] >= 0
             ]
-        found = types[kind] + own
+        row = types[kind] + extra
         if kind in (TDCP, DELTA_PSEUDORANGE) and layout.cloned:
-            found += earlier_entries(layout, found, width)
-        count[channel] = len(found)
-        pairs[:, channel, : len(found)] = np.transpose(found)
+            row += earlier_entries(layout, row, width)
+        count[channel] = len(row)
+        pairs[:, channel, : len(row)] = np.transpose(row)
     return count, pairs[0], pairs[1]
 
 
 def clock_gains(layout: StateLayout, channels: Channels) -> Floats:
-    """Return the gain of each observable of a satellite that makes what it measures of the clock what it says,
-    (n_kind, n_state): of a range the bias, of a rate the drift, of a difference the bias at its earlier epoch.
+    """Return the gains by which a reference satellite determines the clock, (n_kind, n_state).
+
+    A range determines the bias and a range rate the drift, with gain 1. A difference of two epochs determines the bias
+    at its earlier epoch; its partial derivative is -1, and so is its gain.
     """
-    found = np.zeros((len(channels.observables), layout.n_state))
+    gains = np.zeros((len(channels.observables), layout.n_state))
     for kind, name in enumerate(channels.observables):
         if name in DIFFERENCES and layout.clock in layout.cloned:
-            found[kind, layout.clone + layout.cloned.index(layout.clock)] = -1.0
+            gains[kind, layout.clone + layout.cloned.index(layout.clock)] = -1.0
         elif layout.clock >= 0 and name not in DIFFERENCES:
-            found[kind, layout.clock + (name == "range_rate")] = 1.0
-    return found
+            gains[kind, layout.clock + (name == "range_rate")] = 1.0
+    return gains
 
 
 def extra_tables(layout: StateLayout, n_channel: int) -> tuple[Ints, Ints]:
-    """Return the state of every extra one, (n_extra,), and by family which of them stands in a channel."""
+    """Return the state index of each extra state, and which extra state enters which channel.
+
+    Returns
+    -------
+    offsets
+        (n_extra,). Index in the state vector.
+    member
+        (n_family, n_channel). Extra state of the family that enters the channel, -1 none.
+    """
     offsets: list[int] = []
     member = np.full((len(layout.extras), n_channel), -1, dtype=np.int64)
     for f, block in enumerate(layout.extras):

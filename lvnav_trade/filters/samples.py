@@ -13,13 +13,15 @@ from lvnav_trade.records import Floats, Ints
 
 
 class VehicleModel(NamedTuple):
-    """A filter's model of the vehicle's motion, and the truth that it is compared with.
+    """Model of the vehicle's motion in a filter that processes IMU samples, and the true motion it is compared with.
 
-    motion: first of its six states, rate (3) and specific force (3), body axes; blocks (2, n_block, 2) number and
-    driver of each parameter block of gyro and accelerometer, number -1: none; columns (6, 1 + n_block) states of each
-    sample's Jacobian row; walk (n_imu, 6) variance of the step that the filter expects of them into each tick;
-    variance (6,) that it assumes of a sample's noise; rate, force (n_imu, 3) true means over the ticks (rad/s, m/s^2,
-    body axes).
+    motion : First of the six motion states: rate (3) and specific force (3), body axes.
+    blocks : (2, n_block, 2). Number and driver of each parameter block of gyro and accelerometer; number -1 none.
+    columns : (6, 1 + n_block). States of the Jacobian row of each scalar of a sample.
+    walk : (n_imu, 6) SI squared. Variance of the step of each motion state into each tick.
+    variance : (6,) SI squared. Noise variance of each scalar of a sample.
+    rate : (n_imu, 3) rad/s. True mean angular rate over each tick, body axes.
+    force : (n_imu, 3) m/s^2. True mean specific force over each tick, body axes.
     """
 
     motion: int
@@ -74,7 +76,7 @@ def new_motion(n_state: int, n_entry: int, lanes: int = 0) -> Motion:
 
 @jit
 def begin_motion(motion, samples):
-    """Set the estimated motion to zero, and the last sample to the first true one."""
+    """Set the estimated motion to zero, and the last sample to the first true sample."""
     if samples is not None:
         for i in range(3):
             motion.rate[i], motion.force[i] = like(motion.rate[0], 0.0), like(motion.rate[0], 0.0)
@@ -84,7 +86,7 @@ def begin_motion(motion, samples):
 
 @jit
 def last_sample(work, motion, samples, n_tick, dt):
-    """Store the last sample of a window as it left the unit."""
+    """Store the last sample of a window, as the IMU outputs it."""
     if samples is not None:
         for i in range(N_SAMPLE):
             motion.sample[i] = work.increments[n_tick - 1, i] / dt
@@ -106,9 +108,7 @@ def correct_vehicle(work, motion, model, vehicle):
 
 @inlined
 def correct_tick(work, parts, case):
-    """Add the error state to the estimates after a tick, that of the epoch before among them; an open loop leaves
-    attitude, velocity and position alone.
-    """
+    """Add the error state to the estimates after a tick. An open loop corrects motion and IMU parameters only."""
     correct_vehicle(work, parts.motion, case.model, case.options.vehicle)
     _correct_closed(work, parts.earlier, parts.open_loop, case.options.delayed, case.model)
 
@@ -125,8 +125,15 @@ def _correct_closed(work, earlier, open_loop, delayed, model):
 
 @inlined
 def predict_samples(run, work, motion, vehicle, at, dt):
-    """Set z of a run (its number, or None) to samples minus predicted ones: estimated motion plus what the estimated
-    parameters add.
+    """Set `motion.z` to the sample minus its prediction, and `motion.h` to the Jacobian.
+
+    The prediction is the estimated motion plus the errors by the estimated IMU parameters.
+
+    Parameters
+    ----------
+    run : number of the run; None in linear covariance, which has no sample
+    at : tick of the window
+    dt : s, of a tick
     """
     if run is not None:
         fill_samples(motion.h, vehicle.blocks, motion.rate, motion.force)
@@ -144,7 +151,7 @@ def predict_samples(run, work, motion, vehicle, at, dt):
 
 @inlined
 def mechanise_motion(work, motion, case, tick):
-    """Mechanise the estimated motion over a tick, in the place of its increments."""
+    """Integrate the strapdown over a tick with the estimated motion in place of the measured increments."""
     for i in range(3):
         work.increments[0, i] = case.tick * motion.rate[i]
         work.increments[0, 3 + i] = case.tick * motion.force[i]

@@ -1,4 +1,4 @@
-"""Gains from a card in place of a covariance: stored for one flight, scheduled by its events or by time."""
+"""Stored gains in place of those of a covariance, computed on one flight and scheduled by its events or by time."""
 
 import hashlib
 import json
@@ -12,21 +12,21 @@ from pydantic import Field
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import Card, NamedCard
 
-# The measurements that gains are for unless the schedule names others, in the order of their updates, frame i.
+# Measurements of a schedule that names none, in the order of their updates; frame i.
 ROWS = ("position x", "position y", "position z", "velocity x", "velocity y", "velocity z")
 
 Column = tuple[float, ...]
 
 
 class GainKnot(Card):
-    """Gains at one time: `since` s after the segment's event; for each measurement the gain of every state, SI."""
+    """Gains at one time, `since` s after the event of the segment: for each measurement the gain of every state, SI."""
 
     since: float
     gain: tuple[Column, ...]
 
 
 class GainSegment(Card):
-    """Gains from an event on (by time: from lift-off on), linear between knots and held beyond them."""
+    """Gains from an event on (by time: from lift-off on): linear between knots, constant before and after them."""
 
     event: str
     knots: tuple[GainKnot, ...] = Field(min_length=1)
@@ -37,7 +37,7 @@ class GainSegment(Card):
 
 
 class GainSchedule(NamedCard):
-    """Gains of a filter's states for its measurements, computed once on the flight that `source` names."""
+    """Schedule of stored gains: gain of each state for each measurement, computed once on the flight in `source`."""
 
     flight: str = Field("", description="name of the trajectory for which the gains were computed")
     flight_digest: str = Field(
@@ -67,14 +67,16 @@ class GainSchedule(NamedCard):
         return [fault for fault, found in rules.items() if found]
 
 
-# Share of a gain's largest size on the flight below which it is zero: rounding reaches 2.5e-11 of that size, so what
-# is smaller has fewer digits than are stored, and other ones on another processor.
+# Fraction of a gain's largest magnitude on the flight below which it is set to zero. Rounding errors reach 2.5e-11 of
+# that magnitude, so smaller gains have fewer correct digits than are stored, and differ between processors.
 NEGLIGIBLE = 1e-6
 
 
 class Gains(NamedTuple):
-    """A schedule on a flight, for the kernels: gain (n_epoch, n_channel, n_state), SI; stored (n_channel,) whether the
-    schedule has gains for a channel: others are not processed.
+    """Stored gains of a flight, as arrays for the kernels.
+
+    gain : (n_epoch, n_channel, n_state) SI. Gain of each state.
+    stored : (n_channel,). Whether the schedule has gains for the channel; other channels are not processed.
     """
 
     gain: Floats
@@ -89,10 +91,29 @@ def digest_of(states: Sequence[str], segments: Sequence[GainSegment], measuremen
 
 
 def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> Floats:
-    """Return the gains at times t (n,) s of a flight with these events (s), (n, n_measurement, n_state).
+    """Return the gains of a schedule at given times of a flight.
 
-    By event: those of the last event of the schedule that is past, at as many seconds after it; before the first one,
-    that segment's first gains. ValueError names an event of the schedule that the flight does not have.
+    By event, the segment is that of the last event, and the gains are those at the time since that event. Before the
+    first event they are the first gains of its segment.
+
+    Parameters
+    ----------
+    schedule
+        Schedule of gains.
+    t
+        (n,) s since lift-off.
+    events
+        s since lift-off, by name of the event.
+
+    Returns
+    -------
+    ndarray
+        (n, n_measurement, n_state) SI.
+
+    Raises
+    ------
+    ValueError
+        If the flight lacks an event of the schedule; the message names it.
     """
     starts = np.zeros(len(schedule.segments))
     if schedule.by == "event":
@@ -102,15 +123,15 @@ def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> 
         starts = np.array([events[s.event] for s in schedule.segments])
     order = np.argsort(starts, kind="stable")
     at = np.clip(np.searchsorted(starts[order], t + 1e-6, side="right") - 1, 0, None)
-    found = np.empty((len(t), len(schedule.measurements), len(schedule.states)))
+    gains = np.empty((len(t), len(schedule.measurements), len(schedule.states)))
     for place, k in enumerate(order):
-        chosen = at == place
-        found[chosen] = _between(schedule.segments[k], t[chosen] - starts[k])
-    return found
+        in_segment = at == place
+        gains[in_segment] = _between(schedule.segments[k], t[in_segment] - starts[k])
+    return gains
 
 
 def _between(segment: GainSegment, since: Floats) -> Floats:
-    """Return the gains (n, n_measurement, n_state) at seconds after a segment's event, linear between its knots."""
+    """Return the gains (n, n_measurement, n_state) at `since` (n,) s after the event of a segment, linear in time."""
     times = np.array([knot.since for knot in segment.knots])
     gains = np.array([knot.gain for knot in segment.knots])
     last = len(times) - 1
@@ -122,10 +143,20 @@ def _between(segment: GainSegment, since: Floats) -> Floats:
 
 
 def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float = 0.0) -> list[int]:
-    """Return the indices of knots between which gains (n, ...) at times t (n,) are linear to a tolerance.
+    """Return the indices of knots that represent gains by linear interpolation (Douglas and Peucker).
 
-    The tolerance is a share of each element's largest size; an error below `negligible` (...,) is always allowed. The
-    point that lies furthest off is made a knot, again and again (Douglas and Peucker).
+    The sample with the largest error becomes a knot, until no error exceeds the tolerance.
+
+    Parameters
+    ----------
+    t
+        (n,) s. Times.
+    gains
+        (n, ...). Gains at these times.
+    tolerance
+        Largest error, as a fraction of the largest magnitude of each element.
+    negligible
+        (...,). Error that is always allowed, in the unit of the gain.
     """
     flat = gains.reshape(len(t), -1)
     flat = flat / np.maximum(np.abs(flat).max(axis=0), np.maximum(np.ravel(negligible) / tolerance, 1e-300))
@@ -145,7 +176,7 @@ def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float 
 
 
 class FlownGains(NamedTuple):
-    """Gains that a filter had on a flight.
+    """Gains of a filter along a flight.
 
     states : Names of the states (n_state).
     measurements : Names of the measurements (n_measurement).
@@ -167,10 +198,22 @@ def schedule_of(
     events: Mapping[str, float],
     tolerance: float = 0.02,
 ) -> GainSchedule:
-    """Return the schedule of gains that a filter had on a flight with these events (s since lift-off).
+    """Return a schedule of the gains of a filter along a flight.
 
-    Between knots the gains are linear to `tolerance` of their largest size in the segment; they are rounded to four
-    digits. Gains below `NEGLIGIBLE` of their largest size on the flight are zero.
+    Gains are rounded to four digits. Gains below `NEGLIGIBLE` of their largest magnitude on the flight are zero.
+
+    Parameters
+    ----------
+    name, source
+        Name of the schedule, and of the flight that it was computed on.
+    by
+        Whether the times of a segment count from its event or from lift-off.
+    flown
+        Gains along the flight.
+    events
+        s since lift-off, by name of the event.
+    tolerance
+        Largest error of the linear interpolation between knots, as a fraction of the largest gain in the segment.
     """
     t, gains = flown.t, flown.gains
     negligible = NEGLIGIBLE * np.abs(gains).max(axis=0)

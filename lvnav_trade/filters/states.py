@@ -1,4 +1,4 @@
-"""States of a filter: which it has by its card and its measurements, and where each stands."""
+"""State layout of a filter, from its card and its measurements."""
 
 import math
 from typing import NamedTuple
@@ -12,22 +12,22 @@ from lvnav_trade.layout import BY_SATELLITE, EXTRAS, PARAMETERS, RELATIVE, Error
 from lvnav_trade.observables.partials import Channels, members, sensor_states
 from lvnav_trade.records import Floats
 
-# Time constant (s) of what is new in every window.
+# Time constant (s) of a state that is independent from window to window.
 NO_MEMORY = 1e-12
 
 
 class Taken(NamedTuple):
-    """What a filter is built from beside its card: models of its sensors, and how measurements come.
+    """Sensor models, channels and measurements that a filter is built from, in addition to its card.
 
     imu : Model of the IMU.
     receiver : Model of the receiver.
     channels : Measurement channels.
-    measurements : Names of what is processed.
-    lever_arms : (n_antenna, 3) m. Antennas from the IMU, body axes.
-    every : Of how many epochs one is processed.
-    has_covariance : Whether solutions come with a covariance of their own and are decorrelated.
+    measurements : Names of the measurements that the filter processes.
+    lever_arms : (n_antenna, 3) m. Antenna phase centres relative to the IMU, body axes.
+    every : The receiver's measurements of every n-th epoch are processed, n being this number.
+    has_covariance : Whether solutions have a reported covariance, by which they are decorrelated.
     solves : Whether the receiver computes its solution itself, from ranges.
-    clock_drift : m/s. Sigma of the clock's drift at the start, which a clock of one state takes for white.
+    clock_drift : m/s. Initial one-sigma of the clock drift; a one-state clock models it as white noise.
     """
 
     imu: ImuModel
@@ -76,19 +76,28 @@ def _extra_blocks(
             time = NO_MEMORY if name in as_noise else getattr(card, f"{field}_time", None) or math.inf
             blocks.append(ExtraBlock(name, labels, offset, member, sigma, time, EXTRAS[name], *more))
             offset += len(labels)
-        for state, own, _ in sensor_states(name, channels):
+        for state, member, _ in sensor_states(name, channels):
             time = NO_MEMORY if name in as_noise else state.time_constant
-            blocks.append(ExtraBlock(name, (state.label,), offset, own, state.sigma, time, state.unit))
+            blocks.append(ExtraBlock(name, (state.label,), offset, member, state.sigma, time, state.unit))
             offset += 1
     return blocks
 
 
 def state_layout(card: FilterCard, taken: Taken, n_clone: int = 0) -> StateLayout:
-    """Lay out the states of a filter: navigation, estimated parameters, clock, estimated extra states, what belongs to
-    the earlier epoch of differences, and then what is considered. Noise that rows share is a state without memory:
-    estimated within an epoch, then forgotten.
+    """Return the state layout of a filter.
 
-    n_clone: how many states are cloned, where that is known.
+    The order is: navigation errors, estimated IMU parameters, clock, estimated extra states, motion of the vehicle,
+    states of the earlier epoch of differences, considered states. Noise that the scalar measurements of an epoch share
+    (`as_noise`) is a state without memory: it is estimated within an epoch and then reset.
+
+    Parameters
+    ----------
+    card
+        Filter card.
+    taken
+        Sensor models, channels and measurements of the filter.
+    n_clone
+        Number of cloned states. The function finds it and calls itself once more; callers omit it.
     """
     imu, receiver, channels, measurements = taken.imu, taken.receiver, taken.channels, taken.measurements
     differences = tuple(name for name in card.differences if name in measurements)
@@ -117,16 +126,17 @@ def state_layout(card: FilterCard, taken: Taken, n_clone: int = 0) -> StateLayou
                 motion, offset = offset, offset + 6
             clock = offset if reduced else clock
             n_estimated = offset = offset + reduced
-            offset += reduced  # the drift, which stays zero and known
+            offset += reduced  # the drift of a one-state clock: a state of zero variance that updates do not correct
             delayed = offset
-            extras += (own := _extra_blocks(noises, imu, receiver, channels, offset))
-            n_delayed = sum(len(block.labels) for block in own) + n_clone
+            extras += (noise_blocks := _extra_blocks(noises, imu, receiver, channels, offset))
+            n_delayed = sum(len(block.labels) for block in noise_blocks) + n_clone
             offset += n_delayed
-    found = StateLayout(
+    layout = StateLayout(
         tuple(parameters), clock, n_estimated, offset, tuple(extras), motion, samples=card.report_imu_samples
     )
-    cloned = cloned_states(found, channels, differences, taken.has_lever)
+    # which states are cloned follows from the layout, whose offsets depend on their number
+    cloned = cloned_states(layout, channels, differences, taken.has_lever)
     if len(cloned) != n_clone:
         return state_layout(card, taken, len(cloned))
     clone = delayed + n_delayed - n_clone if n_clone else -1
-    return found._replace(delayed=delayed, n_delayed=n_delayed, clone=clone, cloned=cloned)
+    return layout._replace(delayed=delayed, n_delayed=n_delayed, clone=clone, cloned=cloned)

@@ -1,15 +1,15 @@
-"""Algorithms of the strapdown: how the increments of a step are combined, and in which frame they are integrated.
+"""Strapdown algorithms: weights of the coning and sculling compensation, and frame of the integration.
 
-For coning of angular frequency w the cross product of two increments depends only on how far apart they are. With
-b = w T, T the time of a subsample, and increments of amplitude a,
+In coning motion of angular frequency w, the cross product of two increments depends only on their distance in time.
+With b = w T, T the time of a subsample, and increments of amplitude a,
 
     (increment k) x (increment k + d) = 4 a^2 sin(b / 2)^2 sin(d b)         along the axis of the cone
     coning of a step of N subsamples  = a^2 / 2 (N b - sin(N b))
 
-The optimised class (Ignagni, J. Guidance Control Dynamics 19, 1996) takes the weighted sum of all but the last
-increment times the last, and the product of the sums of the step before and of this one. Its weights make as many
-terms of the series in b equal as there are weights: Miller's 2/3, (9/20, 27/20), ... without the step before, 1/12 for
-one increment with it. The same weights compensate sculling (the duality of Roscoe, same journal 24, 2001).
+The optimised class (Ignagni, J. Guidance Control Dynamics 19, 1996) has two products: the weighted sum of all
+increments but the last with the last, and the sum of the previous step with the sum of this step. The weights match as
+many terms of the series in b as there are weights. They are Miller's 2/3, (9/20, 27/20), ... without the previous step,
+and 1/12 for one increment with it. The same weights compensate sculling (the duality of Roscoe, same journal 24, 2001).
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ GRAVITY = {"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}
 
 
 class StrapdownCard(units.Card):
-    """How many increments of the unit make one step of the strapdown, and what compensates the motion within it."""
+    """Number of IMU increments in one strapdown step, and the compensation of coning and sculling within it."""
 
     algorithm: Literal["summed", "two_sample", "optimised", "optimised_present", "recursive", "polynomial"] = Field(
         "two_sample",
@@ -47,11 +47,27 @@ class StrapdownCard(units.Card):
 
 
 def optimised_weights(subsamples: int, with_previous: bool) -> tuple[Floats, float]:
-    """Return the weights (subsamples - 1,) of all increments of a step but the last, in their order, and that of the
-    step before (0 without it).
+    """Return the weights of the optimised coning compensation (Ignagni 1996).
 
-    Of b^(2 m + 1), m from 1, the product of increments that are d apart has 2 d^n - (d + 1)^n - (d - 1)^n, n = 2 m + 1,
-    that of the sums of two steps N^n (2 - 2^n), and the coning -N^n / 2, all over n! and with the same sign.
+    Parameters
+    ----------
+    subsamples
+        Number N of increments in a step.
+    with_previous
+        Whether the compensation uses the sum of the previous step too.
+
+    Returns
+    -------
+    weights
+        (N - 1,). Weights of all increments of the step but the last, in order of time.
+    across
+        Weight of the sum of the previous step; 0 without it.
+
+    Notes
+    -----
+    The weights solve one linear equation per power n = 3, 5, ... of b. Apart from the common factor 1 / n!, the
+    coefficient of b^n is 2 d^n - (d + 1)^n - (d - 1)^n for the product of increments d apart, N^n (2 - 2^n) for the
+    product of the sums of two steps, and -N^n / 2 for the coning integral. Fractions keep the solution exact.
     """
     n, apart = subsamples, list(range(subsamples - 1, 0, -1))
     rows = []
@@ -59,29 +75,32 @@ def optimised_weights(subsamples: int, with_previous: bool) -> tuple[Floats, flo
         row = [Fraction(2 * d**power - (d + 1) ** power - (d - 1) ** power) for d in apart]
         row += [Fraction(n**power * (2 - 2**power))] if with_previous else []
         rows.append([*row, Fraction(-(n**power), 2)])
-    found = [float(value) for value in _solved(rows)]
-    across = found.pop() if with_previous else 0.0
-    return np.array(found, dtype=float), across
+    weights = [float(value) for value in _solve(rows)]
+    across = weights.pop() if with_previous else 0.0
+    return np.array(weights, dtype=float), across
 
 
 def recursive_weights(subsamples: int) -> Floats:
-    """Return the weights (subsamples, subsamples) of products of two increments by Savage's recursion: half of the sum
-    before, and a twelfth of the increment before, times each increment.
+    """Return the weights of Savage's recursion for the product of each pair of increments, (subsamples, subsamples).
+
+    Each increment is multiplied by half of the sum of all increments before it, and by a twelfth of the last of them.
     """
     apart = np.subtract.outer(np.arange(subsamples), np.arange(subsamples))
     return np.where(apart < 0, 0.5, 0.0) + np.where(apart == -1, 1.0 / 12.0, 0.0)
 
 
 def polynomial_weights(subsamples: int) -> Floats:
-    """Return the weights (subsamples, subsamples) of products of two increments by rates that are the polynomial of
-    degree subsamples - 1 through the increments: half of the integral of angle times rate.
+    """Return the weights of McKern's algorithm for the product of each pair of increments, (subsamples, subsamples).
+
+    The rate is the polynomial of degree subsamples - 1 whose integrals over the subsamples are the increments. The
+    coning integral is half of the integral of angle times rate; its exact value gives the weights.
     """
     n = subsamples
-    # the rate's coefficients of s^p that each increment gives: their integrals over every subsample are 0 or 1
+    # rates[j][p]: coefficient of s^p in the rate whose integral is 1 over subsample j and 0 over the others
     powers = [[Fraction((k + 1) ** (p + 1) - k ** (p + 1), p + 1) for p in range(n)] for k in range(n)]
-    rates = [_solved([[*powers[k], Fraction(int(k == j))] for k in range(n)]) for j in range(n)]
+    rates = [_solve([[*powers[k], Fraction(int(k == j))] for k in range(n)]) for j in range(n)]
 
-    def integral(j: int, k: int) -> Fraction:  # of the angle of increment j times the rate of increment k
+    def integral(j: int, k: int) -> Fraction:  # angle of increment j times rate of increment k, over the step
         terms = (
             rates[j][p] / (p + 1) * rates[k][q] * Fraction(n ** (p + q + 2), p + q + 2)
             for p in range(n)
@@ -89,28 +108,28 @@ def polynomial_weights(subsamples: int) -> Floats:
         )
         return sum(terms, Fraction(0))
 
-    found = np.zeros((n, n))
+    weights = np.zeros((n, n))
     for j in range(n):
         for k in range(j + 1, n):
-            found[j, k] = float((integral(j, k) - integral(k, j)) / 2)
-    return found
+            weights[j, k] = float((integral(j, k) - integral(k, j)) / 2)
+    return weights
 
 
-def _solved(rows: list[list[Fraction]]) -> list[Fraction]:
-    """Return the solution of linear equations, each a row of coefficients with its right side last (Gauss-Jordan)."""
+def _solve(rows: list[list[Fraction]]) -> list[Fraction]:
+    """Return the solution of linear equations (Gauss-Jordan); each row has the coefficients and the right-hand side."""
     for k in range(len(rows)):
         pivot = next(i for i in range(k, len(rows)) if rows[i][k] != 0)
         rows[k], rows[pivot] = rows[pivot], rows[k]
         rows[k] = [value / rows[k][k] for value in rows[k]]
         for i, row in enumerate(rows):
             if i != k:
-                rows[i] = [value - row[k] * own for value, own in zip(row, rows[k], strict=True)]
+                rows[i] = [value - row[k] * pivot_value for value, pivot_value in zip(row, rows[k], strict=True)]
     return [row[-1] for row in rows]
 
 
 EXACT_TURN = 5e-3
-"""Largest rotation (rad) in a sample for which the two-sample algorithm is taken for exact: at 30 m/s^2 its error is
-2e-5 m/s^2."""
+"""Largest rotation (rad) in a sample at which the error of the two-sample algorithm is neglected: 2e-5 m/s^2 at a
+specific force of 30 m/s^2."""
 
 
 def strapdown_of(
@@ -121,8 +140,28 @@ def strapdown_of(
     start: Floats | None = None,
     turn: float = 0.0,
 ) -> Strapdown:
-    """Return a strapdown in numbers; angle (rad) from the i to the e x axis, and start (3,) m of the flight in frame i,
-    both at tick 0; turn: the largest rotation (rad) of a sample on the nominal flight.
+    """Return a strapdown algorithm as numbers for the kernels.
+
+    Parameters
+    ----------
+    card
+        Algorithm, and number of increments in a step.
+    gravity
+        Gravity model: point, j2 or j4.
+    mechanisation
+        Frame of the integration, as in the filter card.
+    angle
+        rad. Angle from the x axis of frame i to that of frame e at tick 0.
+    start
+        (3,) m. Position at tick 0, frame i; the origin of the pad mechanisation.
+    turn
+        rad. Largest rotation within a sample on the nominal flight. Above `EXACT_TURN` linear covariance includes the
+        error of the algorithm.
+
+    Returns
+    -------
+    Strapdown
+        The algorithm as numbers.
     """
     general = card.algorithm != "two_sample" or card.ratio > 1
     weights, across, pairs = np.zeros(0), 0.0, np.zeros((0, 0))

@@ -1,16 +1,18 @@
-"""The unscented filter: covariance and rows by points about the estimate, in place of Jacobians.
+"""The unscented filter: covariance and measurement rows from sigma points about the estimate, in place of Jacobians.
 
-Julier and Uhlmann (1997): points stand at plus and minus sqrt(3) columns of the Cholesky factor of the covariance, each
-of weight 1/6. With d+ and d- what a pair makes of a function, less what the estimate makes of it, o = (d+ - d-) / 2 and
-e = (d+ + d-) / 2,
+Julier and Uhlmann (1997). The sigma points lie at plus and minus sqrt(3) times a column of the Cholesky factor of the
+covariance, each with weight 1/6. Let d+ and d- be the values of a function at the two points of a pair, minus its
+value at the estimate. With o = (d+ - d-) / 2 and e = (d+ + d-) / 2,
 
-    mean = f(estimate) + sum e / 3,   covariance = sum (o o' + e e') / 3
+    mean = f(estimate) + sum e / 3,   covariance = sum (o o' + e e') / 3.
 
-which is taken about the estimate, the form of theirs that stays positive however many states there are. Only what is
-not linear is propagated so: of a window the motion, by navigation errors and parameters of the unit; the rest is decay
-and clock. Of a measurement the entries of the navigation errors: a row gets the slope of the regression over its
-points, its innovation the shift of the mean, its variance what the slope leaves. From there on gate, stored gains,
-latency and mode logic are those of the extended filter.
+The covariance is taken about f(estimate), not about the mean: it is positive definite for any number of states.
+
+Only the nonlinear part uses points. In the propagation that is the motion, a function of navigation errors and IMU
+parameters; all other states decay or are linear (clock). In a measurement it is the dependence on the navigation
+errors: the Jacobian row is the slope of the regression over the points, the innovation includes the shift of the mean,
+and the noise variance includes the residual variance of the regression. Gate, stored gains, delay compensation and mode
+logic are then those of the extended filter.
 """
 
 from typing import NamedTuple
@@ -38,8 +40,8 @@ from lvnav_trade.observables.base import H_ATT
 from lvnav_trade.records import Floats
 
 N_NAV = 9
-REACH = 3.0**0.5  # of a point, in columns of the factor: fourth moments of a normal distribution are met
-SMALLEST = 1e-12  # share of a variance that is left of it where another state is known: below, it is rounding
+REACH = 3.0**0.5  # distance of a point in columns of the factor; matches the fourth moment of a normal distribution
+SMALLEST = 1e-12  # conditional variance of a state as a fraction of its variance; below, it is rounding
 
 
 class Points(NamedTuple):
@@ -108,7 +110,7 @@ def _copy(to, source, n):
 
 @inlined
 def hold_window(points, work, n_tick):
-    """Hold the state and the increments that a window starts with."""
+    """Store the navigation state and the increments at the start of a window, from which every point is propagated."""
     if points is not None:
         _copy(points.nav, work.nav, 10)
         _copy(points.previous, work.previous, 6)
@@ -118,14 +120,23 @@ def hold_window(points, work, n_tick):
 
 @jit
 def _state(model, a):
-    """Return the state, by number, that motion depends on: navigation errors, then parameters of the unit."""
+    """Return the index of the a-th state that the motion depends on: navigation errors, then IMU parameters."""
     return a if a < N_NAV else model.par_offset[(a - N_NAV) // 3] + (a - N_NAV) % 3
 
 
 @jit
 def factorise(root, P, model, n):
-    """Set the first n columns of the Cholesky factor of P in the order of `_state`: P = root root' of those states, and
-    root (n_state, n) has the covariance of every other one with them. A state that the ones before it fix has none.
+    """Set the first n columns of the Cholesky factor of P, with the states in the order of `_state`.
+
+    root root' equals P for these n states, and for their covariance with all other states. The column of a state that
+    the states before it determine completely is zero.
+
+    Parameters
+    ----------
+    root : (n_state, n) factor, set here
+    P : (n_state, n_state) covariance
+    model : FilterModel
+    n : number of columns
     """
     for a in range(n):
         j = _state(model, a)
@@ -145,8 +156,10 @@ def factorise(root, P, model, n):
 
 @jit
 def rotation_between(p, q):
-    """Return the rotation vector (inertial axes) from attitude q (4,) to attitude p (4,); series of the arc sine, to
-    1e-5 at a rotation of one radian.
+    """Return the rotation vector (rad, inertial axes) from attitude q (4,) to attitude p (4,).
+
+    The vector is 2 asin(s) d / s with d the vector part of p q* and s its length; the series of the arc sine is
+    accurate to 1e-5 at a rotation of one radian.
     """
     d0, d1, d2, d3 = multiply(p[Q], p[Q + 1], p[Q + 2], p[Q + 3], q[Q], -q[Q + 1], -q[Q + 2], -q[Q + 3])
     s = d1 * d1 + d2 * d2 + d3 * d3
@@ -156,9 +169,10 @@ def rotation_between(p, q):
 
 
 @jit
-def _fly_point(points, work, case, column, reach, w):
-    """Fly a point over window w and set points.x to its error at the end, relative to work.nav; it stands `reach`
-    columns of the factor from the estimate.
+def _propagate_point(points, work, case, column, reach, w):
+    """Propagate a sigma point over window w and set `points.x` to its error at the end, relative to `work.nav`.
+
+    The point lies at the estimate plus `reach` times a column of the Cholesky factor.
     """
     model, n_tick = case.model, case.schedule.n_tick[w]
     _copy(points.state, points.nav, 10)
@@ -174,8 +188,9 @@ def _fly_point(points, work, case, column, reach, w):
             points.par[b, i] = work.par[b, i] + work.x[at] + reach * points.root[at, column]
     processes.gather(points.tables, points.par, model.par_sensor, model.par_driver)
     processes.compensate(points.taken, n_tick, points.tables[0], points.tables[1], model.biases_only, case.tick)
-    how, start = model.strapdown, case.tick * case.schedule.first_tick[w]
-    mechanise(points.state, points.sums, points.last, points.taken, n_tick // how.subsamples, case.step, how, start)
+    algorithm, start = model.strapdown, case.tick * case.schedule.first_tick[w]
+    n_step = n_tick // algorithm.subsamples
+    mechanise(points.state, points.sums, points.last, points.taken, n_step, case.step, algorithm, start)
     points.x[ATT], points.x[ATT + 1], points.x[ATT + 2] = rotation_between(points.state, work.nav)
     for i in range(3):
         points.x[VEL + i] = points.state[V + i] - work.nav[V + i]
@@ -183,28 +198,29 @@ def _fly_point(points, work, case, column, reach, w):
 
 
 @jit
-def _fly_points(points, work, case, open_loop, w):
-    """Fly all points over window w: sets odd and even parts, centre and mean."""
+def _propagate_points(points, work, case, open_loop, w):
+    """Propagate all sigma points over window w: sets their odd and even parts, centre and mean."""
     for i in range(N_NAV):
         points.centre[i] = like(work.x[0], 0.0)
-    if open_loop is not None:  # the estimate is not what the strapdown has flown
-        _fly_point(points, work, case, 0, 0.0, w)
+    if open_loop is not None:  # the strapdown is uncorrected, so the estimate needs a propagation of its own
+        _propagate_point(points, work, case, 0, 0.0, w)
         _copy(points.centre, points.x, N_NAV)
     _copy(points.mean, points.centre, N_NAV)
     for a in range(points.odd.shape[0]):
-        _fly_point(points, work, case, a, REACH, w)
+        _propagate_point(points, work, case, a, REACH, w)
         _copy(points.odd[a], points.x, N_NAV)
-        _fly_point(points, work, case, a, -REACH, w)
+        _propagate_point(points, work, case, a, -REACH, w)
         for i in range(N_NAV):
             plus, minus = points.odd[a, i], points.x[i]
+            # the odd part is scaled to one column of the factor, so that sum (odd odd') replaces sum (o o') / 3
             points.odd[a, i] = (0.5 / REACH) * (plus - minus)
             points.even[a, i] = 0.5 * (plus + minus) - points.centre[i]
             points.mean[i] = points.mean[i] + (1.0 / 3.0) * points.even[a, i]
 
 
 @jit
-def _join(P, points):
-    """Set the navigation rows and columns of a covariance to what the points say."""
+def _set_navigation_covariance(P, points):
+    """Set the rows and columns of the navigation errors in a covariance from the propagated sigma points."""
     n = P.shape[0]
     for i in range(N_NAV):
         for j in range(i, n):
@@ -220,17 +236,28 @@ def _join(P, points):
 
 @inlined
 def propagate_by_points(work, case, points, open_loop, w):
-    """Propagate covariance and estimates over window w by the points."""
+    """Propagate covariance and estimates over window w by sigma points.
+
+    Process noise enters in two halves, before and after the propagation, as in the extended filter.
+
+    Parameters
+    ----------
+    work : arrays of the run
+    case : FilterCase
+    points : Points, with the start of the window stored by `hold_window`
+    open_loop : OpenLoop, whose error state is propagated too; None in a closed loop
+    w : window
+    """
     model, length, injection = case.model, case.schedule.length[w], case.schedule.injection[w]
     P, noise = work.P, model.noise[length]
-    fill_transition(work, model, length)  # for what else is propagated by it
+    fill_transition(work, model, length)  # the error state of an open loop and a backup strapdown need it
     apply_fading_memory(P, model, length)
     for i in range(P.shape[0]):
         P[i, i] = P[i, i] + 0.5 * noise[i]
     add_turned(P, model.uneven, work.sums, model.seconds[length])
     factorise(points.root, P, model, points.odd.shape[0])
-    _fly_points(points, work, case, open_loop, w)
-    _join(P, points)
+    _propagate_points(points, work, case, open_loop, w)
+    _set_navigation_covariance(P, points)
     finish_window(P, model.decay[length], noise, model.clock, model.seconds[length])
     add_turned(P, model.uneven, work.sums, model.seconds[length])
     inject(P, model, injection)
@@ -241,7 +268,7 @@ def propagate_by_points(work, case, points, open_loop, w):
 
 @jit
 def _set_state(work, points, column, reach):
-    """Set the navigation state to the centre's, `reach` columns of the factor away."""
+    """Set the navigation state to the sigma point at the estimate plus `reach` times a column of the factor."""
     _copy(work.nav, points.state, 10)
     for i in range(N_NAV):
         points.x[i] = reach * points.root[i, column]
@@ -250,7 +277,7 @@ def _set_state(work, points, column, reach):
 
 @jit
 def _begin_regression(work, points, model):
-    """Store the navigation state, let it be the estimate, and set the points' directions."""
+    """Store the navigation state, replace it by the estimate, and factorise the covariance of navigation errors."""
     factorise(points.root, work.P, model, N_NAV)
     _copy(points.nav, work.nav, 10)
     correct_motion(work.nav, work.x)
@@ -259,7 +286,7 @@ def _begin_regression(work, points, model):
 
 @jit
 def _store_rows(work, points, column, is_plus, first, n_row):
-    """Store what a point has made of rows; after the second of a pair, odd and even parts of what is predicted."""
+    """Store the innovations at a sigma point; after the second of a pair, odd and even parts of the prediction."""
     for row in range(first, first + n_row):
         if is_plus:
             points.row_odd[row, column] = work.z[row]
@@ -271,17 +298,19 @@ def _store_rows(work, points, column, is_plus, first, n_row):
 
 @jit
 def _entry(state):
-    """Return the entry of a row for a navigation error: rows begin with position, attitude, velocity."""
+    """Return the entry of a Jacobian row for a navigation error: rows begin with position, attitude, velocity."""
     return (state + H_ATT - ATT) % N_NAV
 
 
 @jit
 def _regress(work, points, first, n_row):
-    """Set a row's navigation entries to the slope over the points; shift its innovation, which stays relative to the
-    uncorrected state; set the spread that the slope leaves.
+    """Set the navigation entries of Jacobian rows to the regression slope over the sigma points.
+
+    The slope solves root' h = odd part by back substitution. The innovation is shifted by the mean of the even parts;
+    it remains relative to the uncorrected state. `points.spread` is the variance that the slope does not explain.
     """
     for row in range(first, first + n_row):
-        h, left, shift = work.H[row], like(work.x[0], 0.0), like(work.x[0], 0.0)
+        h, unexplained, shift = work.H[row], like(work.x[0], 0.0), like(work.x[0], 0.0)
         for column in range(N_NAV - 1, -1, -1):
             slope = points.row_odd[row, column]
             for later in range(column + 1, N_NAV):
@@ -289,29 +318,29 @@ def _regress(work, points, first, n_row):
             pivot = points.root[column, column]
             h[_entry(column)] = where(pivot > 0.0, slope / where(pivot > 0.0, pivot, 1.0), 0.0)
             even = points.row_even[row, column]
-            left = left + (1.0 / 3.0) * even * even
+            unexplained = unexplained + (1.0 / 3.0) * even * even
             shift = shift - (1.0 / 3.0) * even + h[_entry(column)] * work.x[column]
         work.z[row] = points.z[row] + shift
-        points.spread[row] = left
+        points.spread[row] = unexplained
 
 
 @jit
 def _fill_receiver_at_state(work, parts, case, epoch):
-    """Set the rows of what the receiver measures at the navigation state as it stands."""
+    """Set the rows of the receiver's measurements at the present navigation state."""
     place_antenna(work, parts.past, case.options.late, case.model, case.step, epoch)
     fill_receiver(work, parts.earlier, case.options.delayed, case.model, case.signals, epoch)
 
 
 @jit
 def clear_spread(points, first, n_row):
-    """Of rows that are linearised elsewhere the points leave nothing."""
+    """Set the unexplained variance of rows that are linearised by Jacobians to zero."""
     for row in range(first, first + n_row):
         points.spread[row] = like(points.x[0], 0.0)
 
 
 @inlined
 def regress_receiver(work, parts, case, points, epoch):
-    """Set the rows of what the receiver measures by regression over the points."""
+    """Set the rows of the receiver's measurements by regression over the sigma points."""
     n_row = n_measured(case.model, case.signals, epoch)
     _begin_regression(work, points, case.model)
     _fill_receiver_at_state(work, parts, case, epoch)
@@ -330,7 +359,7 @@ def regress_receiver(work, parts, case, points, epoch):
 
 @inlined
 def regress_sensor(work, parts, case, points, k, epoch):
-    """Set the rows of sensor k by regression over the points."""
+    """Set the rows of sensor k by regression over the sigma points."""
     n_row, at = case.sensors.scalars[k], row_of(case.model, work, case.sensors.channel[k])
     _begin_regression(work, points, case.model)
     fill_sensor_at_state(work, parts, case, k, epoch)

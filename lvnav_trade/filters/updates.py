@@ -1,4 +1,4 @@
-"""The filter's update by one scalar measurement, and the noise that it assumes of it."""
+"""Measurement update by one scalar measurement, with the noise variance of the filter model."""
 
 from lvnav_trade.kernels.covariance import update_scalar, update_with_gain
 from lvnav_trade.kernels.jit import inlined, jit
@@ -7,29 +7,36 @@ from lvnav_trade.kernels.lanes import like, where
 
 @jit
 def has_reported_covariance(model, channel):
-    """Return whether a channel is of a solution that comes with a covariance. Its rows are decorrelated together; with
-    stored gains they stay as they are.
+    """Return whether a channel belongs to a solution with a reported covariance, whose rows are decorrelated together
+    (with stored gains they are not).
     """
     return model.has_covariance and channel < model.n_receiver
 
 
 @jit
 def _with_spread(variance, points, row):
-    """Add what points (Points, or None) leave of a row."""
+    """Add the variance that the regression over sigma points (Points, or None) does not explain."""
     return variance if points is None else variance + points.spread[row]
 
 
 @jit
 def _of_reported(work, gains, row):
-    """Return the variance of a row of a solution with a covariance: one, since rows are decorrelated; with stored gains
-    (Gains, or None) they are not.
+    """Return the noise variance of a row of a solution with a reported covariance: 1 after decorrelation; with stored
+    gains (Gains, or None) the reported variance, because the rows are not decorrelated.
     """
     return like(work.x[0], 1.0) if gains is None else work.reported[row, row]
 
 
 @jit
 def noise_variance(work, points, case, epoch, row, channel):
-    """Return the variance of a row's noise as the filter assumes it (Points, or None: what points leave of it)."""
+    """Return the noise variance of a scalar measurement in the filter model.
+
+    Parameters
+    ----------
+    points : Points of an unscented filter, whose regression adds variance; None with Jacobians
+    case : FilterCase
+    epoch, row, channel : indices
+    """
     if has_reported_covariance(case.model, channel):
         return _of_reported(work, case.options.gains, row)
     return _with_spread(like(work.x[0], case.signals.variance[epoch, channel]), points, row)
@@ -37,8 +44,21 @@ def noise_variance(work, points, case, epoch, row, channel):
 
 @inlined
 def update_state(work, case, gains, variance, epoch, row, channel, gate_squared):
-    """Update error state and covariance by one filled row of a channel, with a stored gain (Gains) or, without (None),
-    that of the covariance; return its normalised innovation and its weight, 0 where the gate rejects it.
+    """Update error state `work.x` and covariance `work.P` by one scalar measurement.
+
+    Parameters
+    ----------
+    work : arrays of the run; row `row` of H and z is filled
+    case : FilterCase
+    gains : Gains, stored; None: the gain follows from the covariance
+    variance : noise variance of the measurement
+    epoch, row, channel : indices
+    gate_squared : largest square of the normalised innovation that is accepted
+
+    Returns
+    -------
+    normalised : innovation divided by its standard deviation
+    weight : inverse of the innovation variance; 0 if the measurement is rejected
     """
     model, beta = case.model, case.signals.beta[epoch, channel]
     n = model.n_entry[channel]
@@ -76,14 +96,16 @@ def update_state(work, case, gains, variance, epoch, row, channel, gate_squared)
 
 @inlined
 def update_and_count(work, points, case, epoch, row, channel, gate_squared):
-    """Update by one filled row of a channel, store its innovation and count it: accepted, or rejected by the gate;
-    return its weight, 0 where it is rejected or no number.
+    """Update by one scalar measurement, store its innovation and count it as accepted or rejected.
+
+    Arguments are those of `noise_variance` and `update_state`. Returns the weight: 0 if the gate rejects the
+    measurement or its innovation is not a number.
     """
     variance = noise_variance(work, points, case, epoch, row, channel)
     normalised, weight = update_state(work, case, case.options.gains, variance, epoch, row, channel, gate_squared)
     work.innovation[epoch, channel] = normalised
     accepted = weight > 0.0
-    rejected = (normalised == normalised) & (weight == 0.0)  # what is not a number is no row
+    rejected = (normalised == normalised) & (weight == 0.0)  # not-a-number: there is no measurement
     work.nis[epoch] = work.nis[epoch] + where(accepted, normalised * normalised, 0.0)
     work.n_row[epoch] = work.n_row[epoch] + where(accepted, 1.0, 0.0)
     work.n_reject[epoch] = work.n_reject[epoch] + where(rejected, 1.0, 0.0)

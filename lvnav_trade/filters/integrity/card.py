@@ -1,4 +1,4 @@
-"""Card of a filter's tests for faults, and the tests in numbers."""
+"""Card of the fault detection of a filter, and its thresholds."""
 
 import numpy as np
 from pydantic import Field
@@ -24,10 +24,23 @@ class IntegrityCard(units.Card):
 
 
 def thresholds_of(card: IntegrityCard, n_test: int, most: int, interval: float) -> Tests:
-    """Return the tests in numbers.
+    """Return the thresholds of the tests.
 
-    n_test: rows of the nominal flight, each tested alone and within its window: the level of a test is the probability
-    of a false alarm over the number of tests (Bonferroni). most: satellites in use at once; interval s of epochs.
+    Parameters
+    ----------
+    card
+        Levels of the tests.
+    n_test
+        Number of scalar measurements on the nominal flight. Each is tested twice: alone and within its window.
+    most
+        Largest number of satellites in use at once.
+    interval
+        s. Time between epochs.
+
+    Notes
+    -----
+    The level of one test is the false-alarm probability of the flight divided by the number of tests (Bonferroni). The
+    thresholds are chi-square quantiles of that level, or of the isolation level.
     """
     level = card.false_alarm / (2 * max(1, n_test))
     freedom = np.arange(1, max(2, most))

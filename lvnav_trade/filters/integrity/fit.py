@@ -1,4 +1,4 @@
-"""A weighted fit of position or velocity and clock to the rows of an epoch, and its residuals."""
+"""Least-squares fit of position and clock bias, or of velocity and clock drift, to the innovations of an epoch."""
 
 import numpy as np
 
@@ -10,16 +10,16 @@ from lvnav_trade.observables.base import H_CLOCK
 
 @jit
 def limit(table, dof):
-    """Return the entry of a table by degrees of freedom; without any nothing is beyond it."""
-    found = like(dof, np.inf)
+    """Return the threshold for a number of degrees of freedom; infinite without redundancy (dof below 1)."""
+    threshold = like(dof, np.inf)
     for k in range(1, table.shape[0]):
-        found = where(dof == float(k), table[k], found)
-    return found
+        threshold = where(dof == float(k), table[k], threshold)
+    return threshold
 
 
 @jit
 def invert(inverse, A):
-    """Set the inverse of a positive definite matrix (n, n), which is overwritten."""
+    """Set the inverse of a positive definite matrix A (n, n) by Gauss-Jordan elimination; A is overwritten."""
     n = A.shape[0]
     for i in range(n):
         for j in range(n):
@@ -38,40 +38,55 @@ def invert(inverse, A):
 
 @jit
 def _direction(H, row, first, i):
-    """Return the entry of a row's fit: three of position or velocity, then the clock's."""
+    """Return the design-matrix element of a row for unknown i: position or velocity (0 to 2), clock (3)."""
     return H[row, first + i] if i < 3 else H[row, H_CLOCK]
 
 
 @jit
-def fit(own, H, z, first, kind, n_kind, n_row):
-    """Fit position or velocity (entries from `first` on) and clock to the rows of a kind that are in use: own.fit and
-    its covariance, own.inverse. Return the weighted sum of squared residuals and the degrees of freedom.
+def fit(monitor, H, z, first, kind, n_kind, n_row):
+    """Fit position or velocity and clock to the innovations z of one observable, by weighted least squares.
+
+    Sets `monitor.fit` = (G' W G)^-1 G' W z and its covariance `monitor.inverse` = (G' W G)^-1.
+
+    Parameters
+    ----------
+    monitor : Monitor, with the weights W of the rows; rows without a positive weight do not enter
+    H : (n_row, n_entry) Jacobian rows
+    z : (n_row,) innovations
+    first : first entry of position or velocity in a row
+    kind, n_kind : observable, and number of observables of a satellite
+    n_row : number of rows
+
+    Returns
+    -------
+    square : weighted sum of squared residuals
+    dof : degrees of freedom, rows in use minus 4
     """
-    zero = like(own.fit[0], 0.0)
+    zero = like(monitor.fit[0], 0.0)
     for i in range(N_FIT):
-        own.b[i] = zero
+        monitor.b[i] = zero
         for j in range(N_FIT):
-            # too few rows leave the rest undetermined: a fit that nothing asks for
-            own.A[i, j] = zero + (1e-12 if i == j else 0.0)
+            # keeps the matrix regular with fewer than four rows; such a fit is not used, since its dof is negative
+            monitor.A[i, j] = zero + (1e-12 if i == j else 0.0)
     dof = zero - N_FIT
     for row in range(kind, n_row, n_kind):
-        w = where(own.weight[row] > 0.0, own.weight[row], 0.0)  # below zero: withheld
+        w = where(monitor.weight[row] > 0.0, monitor.weight[row], 0.0)  # negative: withheld from the fit
         dof = dof + where(w > 0.0, 1.0, 0.0)
         for i in range(N_FIT):
             g = _direction(H, row, first, i)
-            own.b[i] = own.b[i] + w * g * z[row]
+            monitor.b[i] = monitor.b[i] + w * g * z[row]
             for j in range(N_FIT):
-                own.A[i, j] = own.A[i, j] + w * g * _direction(H, row, first, j)
-    invert(own.inverse, own.A)
+                monitor.A[i, j] = monitor.A[i, j] + w * g * _direction(H, row, first, j)
+    invert(monitor.inverse, monitor.A)
     for i in range(N_FIT):
         total = zero
         for j in range(N_FIT):
-            total = total + own.inverse[i, j] * own.b[j]
-        own.fit[i] = total
+            total = total + monitor.inverse[i, j] * monitor.b[j]
+        monitor.fit[i] = total
     square = zero
     for row in range(kind, n_row, n_kind):
         residual = z[row]
         for i in range(N_FIT):
-            residual = residual - _direction(H, row, first, i) * own.fit[i]
-        square = square + where(own.weight[row] > 0.0, own.weight[row], 0.0) * residual * residual
+            residual = residual - _direction(H, row, first, i) * monitor.fit[i]
+        square = square + where(monitor.weight[row] > 0.0, monitor.weight[row], 0.0) * residual * residual
     return square, dof

@@ -1,4 +1,4 @@
-"""Tests for faults as numbers, and the fault monitor of a run."""
+"""Thresholds of the fault detection, and the fault monitor of a run."""
 
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ N_FIT = 4
 
 
 class Tests(NamedTuple):
-    """Tests for faults, as numbers.
+    """Thresholds of the tests for faults.
 
     single : Largest square of one normalised innovation.
     windowed : Largest sum of the last `window` squares of a channel.
@@ -52,13 +52,13 @@ class Monitor(NamedTuple):
     square : (n_row,). Square of its normalised innovation.
     A : (4, 4). Normal matrix of the fit.
     inverse : (4, 4). Inverse of the normal matrix.
-    spare : (4, 4). Inverse of another matrix.
+    spare : (4, 4). Scratch for the inverse of another matrix.
     b : (4,). Right-hand side of the normal equations.
     fit : (4,). Solution of the normal equations.
     isolated : (n_epoch,). Kind of fault isolated, as in `records.ISOLATED`.
     excluded : (n_epoch, n_channel). 1 for the channels excluded at the epoch.
-    waited : (2,). Loose: epochs of disagreement with the solution. Tight: hold epochs left after an inertial decision,
-        and how many decisions in succession.
+    waited : (2,). Loose: epochs of disagreement with the solution. Tight: remaining hold epochs after an inertial
+        decision, and number of successive decisions.
     z : (n_row,). Innovations.
     variance : (n_row,). Noise variance in the filter model.
     """
@@ -101,46 +101,61 @@ def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: in
 
 
 @jit
-def begin_monitor(own):
-    """Begin a run: every channel is in use."""
-    if own is not None:
-        own.waited[0], own.waited[1] = like(own.waited[0], 0.0), like(own.waited[0], 0.0)
-        for c in range(own.out.shape[0]):
-            own.out[c] = like(own.out[c], 0.0)
-            for k in range(own.past.shape[1]):
-                own.past[c, k] = like(own.out[c], 0.0)
+def begin_monitor(monitor):
+    """Reset the monitor (Monitor, or None) at the start of a run: every channel is in use."""
+    if monitor is not None:
+        monitor.waited[0], monitor.waited[1] = like(monitor.waited[0], 0.0), like(monitor.waited[0], 0.0)
+        for c in range(monitor.out.shape[0]):
+            monitor.out[c] = like(monitor.out[c], 0.0)
+            for k in range(monitor.past.shape[1]):
+                monitor.past[c, k] = like(monitor.out[c], 0.0)
 
 
 @jit
-def clear_innovations(own, wanted):
-    """Clear the past innovations of the runs that want it (1): they were of what has been corrected, or of a filter
-    that starts again (Monitor, or None).
+def clear_innovations(monitor, wanted):
+    """Clear the stored innovations in the runs where `wanted` is 1 (Monitor, or None).
+
+    Called after a recovery or a restart of the filter: earlier innovations do not test the new estimate.
     """
-    if own is not None:
-        for c in range(own.past.shape[0]):
-            for k in range(own.past.shape[1]):
-                own.past[c, k] = where(wanted > 0.0, 0.0, own.past[c, k])
+    if monitor is not None:
+        for c in range(monitor.past.shape[0]):
+            for k in range(monitor.past.shape[1]):
+                monitor.past[c, k] = where(wanted > 0.0, 0.0, monitor.past[c, k])
 
 
-def permitted(own: Any, channel: Any, gate_squared: Any) -> Any:
-    """Return the gate of a channel's row: NOT_USED in the runs that exclude it (Monitor, or None)."""
-    return gate_squared if own is None else where(own.out[channel] > 0.0, NOT_USED, gate_squared)
+def permitted(monitor: Any, channel: Any, gate_squared: Any) -> Any:
+    """Return the gate for a channel: NOT_USED in the runs that exclude it (Monitor), otherwise `gate_squared`."""
+    return gate_squared if monitor is None else where(monitor.out[channel] > 0.0, NOT_USED, gate_squared)
 
 
 @overload(permitted)
-def _permitted(own, channel, gate_squared):
-    if own == types.none:
-        return lambda own, channel, gate_squared: gate_squared
-    return lambda own, channel, gate_squared: where(own.out[channel] > 0.0, NOT_USED, gate_squared)
+def _permitted(monitor, channel, gate_squared):
+    if monitor == types.none:
+        return lambda monitor, channel, gate_squared: gate_squared
+    return lambda monitor, channel, gate_squared: where(monitor.out[channel] > 0.0, NOT_USED, gate_squared)
 
 
 def decisions_of(isolated: Floats, excluded: Floats, t_epoch: Floats, first_run: int) -> Floats:
-    """Return the decisions (n, 4) of some runs: run, t s, what was isolated, channel that was excluded (-1: none).
+    """Return the decisions of the fault monitors of some runs.
 
-    isolated (n_run, n_epoch), excluded (n_run, n_epoch, n_channel) of their monitors; t_epoch (n_epoch,) s.
+    Parameters
+    ----------
+    isolated
+        (n_run, n_epoch). Kind of fault isolated, as in `records.ISOLATED`; 0 none.
+    excluded
+        (n_run, n_epoch, n_channel). 1 for excluded channels.
+    t_epoch
+        (n_epoch,) s. Times of the epochs.
+    first_run
+        Number of the first of these runs.
+
+    Returns
+    -------
+    ndarray
+        (n, 4). Run, time (s), kind of fault, excluded channel (-1 none); one row per excluded channel.
     """
-    found = []
+    decisions = []
     for run, at in zip(*np.nonzero(isolated), strict=True):
         channels = np.flatnonzero(excluded[run, at]).tolist() or [-1]
-        found += [(first_run + run, t_epoch[at], isolated[run, at], channel) for channel in channels]
-    return np.array(found, dtype=float).reshape(-1, 4)
+        decisions += [(first_run + run, t_epoch[at], isolated[run, at], channel) for channel in channels]
+    return np.array(decisions, dtype=float).reshape(-1, 4)
