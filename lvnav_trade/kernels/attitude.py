@@ -1,4 +1,4 @@
-"""Quaternions (scalar first, body to inertial) and small rotations, as formulas of values."""
+"""Quaternions (scalar first, body to inertial) and small rotations, as functions of their components."""
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import where
@@ -23,7 +23,7 @@ def multiply(p0, p1, p2, p3, q0, q1, q2, q3):
 
 @jit
 def matrix(q0, q1, q2, q3):
-    """Return the nine entries, by rows, of the matrix that takes body components to inertial ones."""
+    """Return the nine entries, by rows, of the rotation matrix from body to inertial axes."""
     a, b, c = q1 + q1, q2 + q2, q3 + q3
     xx, yy, zz = a * q1, b * q2, c * q3
     xy, xz, yz = a * q2, a * q3, b * q3
@@ -52,7 +52,7 @@ def from_rotation(x, y, z):
 
 @jit
 def normalise(q0, q1, q2, q3):
-    """Return a quaternion that is nearly of unit length at unit length (one Newton step)."""
+    """Return a quaternion of nearly unit length, normalised by one Newton step."""
     scale = 1.5 - 0.5 * (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
     return scale * q0, scale * q1, scale * q2, scale * q3
 
@@ -66,7 +66,7 @@ def small_rotation(p0, p1, p2, p3, q0, q1, q2, q3):
 
 @jit
 def rotation_vector(d0, d1, d2, d3):
-    """Return the small rotation vector of a quaternion."""
-    # twice the vector part lacks the cubic term of the arc sine; q and -q are the same attitude
+    """Return the small rotation vector (rad) of a quaternion."""
+    # angle = 2 asin(|d|), with the cubic term of the arc sine; q and -q are the same attitude, hence the sign
     factor = where(d0 < 0.0, -2.0, 2.0) * (1.0 + (d1 * d1 + d2 * d2 + d3 * d3) * (1.0 / 6.0))
     return factor * d1, factor * d2, factor * d3

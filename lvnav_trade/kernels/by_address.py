@@ -1,9 +1,9 @@
-"""Records go from kernel to kernel by address.
+"""Records are passed from kernel to kernel by address.
 
-Numba hands each of the hundreds of numbers of a record over by itself: to take records apart before every call and to
-put them together after it was more than half of what there was to compile. A record (NamedTuple of this package) is
-never changed, so whoever makes one keeps it in its own frame, and what it calls reads it there: a field once, where
-the kernel begins. A record within a record goes on by its own address.
+Numba passes each of the hundreds of fields of a record as an argument. Unpacking records before every call and packing
+them again after it was more than half of the compilation. A record (NamedTuple of this package) never changes, so the
+kernel that creates it stores it on its stack, and called kernels read it there: each field once, at their beginning. A
+record within a record is passed by its own address.
 """
 
 from functools import cache
@@ -29,7 +29,7 @@ _BYTE, _WORD = ir.IntType(8), ir.IntType(64)
 
 
 class _Place:
-    """Where a record is, in bytes behind the address that the function got, and the fields that were read there."""
+    """Location of a record: an address and an offset in bytes, with the fields already read from there."""
 
     def __init__(self, address: Any, offset: int) -> None:
         self.address, self.offset = address, offset
@@ -40,13 +40,13 @@ class _Place:
         return builder.gep(self.address, [ir.Constant(_WORD, self.offset)]) if self.offset else self.address
 
     def value(self, builder: Any, kind: Any) -> Any:
-        """Return the record, which knows where it is."""
+        """Return the record, with its location attached."""
         found = builder.load(builder.bitcast(self.pointer(builder), kind.as_pointer()))
         found.place = self
         return found
 
     def field(self, builder: Any, kind: Any, index: int) -> Any:
-        """Return a field of the record, a struct of LLVM's, read where the function begins."""
+        """Return a field of the record (an LLVM struct), read at the beginning of the function."""
         if index not in self.fields:
             inner, place = kind.elements[index], _Place(self.address, self.offset + _offsets(kind)[index])
             with builder.goto_entry_block():
@@ -56,20 +56,20 @@ class _Place:
 
 @cache
 def _offsets(kind: Any) -> list[int]:
-    """Return where the fields of a struct of LLVM's begin (bytes)."""
+    """Return the offsets (bytes) of the fields of an LLVM struct."""
     data, context = cpu_target.target_context.codegen().target_data, ir.Context()
     return [kind.get_element_offset(data, index, context) for index in range(len(kind.elements))]
 
 
 class RecordModel(TupleModel):  # type: ignore[misc]  # numba tells no types
-    """A record of this package: handed over by its address."""
+    """Data model of a record of this package: passed by address."""
 
     def get_argument_type(self) -> Any:
         """Return the type of an address."""
         return _BYTE.as_pointer()
 
     def as_argument(self, builder: Any, value: Any) -> Any:
-        """Return the address of a record: where it is, or where this function keeps it for what it calls."""
+        """Return the address of a record: its location, or a copy on the stack of this function."""
         place = getattr(value, "place", None)
         if place is not None:
             return place.pointer(builder)
@@ -99,31 +99,32 @@ def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
 
 
 class _Lower(Lower):  # type: ignore[misc]
-    """Numba's writer of intermediate code; a variable that is set at one place is a value and needs no memory, where
-    no references are counted.
+    """Numba's generator of intermediate code, with fewer memory accesses.
+
+    A variable that is assigned once is a value and needs no memory, unless references are counted.
     """
 
     def _find_singly_assigned_variable(self) -> None:
         super()._find_singly_assigned_variable()
-        if self.context.enable_nrt:  # of an array that is counted, memory tells whether it has been given back
+        if self.context.enable_nrt:  # reference counting needs the variable in memory
             return
         if self.flags is None or not self.flags.enable_ssa or self.func_ir.func_id.is_generator:
             return
         number: dict[str, int] = {}
         for block in self.blocks.values():
-            for one in block.find_insts(Assign):
-                number[one.target.name] = number.get(one.target.name, 0) + 1
+            for assignment in block.find_insts(Assign):
+                number[assignment.target.name] = number.get(assignment.target.name, 0) + 1
         kept = must_use_alloca(self.blocks)
         self._singly_assigned_vars |= {name for name, times in number.items() if times == 1 and name not in kept}
 
     def loadvar(self, name: str) -> Any:
-        """Return the value of a variable; one that is read in a block which is written before its own needs memory."""
+        """Return the value of a variable. A variable that is read before the block of its assignment needs memory."""
         if name not in self._blk_local_varmap:
             self._singly_assigned_vars.discard(name)
         return super().loadvar(name)
 
     def lower_getitem(self, resty: Any, expr: Any, value: Any, index: Any, signature: Any) -> Any:
-        """Return an element of an array: numba puts the array into memory for it, and looks the operator up again."""
+        """Return an element of an array, without the copy of the array and the operator lookup of numba."""
         array, at = signature.args
         if not self._is_element(array, at):
             return super().lower_getitem(resty, expr, value, index, signature)
@@ -143,7 +144,7 @@ class _Lower(Lower):  # type: ignore[misc]
         return None
 
     def _is_element(self, array: Any, at: Any) -> bool:
-        """Whether an index is that of one number of an array."""
+        """Return whether an index selects one number of an array."""
         if not isinstance(array, types.Array) or not isinstance(array.dtype, types.Number | types.Boolean):
             return False
         kinds = tuple(at) if isinstance(at, types.BaseTuple) else (at,)
@@ -179,7 +180,7 @@ class _Lowering(BaseNativeLowering):  # type: ignore[misc]
 
 
 class Compiler(CompilerBase):  # type: ignore[misc]
-    """Numba's compiler with the writer above."""
+    """Numba's compiler with the code generator above."""
 
     def define_pipelines(self) -> list[Any]:
         """Return numba's passes with the last one replaced."""

@@ -1,4 +1,4 @@
-"""Files of compiled kernels: checked when they are read, written by one process at a time, never a reason to stop."""
+"""Cache files of compiled kernels: verified when read, written by one process at a time; failures are not fatal."""
 
 import hashlib
 import logging
@@ -19,22 +19,20 @@ _LOCK, _LOCK_S = ".lock", 10.0  # longer than a file takes to be written; a stop
 
 
 class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba publishes no types
-    """The index of a function's compiled versions and a file for each, all with a digest of their content.
+    """Index of the compiled versions of a function and a file for each version, with a digest of their content.
 
-    A file that is damaged, of another version of numba or compiled for other arguments than the index says counts as
-    missing: the kernel is compiled again and the file replaced.
+    A file counts as missing if it is damaged, from another version of numba, or compiled for other arguments than in
+    the index. The kernel is then compiled again and the file replaced.
     """
 
     def load(self, key: Any) -> Any:
-        """Return the version of a key (types of arguments, processor, byte code); None where there is none."""
+        """Return the version for a key (argument types, processor, byte code); None if there is none."""
         name = self._load_index().get(key)
         found = None if name is None else self._read(name)
         return found[1] if found is not None and found[0] == key else None
 
     def save(self, key: Any, data: Any) -> None:
-        """Write a version. The index is read and written under a lock: else two processes could take one file name for
-        two versions.
-        """
+        """Write a version. A lock on the index prevents two processes from using one file name for two versions."""
         with self._locked():
             super().save(key, (key, data))
 
@@ -64,7 +62,7 @@ class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba publishes
 
     @contextmanager
     def _locked(self) -> Iterator[None]:
-        """Work alone on the files of this folder, if its file system has locks: without, `load` finds what is wrong."""
+        """Lock the files of this folder, if the file system supports it; otherwise `load` detects inconsistencies."""
         from filelock import FileLock, Timeout  # imported by the few processes that compile
 
         lock = FileLock(Path(self._cache_path, _LOCK))
@@ -77,7 +75,7 @@ class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba publishes
 
 
 class _Place(CompileResultCacheImpl._locator_classes[0]):  # type: ignore[misc]
-    """The folder of this version of the kernels. Whether it can be written shows when a kernel is saved."""
+    """Locator of the cache folder of this version of the kernels. A failure to write appears when a kernel is saved."""
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> Any:
@@ -85,7 +83,7 @@ class _Place(CompileResultCacheImpl._locator_classes[0]):  # type: ignore[misc]
 
 
 class _Stored(CompileResultCacheImpl):  # type: ignore[misc]
-    """What is stored of a function: without the listing of its types, a fifth of the folder that nobody reads."""
+    """Stored form of a function, without the listing of its types, which would take a fifth of the folder."""
 
     _locator_classes = (_Place,)
 
@@ -95,7 +93,7 @@ class _Stored(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The compiled versions of a kernel on disk. One that cannot be saved is used all the same."""
+    """Compiled versions of a kernel on disk. A version that cannot be saved is used nevertheless."""
 
     _impl_class = _Stored
 
@@ -105,7 +103,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         self._cache_file = CheckedFiles(self._cache_path, self._impl.filename_base, stamp)
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save a version where the system permits it."""
+        """Save a version; if the system does not permit it, log a warning."""
         try:
             super().save_overload(sig, data)
         except OSError as error:
@@ -114,7 +112,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
 @cache
 def _warn_of_refusal(why: str) -> None:
-    """Say once in a process that kernels are not stored."""
+    """Log once per process that kernels cannot be stored."""
     _LOG.warning(
         "compiled kernels cannot be stored in %s (%s); every command compiles them again until NUMBA_CACHE_DIR is a "
         "folder that can be written",

@@ -1,4 +1,4 @@
-"""Folder of compiled kernels: one per version of the sources, a temporary one where the usual folder is read-only."""
+"""Folder of compiled kernels: one per version of the sources; temporary if the usual folder is read-only."""
 
 import atexit
 import hashlib
@@ -15,8 +15,8 @@ _PLAIN = "LVNAV_TRADE_PLAIN_NUMBA"
 
 
 def source_digest(package: Path) -> str:
-    """Return a digest of every module that has a kernel, or registers one: numba's own cache does not see an edit in
-    another file.
+    """Return a digest of every module that has or registers a kernel; numba's cache does not notice edits in called
+    modules.
     """
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
@@ -28,17 +28,18 @@ def source_digest(package: Path) -> str:
 
 
 def is_plain() -> bool:
-    """Whether numba compiles by its own classes alone (LVNAV_TRADE_PLAIN_NUMBA=1). A first run waits for twice as long;
-    the numbers are the same.
+    """Return whether kernels are compiled by unmodified numba (LVNAV_TRADE_PLAIN_NUMBA=1).
+
+    The first run then takes twice as long to compile; results are the same.
     """
     return os.environ.get(_PLAIN, "0") != "0"
 
 
 def set_cache_folder() -> None:
-    """Point numba at the folder of this version of the kernels, before numba is first imported.
+    """Set the cache folder of numba to that of this version of the kernels, before numba is first imported.
 
-    It is below NUMBA_CACHE_DIR, else below XDG_CACHE_HOME or ``~/.cache``. Where it cannot be written, it is below a
-    temporary folder that only this user can read, and a warning says so. Worker processes inherit the choice.
+    The folder is below NUMBA_CACHE_DIR if set, else below XDG_CACHE_HOME or ``~/.cache``. If it is not writable, it is
+    below a temporary folder that only this user can read, and a warning is logged. Worker processes inherit the choice.
     """
     given = os.environ.get(_VARIABLE, "")
     if Path(given).name.startswith(_MARK):
@@ -62,13 +63,13 @@ def set_cache_folder() -> None:
 
 
 def is_filled() -> bool:
-    """Whether there are compiled kernels of this version, or nothing is compiled: a campaign begins at once."""
+    """Return whether a campaign starts without compilation: kernels are in the cache, or nothing is compiled."""
     is_interpreted = os.environ.get("NUMBA_DISABLE_JIT", "0") != "0"
     return is_interpreted or any(Path(os.environ.get(_VARIABLE, "")).glob("*/*.nbi"))
 
 
 def _usual_root(given: str) -> Path:
-    """Return the folder that the environment names for compiled kernels; relative where there is no home folder."""
+    """Return the folder for compiled kernels by the environment; relative if there is no home folder."""
     if given:
         return Path(given).absolute()
     caches = os.environ.get("XDG_CACHE_HOME", "")
@@ -76,8 +77,10 @@ def _usual_root(given: str) -> Path:
 
 
 def _temporary_root(name: str) -> Path:
-    """Return a temporary folder that the next command finds again, or one of this process where another user could
-    have put files into that: compiled kernels are executed.
+    """Return a temporary folder for compiled kernels: a shared one of this user, or a private one of this process.
+
+    The shared folder is found again by the next command. It is not used if another user could write to it, because
+    compiled kernels are executed.
     """
     user = os.getuid() if hasattr(os, "getuid") else 0
     place = Path(tempfile.gettempdir(), f"lvnav_trade-{user}")
@@ -100,7 +103,7 @@ def _temporary_root(name: str) -> Path:
 
 
 def _refusal(folder: Path) -> str:
-    """Return why files cannot be written into a folder, which is made where it is missing; empty where they can."""
+    """Return the reason why a folder is not writable; empty if it is. A missing folder is created."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()

@@ -1,6 +1,6 @@
-"""How kernels are compiled: numba's compiler with classes of this package in the place of some of its own.
+"""Compilation of kernels: numba's compiler, with some of its classes replaced by faster ones of this package.
 
-The text of `jit.py` says what a kernel is; whatever is here makes its first call wait less, and computes the same bits.
+`jit.py` defines what a kernel is. The classes here shorten the wait for the first call; results are the same bits.
 """
 
 import gc
@@ -28,11 +28,11 @@ _ENTRY = "entry"  # numba's own kinds are "object" and "bitcode"
 
 
 def _number_functions() -> None:
-    """Let this process number the functions that it compiles from a start of its own.
+    """Start the numbers of functions that this process compiles at random.
 
-    Numba tells functions of one name and signature apart (the + and the x of a lane are such) by a number that every
-    process counts from one. But parts that different processes have compiled meet in the cache, and the linker takes
-    two functions of one full name for one: it would add where it should multiply.
+    Numba distinguishes functions with the same name and signature (such as + and * of lanes) by a number, which every
+    process counts from one. The cache combines functions compiled by different processes, and the linker merges two
+    functions with the same full name: a kernel would add instead of multiply.
     """
     FunctionIdentity._unique_ids = itertools.count(secrets.randbits(64))
 
@@ -43,11 +43,11 @@ if hasattr(os, "register_at_fork"):
 
 
 class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
-    """What numba makes of a function; of a kernel that only kernels call, no more than its callers need.
+    """Compiled form of a function. A kernel that only kernels call (a part) has only what its callers need.
 
-    Every caller optimises all that it calls once more, down to the bottom. So a part is tidied up and handed on: it is
-    not optimised to the end by itself, and has no machine code of its own. An entry, which no kernel calls, is kept as
-    machine code alone: its intermediate code, three times as large, would be read into every process that calls it.
+    A caller optimises again whatever it calls, at all depths. A part is therefore optimised lightly and has no machine
+    code. A kernel that Python calls (an entry) is stored as machine code only: its intermediate code is three times as
+    large, and every process would read it.
     """
 
     is_entry = False
@@ -58,8 +58,9 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
         return _PART in self.name
 
     def add_ir_module(self, ir_module: Any) -> None:
-        """Take in what was written of a function; a kernel's entry for Python is translated as it is: it unpacks arrays
-        once a call, in a hundredth of the time that a flight takes.
+        """Add the intermediate code of a function. The Python wrapper of a kernel is not optimised.
+
+        The wrapper unpacks arrays once per call, which takes a hundredth of the time of a run.
         """
         for function in ir_module.functions:
             if function.name.startswith(_ENTRY_NAME) and not function.is_declaration:
@@ -68,7 +69,7 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
         super().add_ir_module(ir_module)
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Tidy up functions; those of this package lightly, for whoever takes them in optimises them to the end."""
+        """Optimise functions; those of this package lightly, because their callers optimise them again."""
         defined = [function for function in ll_module.functions if not function.is_declaration]
         if not any(_OWN in function.name for function in defined):
             super()._optimize_functions(ll_module)
@@ -99,7 +100,7 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
         return b"" if self.is_part else super()._get_compiled_object()
 
     def serialize_using_object_code(self) -> Any:
-        """Return what the cache keeps: name, kind, content."""
+        """Return name, kind and content for the cache."""
         if not self.is_entry:
             return super().serialize_using_object_code()
         self._ensure_finalized()
@@ -127,7 +128,7 @@ class Codegen(JITCPUCodegen):  # type: ignore[misc]
     _library_class = Library
 
     def set_env(self, env_name: str, env: Any) -> None:
-        """Tell the machine code of a function its environment; a part has none."""
+        """Set the environment of a function in its machine code; a part has none."""
         if self._engine.get_global_value_address(env_name):
             super().set_env(env_name, env)
 
@@ -141,8 +142,8 @@ _COLLECTED_AFTER = 100_000  # new objects; Python's own number is 700 or 2,000
 
 @contextmanager
 def _seldom_collected() -> Iterator[None]:
-    """Let Python look for garbage less often: nearly all that the compiler holds is in use, and to go through it again
-    and again is a tenth of its time.
+    """Collect garbage less often. Nearly all objects of the compiler are in use, and collection takes a tenth of its
+    time.
     """
     usual = gc.get_threshold()
     gc.set_threshold(_COLLECTED_AFTER, *usual[1:])
@@ -153,50 +154,52 @@ def _seldom_collected() -> Iterator[None]:
 
 
 class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba tells no types
-    """A kernel that other kernels call by its twin `inner`, which has no entry for Python.
+    """A kernel as Python calls it. Kernels call its twin `inner`, which has no Python wrapper.
 
-    The entry unpacks and checks every array of every record among the arguments: a third of what there is to compile of
-    a small function that takes the records of a flight. Only a kernel that Python calls gets one, by that call.
+    The wrapper unpacks and checks every array of every record among the arguments. For a small function with the
+    records of a run that is a third of the compilation. Only a kernel that Python calls gets a wrapper, at that call.
     """
 
     inner: Any
 
     def compile(self, sig: Any) -> Any:
-        """Compile for a signature, and all that it calls, or load it from the cache."""
+        """Compile a signature and everything that it calls, or load it from the cache."""
         with _seldom_collected():
             return super().compile(sig)
 
     @property
     def _numba_type_(self) -> Any:
-        """What a kernel that names this one sees: its twin."""
+        """Type under which other kernels see this kernel: its twin."""
         return numba.types.Dispatcher(self.inner)
 
 
 class Part(CPUDispatcher):  # type: ignore[misc]
-    """A kernel as other kernels call it: a number that a call states, as an axis or a column, makes no version of its
-    own. The compiler of machine code sees such numbers where it inlines.
+    """A kernel as other kernels call it.
+
+    A literal argument, such as an axis or a column, does not make another version. LLVM sees the literal when it
+    inlines the call.
     """
 
     def compile(self, sig: Any) -> Any:
-        """Compile for a signature or load it from the cache; numba asks many times for each."""
+        """Compile a signature or load it from the cache; numba asks many times for the same signature."""
         found = self.overloads.get(sig) if isinstance(sig, tuple) else None
         return super().compile(sig) if found is None else found.entry_point
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return the version for types of arguments, literal ones as their kind."""
+        """Return the version for given types of arguments; a literal counts as its type."""
         return super().get_call_template(tuple(map(numba.types.unliteral, args)), kws)
 
 
-def compiled(function: Callable[..., Any], how: dict[str, Any]) -> Callable[..., Any]:
-    """Return a kernel for Python, with its twin for kernels; how: numba's options."""
-    how = how | {"pipeline_class": Compiler, "no_cfunc_wrapper": True}
+def compiled(function: Callable[..., Any], options: dict[str, Any]) -> Callable[..., Any]:
+    """Return a kernel for Python, with its twin for kernels. options: those of numba.njit."""
+    options = options | {"pipeline_class": Compiler, "no_cfunc_wrapper": True}
     twin = FunctionType(
         function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__
     )
     twin.__module__, twin.__qualname__ = function.__module__, f"{function.__qualname__}{_PART}"  # another cache file
-    kernel = numba.njit(**how)(function)
+    kernel = numba.njit(**options)(function)
     kernel.__class__ = Kernel
-    kernel.inner = numba.njit(**how, no_cpython_wrapper=True)(twin)
+    kernel.inner = numba.njit(**options, no_cpython_wrapper=True)(twin)
     kernel.inner.__class__ = Part
     kernel._cache, kernel.inner._cache = KernelCache(function), KernelCache(twin)
     return kernel

@@ -1,15 +1,16 @@
-"""The covariance of an error state: propagate it over a window, update it by one scalar measurement.
+"""Covariance of an error state: propagation over a window, update by one scalar measurement.
 
-The first nine states are attitude, velocity, position; parameters follow, and a clock (bias, drift) where there is one.
-Only the first nine rows of Phi - I hold blocks; parameters decay. The covariance is kept whole, and written symmetric.
+The first nine states are attitude, velocity and position errors; parameters follow, and the clock (bias, drift) if the
+filter has one. Phi - I has 3 x 3 blocks in its first nine rows only; parameters decay. Covariances are stored in full,
+and both triangles are written with the same values.
 
-Linear covariance follows the joint vector of true error parameters c and navigation error e (truth minus estimate).
-Error sources are independent, so each carries its own covariance of e, and the cross-covariance of e with c is one
-column per parameter component, owned by that component's source:
+Linear covariance propagates the joint vector of true error parameters c and navigation error e (truth minus estimate).
+Error sources are independent, so each source has a covariance of e of its own. The cross-covariance of e with c has one
+column per parameter component, which belongs to the source of that component:
 
     c+ = f c + w,   e+ = Phi e + b c + g w,   update: e+ = (I - k h) e - k v
 
-Everything is linear in the sources once the gains are fixed, so the true covariance is the sum over them, exactly.
+With given gains everything is linear in the sources, so the true covariance is exactly the sum over them.
 """
 
 import numpy as np
@@ -21,7 +22,7 @@ from lvnav_trade.kernels.transition import ATT, POS, VEL
 
 N_NAV_ERROR = 9
 NOT_USED = -1.0
-"""Gate (of a squared innovation) of a row that is not used: no square is below it, so its weight is zero."""
+"""Gate of a measurement that is not used: no squared innovation is below it, so its weight is zero."""
 
 
 @jit
@@ -50,10 +51,10 @@ def _add_to_columns(P, r, c, block, n):
 
 @jit
 def _advance(P, blocks, rows, columns, n):
-    """P <- Phi P Phi' without the parameters' decay: every block acts on rows, then on columns; then symmetric.
+    """P <- Phi P Phi' without the decay of parameters: each block acts on rows, then on columns.
 
-    Below the ninth row nothing but what mirrors the first nine changes. Position moves on with velocity for some
-    seconds, the same on all axes.
+    Only the first nine rows are computed; the columns below them are copied from the rows. The block of position by
+    velocity is a multiple of the identity, so one number replaces nine.
     """
     for b in range(rows.shape[0]):
         if rows[b] == POS and columns[b] == VEL:
@@ -78,7 +79,10 @@ def _advance(P, blocks, rows, columns, n):
 
 @jit
 def finish_window(P, decay, noise, clock, seconds):
-    """Let a covariance's parameters decay and its clock move on over a window; add the second half of the noise."""
+    """Apply the decay of parameters and the drift of the clock over a window, then add the second half of the noise.
+
+    The parameters are those of `predict`.
+    """
     n = P.shape[0]
     for j in range(N_NAV_ERROR, n):
         if decay[j] != 1.0:
@@ -99,15 +103,17 @@ def finish_window(P, decay, noise, clock, seconds):
 def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     """Propagate the covariance over a window: P <- Phi (P + Q/2) Phi' + Q/2, Q diagonal.
 
-    Half of the noise before and half after gives its cross terms to second order in the window.
+    Adding half of the noise before and half after gives its cross terms to second order in the window.
 
     Parameters
     ----------
-    P : (n, n) symmetric; updated
-    blocks : (n_block, 9) at rows, columns (n_block,) int: Phi is the product of what each block does, see `transition`;
-        position takes velocity times a number of seconds, the same on all axes
+    P : (n, n) symmetric covariance, updated in place
+    blocks : (n_block, 9) blocks by rows; Phi is their product, see `transition`. The block of position by velocity is a
+        multiple of the identity
+    rows, columns : (n_block,) int, first row and first column of each block
     decay, noise : (n,) decay factor and noise variance of each state over the window
-    clock : index of the clock bias, -1 for none; seconds : length of the window
+    clock : index of the clock bias, -1 none
+    seconds : s, length of the window
     """
     n = P.shape[0]
     for i in range(n):
@@ -118,9 +124,10 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
 
 @jit
 def add_turned(P, uneven, sums, seconds):
-    """Add half of the part of a window's white noise that differs by body axis: C diag(q) C' seconds / 2 of attitude
-    and of velocity, C the mean attitude. uneven : (2, 3) q of gyros and accelerometers, SI squared per second; None
-    where the axes are alike. sums : (18,) the strapdown's over the window
+    """Add half of the white noise by which body axes differ: C diag(q) C' seconds / 2, in attitude and in velocity.
+
+    C is the mean rotation from body axes to frame i over the window, from the integrals `sums` (18,) of the strapdown.
+    uneven : (2, 3) q of gyros and accelerometers, SI squared per second; None if all axes are alike
     """
     if uneven is not None:
         _add_turned(P, uneven, sums, seconds)
@@ -144,7 +151,7 @@ def _add_turned(P, uneven, sums, seconds):
 
 @jit
 def inflate(P, factor, n_estimated):
-    """Let a covariance forget (fading memory): P <- A P A, A the factor for every estimated state, one for the rest."""
+    """Apply fading memory: P <- A P A, with A diagonal, `factor` for estimated states and 1 for considered states."""
     for i in range(n_estimated):
         for j in range(n_estimated):
             P[i, j] = P[i, j] * (factor * factor)
@@ -154,8 +161,8 @@ def inflate(P, factor, n_estimated):
 
 
 @inlined
-def _met(P, x, K, h, entries, columns, innovation, variance, beta, n):
-    """Set K to P h; return innovation variance, and the innovation left after earlier measurements of the epoch."""
+def _innovation_and_variance(P, x, K, h, entries, columns, innovation, variance, beta, n):
+    """Set K to P h'; return the innovation variance and the innovation after earlier measurements of the epoch."""
     for i in range(n):
         k = P[i, columns[0]] * h[entries[0]]
         for c in range(1, columns.shape[0]):
@@ -173,25 +180,30 @@ def _met(P, x, K, h, entries, columns, innovation, variance, beta, n):
 def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_estimated, joseph, beta=0.0):
     """Update the error state and its covariance by one scalar measurement, z - z_hat = h . x + v.
 
-    All rows of an epoch are linearised at one point: `innovation` is the one before the epoch, and what earlier rows of
-    the epoch have moved is taken off here. States from `n_estimated` on are considered (Schmidt): no gain, but their
-    correlations are kept up. A row beyond the gate has zero weight.
+    All measurements of an epoch are linearised at the same state, so `innovation` is that before the epoch; the
+    correction h x by earlier measurements of the epoch is subtracted here. States from `n_estimated` on are considered
+    (Schmidt): their gain is zero, but their correlations are updated. A measurement beyond the gate has weight zero.
 
     Parameters
     ----------
-    P : (n, n), x : (n,) error state; both updated. K : (n,) set to P h before the update
-    h : (n_entry,) the row; its `entries` (n_column,) int stand for states `columns` (n_column,) int, the rest are zero
-    variance : of v
+    P, x : (n, n) covariance and (n,) error state, both updated in place
+    K : (n,) set to P h' before the update
+    h : (n_entry,) Jacobian row
+    entries, columns : (n_column,) int, entries of h that are not zero, and the states that they multiply
+    innovation : measured minus predicted at the linearisation point
+    variance : variance of v
     gate_squared : largest square of the normalised innovation that is accepted (inf: all; NOT_USED: none)
-    joseph : bool, write the update in Joseph's form
-    beta : under-weighting (Lear): the filter assumes beta h P h' of noise beside the variance
+    n_estimated : number of estimated states
+    joseph : whether the covariance update has Joseph's form
+    beta : underweighting (Lear): the innovation variance has beta h P h' in addition
 
     Returns
     -------
-    normalised innovation (before the gate), weight (1 / innovation variance, 0 where rejected)
+    normalised : innovation divided by its standard deviation, before the gate
+    weight : 1 / innovation variance; 0 if rejected
     """
     n = P.shape[0]
-    s, residual = _met(P, x, K, h, entries, columns, innovation, variance, beta, n)
+    s, residual = _innovation_and_variance(P, x, K, h, entries, columns, innovation, variance, beta, n)
     accepted = residual * residual <= gate_squared * s
     inverse = 1.0 / s
     weight = where(accepted, inverse, 0.0)
@@ -212,13 +224,13 @@ def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squar
 
 @jit
 def update_with_gain(P, x, K, h, entries, columns, gain, innovation, variance, gate_squared, n_estimated, beta=0.0):
-    """Update as `update_scalar` does, but with a given gain (n,): floats, the same in every run.
+    """Update as `update_scalar` does, with a stored gain (n,) in place of the optimal gain.
 
-    The covariance is propagated in Joseph's form: it is what the filter's model says of that gain, and decides
-    nothing but the gate.
+    The gain is the same in every run. The covariance is updated in Joseph's form, which is valid for any gain; it only
+    decides which measurements pass the gate.
     """
     n = P.shape[0]
-    s, residual = _met(P, x, K, h, entries, columns, innovation, variance, beta, n)
+    s, residual = _innovation_and_variance(P, x, K, h, entries, columns, innovation, variance, beta, n)
     accepted = residual * residual <= gate_squared * s
     step = where(accepted, residual, 0.0)
     for i in range(n_estimated):
@@ -246,7 +258,7 @@ def _joseph(P, K, gain, weight, s, n_estimated, n):
 def normalised_square(P, X, y, x, n):
     """Return x' P^-1 x over the first n states (NEES), by an L D L' factorisation.
 
-    X (n, n) and y (n,) are work: below the diagonal of X stands L, on it D, above it L D transposed.
+    X (n, n) and y (n,) are scratch: X gets L below its diagonal, D on it, and (L D)' above it.
     """
     total = like(x[0], 0.0)
     for i in range(n):
@@ -267,7 +279,7 @@ def normalised_square(P, X, y, x, n):
 
 @jit
 def apply_phi(y, blocks, rows, columns, decay, clock, seconds):
-    """Replace the vector y (n,) by Phi y. Of one run, or lane views of eight."""
+    """Replace the vector y (n,) by Phi y; parameters as in `predict`, for one run or lane views of eight."""
     n = y.shape[0]
     for b in range(rows.shape[0]):
         r, c, block = rows[b], columns[b], blocks[b]
@@ -282,7 +294,7 @@ def apply_phi(y, blocks, rows, columns, decay, clock, seconds):
 
 @jit
 def apply_phi_transposed(y, blocks, rows, columns, decay, clock, seconds):
-    """Replace the vector y (n,) by Phi' y: what `apply_phi` does, backwards."""
+    """Replace the vector y (n,) by Phi' y: the transposed blocks of `apply_phi` in reverse order."""
     if clock >= 0:
         y[clock + 1] += seconds * y[clock]
     for i in range(N_NAV_ERROR, y.shape[0]):
@@ -296,7 +308,7 @@ def apply_phi_transposed(y, blocks, rows, columns, decay, clock, seconds):
 
 @jit
 def update_vector(y, gain, h, entries, columns):
-    """Y <- (I - k h) y; return h y before the update. One vector, or lanes."""
+    """Y <- (I - k h) y; return h y before the update. One vector, or lanes; parameters as in `update_scalar`."""
     projected = like(y[0], 0.0)
     for c in range(columns.shape[0]):
         projected = projected + h[entries[c]] * y[columns[c]]
@@ -307,10 +319,7 @@ def update_vector(y, gain, h, entries, columns):
 
 @jit
 def update_covariance(P, work, gain, h, entries, columns, variance):
-    """P <- (I - k h) P (I - k h)' + k variance k', Joseph's form for any gain; return h P h' before the update.
-
-    Of one run, or lane views of eight.
-    """
+    """P <- (I - k h) P (I - k h)' + k variance k' for any gain k (n,); return h P h' before the update."""
     n = P.shape[0]
     spread = like(P[0, 0], 0.0)
     for i in range(n):
@@ -331,16 +340,19 @@ def update_covariance(P, work, gain, h, entries, columns, variance):
 
 @jit
 def whiten(R, z, H, n, n_entry):
-    """Turn n rows z = H x + v, Cov v = R, into n rows whose errors are independent with variance one.
+    """Decorrelate (whiten) n measurements z = H x + v with Cov v = R: their errors become independent, of variance 1.
 
-    With R = L L': z <- L^-1 z, H <- L^-1 H, in place. Row i becomes a mixture of rows 0 to i, so it needs the entries
-    of all of them. Processed one after another with variance one they are the joint update with R. A row whose R is not
-    positive, or that is not measured, becomes not-a-number, and the rows after it that depend on it too.
+    With R = L L': z <- L^-1 z, H <- L^-1 H, in place. Row i becomes a combination of rows 0 to i, so it needs the
+    entries of all of them. Processing the rows one after the other with variance 1 is equivalent to the joint update
+    with R. A row without a measurement, or with a variance that is not positive, becomes not-a-number, and so do later
+    rows correlated with it.
 
     Parameters
     ----------
-    R : (n, n) symmetric; L is left in its lower triangle
-    z : (n,) measured minus predicted; H : (n, n_entry) rows; both updated
+    R : (n, n) symmetric; its lower triangle is overwritten by L
+    z : (n,) measured minus predicted, updated in place
+    H : (n, n_entry) Jacobian rows, updated in place
+    n, n_entry : number of rows and of entries
     """
     for i in range(n):
         pivot = R[i, i]
@@ -364,11 +376,9 @@ def whiten(R, z, H, n, n_entry):
 
 @jit
 def enter(P, y, variance, b, at):
-    """Let an error component c of a given variance enter the states from `at` on: x += b c.
+    """Add an error component c, with a variance, to the states from `at` on: x += b c, b (m,).
 
-    Parameters
-    ----------
-    P : (n, n) covariance of x and y : (n,) Cov(x, c); both updated. b : (m,)
+    P : (n, n) covariance of x; y : (n,) Cov(x, c); both updated in place
     """
     for i in range(b.shape[0]):
         if b[i] != 0.0:

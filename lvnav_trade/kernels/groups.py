@@ -1,7 +1,7 @@
-"""Error sources eight to a vector: arrays whose first axis is groups of sources and whose last is the lanes of a group.
+"""Groups of eight error sources, one per vector lane. The first axis of an array is the group, the last the lane.
 
-Gains and transition are the same for every source, so one kernel steps eight of them. With `NUMBA_DISABLE_JIT=1` a
-group is one source.
+Gains and transition matrices are the same for all sources, so one kernel processes eight of them. With
+`NUMBA_DISABLE_JIT=1` a group has one source.
 """
 
 from typing import Any
@@ -16,11 +16,11 @@ from lvnav_trade.kernels.lanes import aligned_zeros, view
 from lvnav_trade.kernels.vector import WIDTH
 
 GROUP = 1 if config.DISABLE_JIT else WIDTH
-"""How many sources a group has."""
+"""Number of sources in a group."""
 
 
 def grouped_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return zeros of the given shape (a group or n_group first), with the lanes of a group behind it."""
+    """Return zeros of the given shape, with the lanes of a group as an additional last axis."""
     return aligned_zeros((*shape, GROUP))
 
 
@@ -42,7 +42,7 @@ def group(array: Any, index: Any) -> Any:
 
 @jit
 def total_of(array: Any) -> Any:
-    """Return the sum of a work array (1, n_lane) over its lanes."""
+    """Return the sum of an array (1, n_lane) over its lanes."""
     total = 0.0
     for lane in range(array.shape[1]):
         total += array[0, lane]

@@ -1,4 +1,4 @@
-"""The one numba decorator."""
+"""Decorators of kernels, functions that numba compiles."""
 
 import os
 from collections.abc import Callable
@@ -13,39 +13,39 @@ import numba  # noqa: E402  (the cache folder must be known first)
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 
 
-def _compiled(function: Callable[..., Any], **how: Any) -> Callable[..., Any]:
+def _compiled(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     if numba.config.DISABLE_JIT:
         return function
-    how = {"nogil": True, "error_model": "numpy", "fastmath": False, "_nrt": False, **how}
+    options = {"nogil": True, "error_model": "numpy", "fastmath": False, "_nrt": False, **options}
     if is_plain():
-        return numba.njit(cache=True, **how)(function)
+        return numba.njit(cache=True, **options)(function)
     from lvnav_trade.kernels.compiler import compiled
 
-    return compiled(function, how)
+    return compiled(function, options)
 
 
 def jit(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel: cached, without the interpreter lock, division by zero gives inf or NaN as in numpy.
+    """Compile a kernel that creates no array, see `making_arrays`.
 
-    It makes no array, see `making_arrays`.
+    The kernel is cached and runs without the interpreter lock. Division by zero gives inf or NaN, as in numpy.
     """
     return _compiled(function)
 
 
 def making_arrays(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a kernel that makes arrays, and whatever of its callers hands them on.
+    """Compile a kernel that creates arrays; callers that pass such arrays on need this decorator too.
 
-    Only here are references to arrays counted. A kernel that works on what it is given does without, for the count
-    takes two locked instructions wherever a record's array is named: a third of a flight at 200 Hz covariance. So a
-    kernel under `jit` returns no array.
+    Only these kernels count references to arrays. Counting takes two locked instructions wherever an array of a record
+    is named, a third of the time of a run with the covariance at 200 Hz. Kernels under `jit` do not count and therefore
+    return no array.
     """
     return _compiled(function, _nrt=True)
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a step of a loop into its caller: a call would copy hundreds of words of settings and views each time.
+    """Compile a kernel that is inlined into its callers, for steps of a loop.
 
-    The compiler of machine code inlines it. Inlining by numba itself (`inline="always"`) compiles 15 % sooner and flies
-    20 % slower.
+    A call would copy hundreds of words of settings and views each time. LLVM inlines the kernel. Inlining by numba
+    (`inline="always"`) shortens compilation by 15 % but makes runs 20 % slower.
     """
     return _compiled(function, forceinline=True)

@@ -1,11 +1,11 @@
-"""f64x8: eight runs in one value, so that a kernel written for one run steps eight.
+"""f64x8: the same number of eight runs as one value, so that a kernel written for one run processes eight.
 
-A kernel is written for one run, in plain indexing: ``P[i, j] = P[i, j] - gain * K[j]``. Given float64 arrays it
-steps one run; given views made by `view` of arrays whose last axis has `WIDTH` runs it steps eight at once. The
-source must be *lane-clean*: no branch on a value that differs between runs (use `where`), accumulators that start
-from `like`.
+A kernel is written for one run, in plain indexing: ``P[i, j] = P[i, j] - gain * K[j]``. With float64 arrays it
+processes one run. With views, made by `view` of arrays whose last axis has `WIDTH` runs, it processes eight. The source
+must be *lane-clean*: no branch on a value that differs between runs (use `where`), and accumulators that start from
+`like`.
 
-The lane types are numba extension types on LLVM vectors; LLVM splits them where the processor is narrower. With
+The lane types are numba extension types on LLVM vectors; LLVM splits them on processors with narrower vectors. With
 ``NUMBA_DISABLE_JIT=1`` only the one-run form exists, and every name here is an ordinary Python function.
 """
 
@@ -28,9 +28,7 @@ sqrt, magnitude = math.sqrt, abs
 
 
 def aligned_zeros(shape: tuple[int, ...], dtype: type = np.float64) -> np.ndarray:
-    """Return zeros that begin where a cache line does: a line holds the eight runs of a value, and lanes across
-    two lines take two loads.
-    """
+    """Return zeros aligned to a cache line. A line has the eight runs of one value; unaligned lanes take two loads."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
     room = np.zeros(size + LINE, dtype=np.uint8)
     start = -room.ctypes.data % LINE
@@ -38,13 +36,13 @@ def aligned_zeros(shape: tuple[int, ...], dtype: type = np.float64) -> np.ndarra
 
 
 def zeros_of(shapes: Mapping[str, tuple[int, ...]], lanes: int = 0) -> dict[str, np.ndarray]:
-    """Return arrays of these shapes by name: of one run, or of `lanes` runs on a last axis."""
+    """Return zeros by name for given shapes: one run, or `lanes` runs on an additional last axis."""
     end = (lanes,) if lanes else ()
     return {name: aligned_zeros((*shape, *end)) for name, shape in shapes.items()}
 
 
 def _view_type(kind):
-    """Return the numba type of the view of an array, of a record, or of what is left as it is."""
+    """Return the numba type of the view of an array or record; other types have no view and stay."""
     if isinstance(kind, types.Array):
         return LaneView(f64x8 if kind.dtype == types.float64 else u64x8, kind.ndim - 1)
     if isinstance(kind, types.BaseNamedTuple):
@@ -80,8 +78,10 @@ def _make_view(typingctx, source):
 
 
 def view(source):
-    """Return the lane view of a C-contiguous array (..., 8), best of `aligned_zeros`; the caller keeps it alive. Of a
-    record (NamedTuple) return the record of the views of its fields; a None in it remains.
+    """Return the lane view of a C-contiguous array (..., 8), preferably from `aligned_zeros`.
+
+    The view does not own its memory: the caller keeps the array alive. For a record (NamedTuple) the result is the
+    record of the views of its fields; None stays None.
     """
     raise NotImplementedError("lanes exist in compiled code only")
 
@@ -218,7 +218,7 @@ _eight_floats, _eight_words = _number_like(f64x8), _number_like(u64x8)
 
 
 def like(x, number):
-    """Return a number in the form of `x`: how an accumulator starts."""
+    """Return a number with the type of `x`, one float or eight lanes; the initial value of an accumulator."""
     return float(number)
 
 
@@ -230,7 +230,7 @@ def _like(x, number):
 
 
 def word_like(x, number):
-    """Return an unsigned word in the form of the word `x`."""
+    """Return an unsigned word with the type of the word `x`, one or eight lanes."""
     return np.uint64(number)
 
 
@@ -257,7 +257,7 @@ def to_float(word):
 
 
 def _convert(function, source, target, instruction):
-    """Let a function turn a value of one type into another by an instruction of LLVM's, a lane or one number."""
+    """Implement a conversion function for numba by one LLVM instruction, for a lane and for one number."""
 
     @intrinsic
     def converted(typingctx, a):

@@ -1,8 +1,8 @@
-"""Local geographic axes: their turn with the vehicle, motion along them, and the way from and to Earth-fixed axes.
+"""Local geographic axes: rotation rate, motion, and transformation from and to Earth-fixed axes.
 
-Latitude, longitude and height are held as one vector in Earth-fixed axes: the ellipsoid's normal, of length one plus
-height over the semi-major axis. So no angle is needed, and one source steps one run or eight. At a pole north and
-east have no direction; a flight that comes within metres of one loses its digits.
+A *place* is latitude, longitude and height as one vector in Earth-fixed axes: the normal of the ellipsoid, with length
+1 + height / semi-major axis. It needs no trigonometric functions, so the same source runs one run or eight lanes. North
+and east are undefined at a pole; a trajectory within metres of a pole loses precision.
 """
 
 from lvnav_trade.kernels.attitude import cross, multiply
@@ -11,12 +11,12 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import sqrt, where
 
 NED, ENU = 1, 2
-_ROUNDS = 3  # of latitude; each takes 0.7 % of the error of the one before
+_ROUNDS = 3  # iterations of the latitude; each reduces the error to 0.7 %
 
 
 @jit
 def place_of(px, py, pz):
-    """Return the normal (3), the height (m) and the radii (m) of curvature of meridian and prime vertical."""
+    """Return normal (3), height (m) and radii of curvature (m) of meridian and prime vertical at a place."""
     length = sqrt(px * px + py * py + pz * pz)
     ux, uy, uz = px / length, py / length, pz / length
     squash = 1.0 - ECCENTRICITY_2 * (uz * uz)
@@ -26,7 +26,7 @@ def place_of(px, py, pz):
 
 @jit
 def position_of(px, py, pz):
-    """Return the position (3,) m in Earth-fixed axes of a place."""
+    """Return the position (3) m of a place, Earth-fixed axes."""
     ux, uy, uz, height, _, prime = place_of(px, py, pz)
     return (prime + height) * ux, (prime + height) * uy, (prime * (1.0 - ECCENTRICITY_2) + height) * uz
 
@@ -46,7 +46,7 @@ def axes_of(code, px, py, pz):
 
 @jit
 def north_east_up(code, x, y, z):
-    """Return north, east and up of a vector in local axes."""
+    """Return the north, east and up components of a vector given in local axes; code: NED or ENU."""
     if code == NED:
         return x, y, -z
     return y, x, z
@@ -54,7 +54,7 @@ def north_east_up(code, x, y, z):
 
 @jit
 def local(code, north, east, up):
-    """Return a vector of north, east and up in local axes."""
+    """Return a vector in local axes from its north, east and up components; code: NED or ENU."""
     if code == NED:
         return north, east, -up
     return east, north, up
@@ -62,7 +62,10 @@ def local(code, north, east, up):
 
 @jit
 def transport_rate(code, px, py, pz, vx, vy, vz):
-    """Return the turn (rad/s) of the local axes over the Earth, in local axes, at a place and velocity (m/s) there."""
+    """Return the transport rate (3) rad/s, local axes: rotation of the local axes relative to the Earth.
+
+    px, py, pz : place; vx, vy, vz : m/s, velocity relative to the Earth, local axes
+    """
     ux, uy, uz, height, meridian, prime = place_of(px, py, pz)
     north, east, _ = north_east_up(code, vx, vy, vz)
     along = east / (prime + height)
@@ -71,14 +74,14 @@ def transport_rate(code, px, py, pz, vx, vy, vz):
 
 @jit
 def earth_rate(code, px, py, pz):
-    """Return the turn (rad/s) of the Earth in local axes at a place."""
+    """Return the Earth rate (3) rad/s in local axes at a place."""
     length = sqrt(px * px + py * py + pz * pz)
     return local(code, OMEGA * sqrt(px * px + py * py) / length, 0.0 * px, OMEGA * pz / length)
 
 
 @jit
 def moving(px, py, pz, code, vx, vy, vz):
-    """Return the rate (3,) 1/s of a place with a velocity (m/s) in local axes."""
+    """Return the time derivative (3) 1/s of a place, for a velocity vx, vy, vz (m/s) in local axes."""
     ux, uy, uz, height, meridian, prime = place_of(px, py, pz)
     north, east, up = north_east_up(code, vx, vy, vz)
     level, length = sqrt(ux * ux + uy * uy), 1.0 + height / SEMI_MAJOR
@@ -92,8 +95,16 @@ def moving(px, py, pz, code, vx, vy, vz):
 
 @jit
 def falling(code, px, py, pz, vx, vy, vz, gx, gy, gz):
-    """Return what accelerates a velocity in local axes beside specific force (m/s^2): gravitation g (Earth-fixed axes)
-    and centrifugal, Coriolis and transport terms.
+    """Return the derivative of the velocity without specific force (3) m/s^2, local axes.
+
+    It has gravitation and centrifugal acceleration, minus (2 w_ie + w_en) x v: Coriolis and transport terms.
+
+    Parameters
+    ----------
+    code : NED or ENU
+    px, py, pz : place
+    vx, vy, vz : m/s, velocity relative to the Earth, local axes
+    gx, gy, gz : m/s^2, gravitation, Earth-fixed axes
     """
     x, y, _ = position_of(px, py, pz)
     gx, gy = gx + OMEGA * OMEGA * x, gy + OMEGA * OMEGA * y
@@ -110,7 +121,7 @@ def falling(code, px, py, pz, vx, vy, vz, gx, gy, gz):
 
 @jit
 def turning(code, px, py, pz, vx, vy, vz):
-    """Return the turn (rad/s) of the local axes in inertial space, in local axes."""
+    """Return the rotation rate (3) rad/s of the local axes in inertial space, local axes: w_ie + w_en."""
     ix, iy, iz = earth_rate(code, px, py, pz)
     tx, ty, tz = transport_rate(code, px, py, pz, vx, vy, vz)
     return ix + tx, iy + ty, iz + tz
@@ -118,7 +129,7 @@ def turning(code, px, py, pz, vx, vy, vz):
 
 @jit
 def _quaternion(m0, m1, m2, m3, m4, m5, m6, m7, m8):
-    """Return the quaternion of a rotation matrix given by rows, by its largest component."""
+    """Return the quaternion of a rotation matrix given by rows, starting from its largest component for accuracy."""
     t0, t1, t2, t3 = 1.0 + m0 + m4 + m8, 1.0 + m0 - m4 - m8, 1.0 - m0 + m4 - m8, 1.0 - m0 - m4 + m8
     a, b, c = m7 - m5, m2 - m6, m3 - m1
     d, e, f = m3 + m1, m2 + m6, m7 + m5
@@ -138,8 +149,9 @@ def _quaternion(m0, m1, m2, m3, m4, m5, m6, m7, m8):
 
 @jit
 def to_local(nav, code, q, v, r):
-    """Turn a navigation state (10,) from Earth-fixed axes into local ones, its position into a place; q, v, r: where
-    attitude, velocity and position begin.
+    """Transform a navigation state (10,) from Earth-fixed to local axes, and its position to a place.
+
+    q, v, r : offsets of attitude, velocity and position in the state
     """
     x, y, z = nav[r], nav[r + 1], nav[r + 2]
     height, ux, uy, uz = height_and_up(x, y, z)
@@ -163,7 +175,7 @@ def to_local(nav, code, q, v, r):
 
 @jit
 def from_local(nav, code, q, v, r):
-    """Turn a navigation state (10,) from local axes back into Earth-fixed ones, as `to_local`."""
+    """Transform a navigation state (10,) from local to Earth-fixed axes, the inverse of `to_local`."""
     px, py, pz = nav[r], nav[r + 1], nav[r + 2]
     c0, c1, c2, c3, c4, c5, c6, c7, c8 = axes_of(code, px, py, pz)
     vx, vy, vz = nav[v], nav[v + 1], nav[v + 2]

@@ -1,7 +1,7 @@
-"""Mechanisation of a window: which algorithm integrates it, and in which axes.
+"""Mechanisation over a window: choice of the integration by algorithm and axes.
 
-Most algorithms are `integrate`. Products of all pairs of increments, and local geographic axes, are compiled only where
-a case has them.
+Most algorithms use `strapdown.integrate`. Products of all pairs of increments and local geographic axes are compiled
+only for cases that use them.
 """
 
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise
@@ -51,7 +51,10 @@ def _by_pairs(increments, first, further):
 
 @jit
 def _turned(wx, wy, wz, fx, fy, fz):
-    """Return what a rotation vector adds to a velocity increment that it turns meanwhile, at a constant rate."""
+    """Return the change of a velocity increment f by a simultaneous rotation w at constant rates.
+
+    It is (1 - cos a) / a^2 w x f + (a - sin a) / a^3 w x (w x f), a the magnitude of w, by series in a^2.
+    """
     square = wx * wx + wy * wy + wz * wz
     first = 0.5 + square * (-1.0 / 24.0 + square * (1.0 / 720.0 - square * (1.0 / 40320.0)))
     second = 1.0 / 6.0 + square * (-1.0 / 120.0 + square * (1.0 / 5040.0 - square * (1.0 / 362880.0)))
@@ -61,15 +64,24 @@ def _turned(wx, wy, wz, fx, fy, fz):
 
 
 @jit
-def _local_step(further, how, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
-    """Return place (3) and velocity (3) at the end of a step in local axes, the velocity gained (3), and the turn (3)
-    of the axes: midpoint rule.
+def _local_step(further, algorithm, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
+    """Integrate one step in local geographic axes by the midpoint rule.
 
-    px, py, pz place, vx, vy, vz velocity (m/s) at the start; sx, sy, sz velocity gained in the axes of the start.
+    Parameters
+    ----------
+    further, algorithm : Further, Strapdown
+    dt : s, of a step
+    px, py, pz : place at the start, see `local_level`
+    vx, vy, vz : m/s, velocity at the start, local axes
+    sx, sy, sz : m/s, velocity gained over the step, local axes at the start
+
+    Returns
+    -------
+    place (3), velocity (3) at the end; velocity gained (3) in the axes of mid-step; rotation of the axes (3), rad
     """
     code, half = further.local, 0.5 * dt
     x, y, z = position_of(px, py, pz)
-    gx, gy, gz = gravity(how.gravity, x, y, z)
+    gx, gy, gz = gravity(algorithm.gravity, x, y, z)
     ax, ay, az = falling(code, px, py, pz, vx, vy, vz, gx, gy, gz)
     mx, my, mz = vx + 0.5 * (sx + dt * ax), vy + 0.5 * (sy + dt * ay), vz + 0.5 * (sz + dt * az)
     dx, dy, dz = moving(px, py, pz, code, vx, vy, vz)
@@ -78,7 +90,7 @@ def _local_step(further, how, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
     kx, ky, kz = cross(half * wx, half * wy, half * wz, sx, sy, sz)
     sx, sy, sz = sx - kx, sy - ky, sz - kz
     x, y, z = position_of(qx, qy, qz)
-    gx, gy, gz = gravity(how.gravity, x, y, z)
+    gx, gy, gz = gravity(algorithm.gravity, x, y, z)
     ax, ay, az = falling(code, qx, qy, qz, mx, my, mz, gx, gy, gz)
     nx, ny, nz = vx + sx + dt * ax, vy + sy + dt * ay, vz + sz + dt * az
     dx, dy, dz = moving(qx, qy, qz, code, 0.5 * (vx + nx), 0.5 * (vy + ny), 0.5 * (vz + nz))
@@ -87,11 +99,12 @@ def _local_step(further, how, dt, px, py, pz, vx, vy, vz, sx, sy, sz):
 
 
 @jit
-def _compensated(further, previous, increments, first, how):
-    """Return rotation vector (3) and velocity gained (3), in body axes at the start, of the step that begins at row
-    `first`, and its increments summed (6); previous: as of `mechanise`, updated.
+def _compensated(further, previous, increments, first, algorithm):
+    """Return rotation vector (3), velocity gained (3) and summed increments (6) of a step, body axes at its start.
+
+    first : first row of the step in `increments`; previous : as in `mechanise`, updated in place
     """
-    n = how.subsamples
+    n = algorithm.subsamples
     wx, wy, wz = increments[first, 0], increments[first, 1], increments[first, 2]
     fx, fy, fz = increments[first, 3], increments[first, 4], increments[first, 5]
     for at in range(first + 1, first + n):
@@ -101,13 +114,13 @@ def _compensated(further, previous, increments, first, how):
     if further.pairs.shape[0] > 0:
         tx, ty, tz = increments[first, 0], increments[first, 1], increments[first, 2]
         ux, uy, uz = increments[first, 3], increments[first, 4], increments[first, 5]
-    px, py, pz = how.across * previous[0], how.across * previous[1], how.across * previous[2]
+    px, py, pz = algorithm.across * previous[0], algorithm.across * previous[1], algorithm.across * previous[2]
     cx, cy, cz = cross(px, py, pz, tx, ty, tz)
     ax, ay, az = cross(px, py, pz, ux, uy, uz)
     bx, by, bz = cross(previous[3], previous[4], previous[5], tx, ty, tz)
-    sx, sy, sz = ax + how.across * bx, ay + how.across * by, az + how.across * bz
-    if how.weights.shape[0] > 0:
-        ix, iy, iz, jx, jy, jz = within(increments, first, how)
+    sx, sy, sz = ax + algorithm.across * bx, ay + algorithm.across * by, az + algorithm.across * bz
+    if algorithm.weights.shape[0] > 0:
+        ix, iy, iz, jx, jy, jz = within(increments, first, algorithm)
         cx, cy, cz, sx, sy, sz = cx + ix, cy + iy, cz + iz, sx + jx, sy + jy, sz + jz
     if further.pairs.shape[0] > 0:
         ix, iy, iz, jx, jy, jz = _by_pairs(increments, first, further)
@@ -121,19 +134,23 @@ def _compensated(further, previous, increments, first, how):
     if further.pairs.shape[0] == 0:
         previous[0], previous[1], previous[2], previous[3], previous[4], previous[5] = wx, wy, wz, fx, fy, fz
     dx, dy, dz = fx + ax + sx, fy + ay + sy, fz + az + sz
-    if how.at_end:
+    if algorithm.at_end:
         b0, b1, b2, b3, b4, b5, b6, b7, b8 = matrix(*from_rotation(wx, wy, wz))
         dx, dy, dz = b0 * fx + b1 * fy + b2 * fz, b3 * fx + b4 * fy + b5 * fz, b6 * fx + b7 * fy + b8 * fz
     return wx + cx, wy + cy, wz + cz, dx, dy, dz, wx, wy, wz, fx, fy, fz
 
 
 @jit
-def _fixed_step(how, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz):
-    """As `_local_step`, in the inertial frame or in Earth-fixed axes; position in place of a place."""
+def _fixed_step(algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz):
+    """Integrate one step as `_local_step` does, in the inertial frame or in Earth-fixed axes, with position (m)."""
     half, turned = 0.5 * dt, 0.0
-    x, y, z = how.origin[0] + rx + half * vx, how.origin[1] + ry + half * vy, how.origin[2] + rz + half * vz
-    gx, gy, gz = gravity(how.gravity, x, y, z)
-    if how.rotating:
+    x, y, z = (
+        algorithm.origin[0] + rx + half * vx,
+        algorithm.origin[1] + ry + half * vy,
+        algorithm.origin[2] + rz + half * vz,
+    )
+    gx, gy, gz = gravity(algorithm.gravity, x, y, z)
+    if algorithm.rotating:
         turned = 0.5 * OMEGA * dt
         sx, sy = sx + turned * sy, sy - turned * sx
         kx, ky = fictitious(x, y, vx, vy)
@@ -145,23 +162,25 @@ def _fixed_step(how, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz):
 
 
 @jit
-def _integrate_further(further, nav, sums, previous, increments, n_step, dt, how):
-    """As `integrate`, in local axes too and with every form of compensation; slower, and compiled by itself."""
+def _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm):
+    """Integrate the steps of a window with every form of compensation, in any axes; slower than `integrate`."""
     for i in range(N_SUM):
         sums[i] = like(nav[Q], 0.0)
     half = 0.5 * dt
     for k in range(n_step):
         x, y, z, dx, dy, dz, wx, wy, wz, fx, fy, fz = _compensated(
-            further, previous, increments, k * how.subsamples, how
+            further, previous, increments, k * algorithm.subsamples, algorithm
         )
         sx, sy, sz = _add_attitude(nav, sums, half, dx, dy, dz)
         rx, ry, rz, vx, vy, vz = nav[R], nav[R + 1], nav[R + 2], nav[V], nav[V + 1], nav[V + 2]
         if further.local > 0:
             rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _local_step(
-                further, how, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
+                further, algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
             )
         else:
-            rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _fixed_step(how, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz)
+            rx, ry, rz, vx, vy, vz, sx, sy, sz, tx, ty, tz = _fixed_step(
+                algorithm, dt, rx, ry, rz, vx, vy, vz, sx, sy, sz
+            )
         nav[R], nav[R + 1], nav[R + 2], nav[V], nav[V + 1], nav[V + 2] = rx, ry, rz, vx, vy, vz
         h0, h1, h2, h3 = from_rotation(-tx, -ty, -tz)
         q0, q1, q2, q3 = multiply(h0, h1, h2, h3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
@@ -179,7 +198,7 @@ def _integrate_further(further, nav, sums, previous, increments, n_step, dt, how
 
 @jit
 def _add_attitude(nav, sums, half, x, y, z):
-    """Add half (s) of the attitude's matrix to its integral, and return a vector (3) of body axes turned by it."""
+    """Add `half` (s) times the attitude matrix to its integral; return the vector x, y, z rotated from body axes."""
     c0, c1, c2, c3, c4, c5, c6, c7, c8 = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     sums[0], sums[1], sums[2] = sums[0] + half * c0, sums[1] + half * c1, sums[2] + half * c2
     sums[3], sums[4], sums[5] = sums[3] + half * c3, sums[4] + half * c4, sums[5] + half * c5
@@ -189,7 +208,7 @@ def _add_attitude(nav, sums, half, x, y, z):
 
 @jit
 def _sums_to_earth_fixed(sums, code, px, py, pz):
-    """Turn the integral of the attitude and the velocity gained from local axes at a place into Earth-fixed ones."""
+    """Rotate the integral of the attitude and the velocity gained from local axes at a place to Earth-fixed axes."""
     c0, c1, c2, c3, c4, c5, c6, c7, c8 = axes_of(code, px, py, pz)
     for i in range(4):
         at, step = (SUM_C + i, 3) if i < 3 else (SUM_V, 1)
@@ -206,54 +225,57 @@ def _is_further(further):
 
 
 @jit
-def _mechanise_further(further, nav, sums, previous, increments, n_step, dt, how, seconds):
-    """As `mechanise`, in local geographic axes, or with products of all pairs of increments."""
+def _mechanise_further(further, nav, sums, previous, increments, n_step, dt, algorithm, seconds):
+    """Advance the navigation state as `mechanise` does, in local axes or with products of all pairs of increments."""
     if further is None:
         return
-    end = how.angle + OMEGA * (seconds + n_step * dt)
-    if how.rotating:
-        to_earth_fixed(nav, how, how.angle + OMEGA * seconds)
+    end = algorithm.angle + OMEGA * (seconds + n_step * dt)
+    if algorithm.rotating:
+        to_earth_fixed(nav, algorithm, algorithm.angle + OMEGA * seconds)
     if further.local > 0:
         to_local(nav, further.local, Q, V, R)
         px, py, pz = nav[R], nav[R + 1], nav[R + 2]
-        _integrate_further(further, nav, sums, previous, increments, n_step, dt, how)
-        px, py, pz = px + nav[R], py + nav[R + 1], pz + nav[R + 2]  # of the middle: only the direction counts
+        _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm)
+        px, py, pz = px + nav[R], py + nav[R + 1], pz + nav[R + 2]  # direction of the place at mid-window
         _sums_to_earth_fixed(sums, further.local, px, py, pz)
         from_local(nav, further.local, Q, V, R)
     else:
-        _integrate_further(further, nav, sums, previous, increments, n_step, dt, how)
-    if how.rotating:
-        to_inertial(nav, how, end)
+        _integrate_further(further, nav, sums, previous, increments, n_step, dt, algorithm)
+    if algorithm.rotating:
+        to_inertial(nav, algorithm, end)
         turn_sums(sums, end - OMEGA * 0.5 * n_step * dt)
 
 
 @jit
-def mechanise(nav, sums, previous, increments, n_step, dt, how, seconds):
+def mechanise(nav, sums, previous, increments, n_step, dt, algorithm, seconds):
     """Advance the navigation state over the first `n_step` steps of increments.
 
-    Coning and sculling compensation (Savage 1998, parts 1 and 2; Ignagni 1996) as `how` states; gravity at the middle
-    of each step. In rotating axes the state is turned into them, integrated with centrifugal and Coriolis acceleration,
-    and turned back.
+    Coning and sculling are compensated as `algorithm` specifies (Savage 1998, parts 1 and 2; Ignagni 1996). Gravity is
+    evaluated at the middle of each step. For rotating axes the state is transformed to them, integrated with
+    centrifugal and Coriolis acceleration, and transformed back.
 
     Parameters
     ----------
-    nav : (10,) quaternion b to i, velocity (m/s), position (m), frame i; updated
-    sums : (18,) set to the window's integral of C_b_i dt (9), velocity gained (3), angle (3) and specific-force (3)
-        increments summed
-    previous : (6,) increments of the step before, summed; updated
-    increments : (n, 6) compensated angle (rad) and velocity (m/s) increments, body frame; how.subsamples to a step
-    dt : seconds of a step; how : Strapdown; seconds : from tick 0 to the first step
+    nav : (10,) quaternion b to i, velocity (m/s), position (m), frame i; updated in place
+    sums : (18,) set to the integral of C_b_i dt over the window (9, s), velocity gained (3, m/s, frame i), and the sums
+        of angle (3, rad) and velocity (3, m/s) increments, body axes
+    previous : (6,) summed increments of the previous step, updated in place
+    increments : (n, 6) compensated angle (rad) and velocity (m/s) increments, body axes
+    n_step : number of steps
+    dt : s, of a step
+    algorithm : Strapdown
+    seconds : s, from tick 0 to the first step
     """
-    if not how.general and not how.rotating:
-        integrate(nav, sums, previous, increments, n_step, dt, how, False)
+    if not algorithm.general and not algorithm.rotating:
+        integrate(nav, sums, previous, increments, n_step, dt, algorithm, False)
         return
-    if _is_further(how.further):
-        _mechanise_further(how.further, nav, sums, previous, increments, n_step, dt, how, seconds)
+    if _is_further(algorithm.further):
+        _mechanise_further(algorithm.further, nav, sums, previous, increments, n_step, dt, algorithm, seconds)
         return
-    if how.rotating:
-        to_earth_fixed(nav, how, how.angle + OMEGA * seconds)
-    integrate(nav, sums, previous, increments, n_step, dt, how, True)
-    if how.rotating:
-        end = how.angle + OMEGA * (seconds + n_step * dt)
-        to_inertial(nav, how, end)
+    if algorithm.rotating:
+        to_earth_fixed(nav, algorithm, algorithm.angle + OMEGA * seconds)
+    integrate(nav, sums, previous, increments, n_step, dt, algorithm, True)
+    if algorithm.rotating:
+        end = algorithm.angle + OMEGA * (seconds + n_step * dt)
+        to_inertial(nav, algorithm, end)
         turn_sums(sums, end - OMEGA * 0.5 * n_step * dt)

@@ -1,8 +1,7 @@
-"""Error parameters of an inertial unit in one run: how they start, vary, and corrupt increments.
+"""Error parameters of an IMU in one run: turn-on draws, random processes, errors of increments.
 
-Parameters come in blocks of three (one per axis of a sensor); what a block multiplies is its driver (see
-transition). Before the ticks they are gathered into one table per sensor, so that a tick costs the same however many
-sources a card names.
+Parameters form blocks of three, one per axis of a sensor; a block multiplies its driver (see `transition`). Before a
+window they are summed into one table per sensor, so that the cost of a tick does not depend on the number of sources.
 """
 
 import numpy as np
@@ -12,7 +11,7 @@ from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.transition import CONSTANT, OTHER_0, OTHER_2, OWN_0, OWN_2
 
-# A sensor's table: constant (3), matrix on its own increments (9), on the other sensor's (9), on their squares (3).
+# Table of a sensor: bias (3), matrix on its own increments (9), on those of the other sensor (9), on squares (3).
 BIAS, OWN, OTHER, SQUARES, N_TABLE = 0, 3, 12, 21, 24
 
 _START, _ZERO = np.uint64(0), np.uint64(0)
@@ -22,7 +21,15 @@ _ROUND = 6755399441055744.0
 
 @jit
 def start(values, sigma, sources, k0, k1, run):
-    """Draw every block's value at the start: values, sigma (n_block, 3), the first set; sources (n_block,) words."""
+    """Draw the turn-on values of all blocks.
+
+    Parameters
+    ----------
+    values : (n_block, 3) set here
+    sigma : (n_block, 3) one-sigma
+    sources : (n_block,) words that key the draws of each block, see `random.source_word`
+    k0, k1, run : key words of the seed; run, one or eight lanes
+    """
     for b in range(sigma.shape[0]):
         normal = normals(k0, k1, sources[b], run, _START, _ZERO)
         for axis in range(3):
@@ -31,8 +38,15 @@ def start(values, sigma, sources, k0, k1, run):
 
 @jit
 def step(values, decay, walk, sources, k0, k1, run, number):
-    """Step every block that varies to epoch `number` (a word, from 1) of its process: values (n_block, 3) updated;
-    decay (n_block,), walk (n_block, 3).
+    """Step the random processes of all blocks by one epoch: value <- decay * value + walk * normal.
+
+    Parameters
+    ----------
+    values : (n_block, 3) updated in place
+    decay : (n_block,) decay factor over the step; 1 for a random walk
+    walk : (n_block, 3) standard deviation of the increment; a block of zeros does not vary
+    sources, k0, k1, run : keys of the draws, see `start`
+    number : epoch of the process, a word, from 1
     """
     for b in range(decay.shape[0]):
         if walk[b, 0] + walk[b, 1] + walk[b, 2] > 0.0:
@@ -43,7 +57,14 @@ def step(values, decay, walk, sources, k0, k1, run, number):
 
 @jit
 def gather(tables, values, sensors, drivers):
-    """Sum blocks into the tables (2, 24) of gyro and accelerometer: what each parameter multiplies; tables set."""
+    """Sum all blocks into the tables (2, 24) of gyro and accelerometer.
+
+    Parameters
+    ----------
+    tables : (2, N_TABLE) set here
+    values : (n_block, 3) parameters
+    sensors, drivers : (n_block,) GYRO or ACCEL, and the driver of each block
+    """
     for sensor in range(2):
         for i in range(N_TABLE):
             tables[sensor, i] = 0.0 * values[0, 0]
@@ -62,7 +83,10 @@ def gather(tables, values, sensors, drivers):
 
 @jit
 def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, dt):
-    """Return the error of one axis' increment over a tick; `square` is the own increment squared over dt."""
+    """Return the error of the increment of one axis over a tick, rad or m/s.
+
+    own_0 to other_2 : increments of the sensor and of the other sensor; square : square of the axis' increment / dt
+    """
     return (
         dt * table[BIAS + axis]
         + table[OWN + 3 * axis] * own_0
@@ -92,7 +116,7 @@ def _errors(gyro, accel, biases_only, a0, a1, a2, f0, f1, f2, dt):
 
 @jit
 def quantise(increment, remainder, step_size):
-    """Return the whole number of steps in increment + remainder, and what is left."""
+    """Return increment + remainder rounded to a whole number of steps, and the new remainder."""
     total = increment + remainder
     out = step_size * ((total / step_size + _ROUND) - _ROUND)
     return out, total - out
@@ -100,16 +124,18 @@ def quantise(increment, remainder, step_size):
 
 @jit
 def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise, remainder, unit, k0, k1, run):
-    """Fill a window with what the unit puts out: the increments, their error, white noise, and quantisation.
+    """Set the increments that the IMU outputs in a window: true increments, deterministic errors, noise, quantisation.
 
     Parameters
     ----------
-    increments : (n, 6); n_tick rows from `at` set
-    dtheta, dvel : (n_imu, 3) increments of the ideal unit (rad, m/s)
+    increments : (n, 6) rad, m/s; n_tick rows from `at` on are set
+    at, first_tick, n_tick : first row, first tick and number of ticks
+    dtheta, dvel : (n_imu, 3) rad, m/s, increments of an ideal IMU, body axes
     gyro, accel : (24,) tables of `gather`
-    noise : (8,) standard deviation of white noise per tick by axis (gyro, accel), quantisation steps (0: none)
-    remainder : (6,) what quantisation has held back; updated
-    unit : NamedTuple with dt, noise_source, biases_only (no scale factor or other driver)
+    noise : (8,) standard deviation of white noise per tick and axis (gyro, accel), then quantisation steps (0: none)
+    remainder : (6,) rad, m/s, remainder of the quantisation, updated in place
+    unit : NamedTuple with dt (s), noise_source (word) and biases_only (no scale factor or other driver)
+    k0, k1, run : key words of the seed; run, one or eight lanes
     """
     dt = unit.dt
     for k in range(n_tick):
@@ -141,10 +167,18 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
 
 @jit
 def compensate(increments, n_tick, gyro, accel, biases_only, dt):
-    """Take the filter's estimate of the unit's errors off the window's increments: increments updated.
+    """Subtract the estimated IMU errors from the increments of a window.
 
-    The parameters multiply the true input; the measured one stands for it in a first pass and the corrected in a
-    second.
+    The parameters multiply the true input, which is unknown: the first pass uses the measured input, the second the
+    corrected input.
+
+    Parameters
+    ----------
+    increments : (n, 6) rad, m/s, updated in place
+    n_tick : number of ticks
+    gyro, accel : (24,) tables of `gather` with the estimated parameters
+    biases_only : whether the parameters are biases only
+    dt : s, of a tick
     """
     for k in range(n_tick):
         a0, a1, a2 = increments[k, 0], increments[k, 1], increments[k, 2]
@@ -167,7 +201,7 @@ def zero_all(values):
 
 @jit
 def profile_value(unit, profile, axis, t):
-    """Return the bias or scale factor (SI) that a profile has on an axis at time t (s since lift-off)."""
+    """Return the bias or scale factor (SI) of a ramp profile on an axis at time t (s since lift-off)."""
     first, last = unit.profile_start[profile], unit.profile_end[profile]
     share = min(1.0, max(0.0, (t - first) / (last - first)))
     return share * unit.profile[profile, axis]

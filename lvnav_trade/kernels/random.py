@@ -1,7 +1,7 @@
 """Keyed draws: a normal depends only on (seed, source, run, epoch, index), never on the order of drawing.
 
 Counter-based generator Philox4x32-10 (Salmon et al., Parallel random numbers: as easy as 1, 2, 3, SC11) and the
-Box-Muller transform, both written once for one run and for eight. A counter's 32 bits give a normal at most 6.8 sigma.
+Box-Muller transform, for one run or eight lanes. With 32 bits per word a normal is at most 6.8 sigma.
 """
 
 import math
@@ -24,7 +24,7 @@ _2M32 = 2.0**-32
 
 
 def source_word(name: str) -> np.uint64:
-    """Return the 32-bit word that stands for a named source of noise in every draw's counter."""
+    """Return the 32-bit word that identifies a named noise source in the counter of each draw."""
     return np.uint64(zlib.crc32(name.encode()))
 
 
@@ -35,7 +35,7 @@ def seed_words(seed: int) -> tuple[np.uint64, np.uint64]:
 
 @jit
 def philox(c0, c1, c2, c3, k0, k1):
-    """Return the four 32-bit output words (held in 64) of Philox4x32-10 for a counter and a key."""
+    """Return the four 32-bit output words (stored in 64 bits) of Philox4x32-10 for a counter and a key."""
     for _ in range(10):
         p0, p1 = (c0 & _LOW) * _MULTIPLIER_0, (c2 & _LOW) * _MULTIPLIER_1
         c0, c2 = (p1 >> _32) ^ c1 ^ k0, (p0 >> _32) ^ c3 ^ k1
@@ -96,7 +96,13 @@ def cos_sin_turn(word):
 def normals(k0, k1, source, run, epoch, index):
     """Return four independent standard normals of a named source at an epoch.
 
-    `run` is a word or eight of them; `source`, `epoch` and `index` (satellite, or group of axes) are words.
+    Parameters
+    ----------
+    k0, k1 : key words of the seed, see `seed_words`
+    source : word of the source, see `source_word`
+    run : number of the run, a word or eight lanes
+    epoch : number of the epoch or tick, a word
+    index : distinguishes draws of the same epoch (satellite, group of axes), a word
     """
     w0, w1, w2, w3 = philox(word_like(run, epoch), run, word_like(run, source), word_like(run, index), k0, k1)
     radius = sqrt(-2.0 * log_unit((to_float(w0) + 0.5) * _2M32))

@@ -1,7 +1,7 @@
-"""What a call was found to be is remembered.
+"""Cache of resolved calls, to shorten compilation.
 
-Numba asks again at every place, and at every pass over a function, which of the dozens of functions behind a plus or an
-index fits the types of the arguments, and writes a message for each that does not.
+At every call and in every pass over a function, numba searches the dozens of implementations of an operator for the one
+that fits the argument types, and formats a message for each that does not fit.
 """
 
 from typing import Any
@@ -13,13 +13,13 @@ from numba.core.typing import Context
 
 
 class RememberingContext(Context):  # type: ignore[misc]  # numba tells no types
-    """Numba's knowledge of types, which keeps its answers.
+    """Numba's typing context with a cache of resolved calls.
 
-    A function that numba learns more about is another object, so no answer outlives what it was based on.
+    If numba learns of another implementation, the function type is a new object, so a cached result is never outdated.
     """
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
-        """Return the signature of a call of a function with types of arguments."""
+        """Return the signature of a call for given argument types."""
         known = func if isinstance(func, types.Type) else self._lookup_global(func)
         if not isinstance(known, types.Function) or kws:
             return super().resolve_function_type(func, args, kws)
@@ -34,7 +34,7 @@ class RememberingContext(Context):  # type: ignore[misc]  # numba tells no types
         return found
 
     def _options(self) -> int:
-        """Return a number for the options of the compilation under way: some decide what a call is."""
+        """Return a number for the options of the present compilation, on which the resolution may depend."""
         flags = ConfigStack.top_or_none()
         if flags is not self.asked[0]:
             self.asked = (flags, self.numbers.setdefault(flags, len(self.numbers)))
@@ -46,7 +46,7 @@ class RememberingContext(Context):  # type: ignore[misc]  # numba tells no types
 
 
 def remember() -> None:
-    """Let numba remember, in this process."""
+    """Install the cache of resolved calls in numba, for this process."""
     context = cpu_target.typing_context
     context.answers, context.numbers, context.asked = {}, {None: 0}, (None, 0)
     context.__class__ = RememberingContext

@@ -1,4 +1,4 @@
-"""Strapdown over a window of IMU ticks: coning and sculling compensation, Earth-fixed axes."""
+"""Strapdown integration over a window of IMU ticks: coning and sculling compensation, inertial or Earth-fixed axes."""
 
 import math
 from typing import NamedTuple
@@ -13,7 +13,8 @@ from lvnav_trade.kernels.lanes import like
 
 Floats = NDArray[np.float64]
 
-# Offsets in the navigation state and in the sums over a window that the transition needs.
+# Offsets in the navigation state: attitude quaternion, velocity, position. Offsets in the integrals over a window that
+# the transition needs: attitude matrix (9), velocity gained (3), angle (3) and velocity (3) increments.
 Q, V, R = 0, 4, 7
 N_NAV = 10
 SUM_C, SUM_V, SUM_TH, SUM_F = 0, 9, 12, 15
@@ -24,7 +25,7 @@ POINT, J2, J4 = 0, 1, 2
 
 @jit
 def gravity(kind, x, y, z):
-    """Return gravitation (m/s^2, frame i) by the model of a kind code."""
+    """Return the gravitation (m/s^2) at x, y, z (m), same frame, by the model of a code: POINT, J2 or J4."""
     if kind == POINT:
         return gravity_point(x, y, z)
     if kind == J2:
@@ -33,12 +34,13 @@ def gravity(kind, x, y, z):
 
 
 class Further(NamedTuple):
-    """What of an algorithm is beyond the products of sums and of the last increment, and beyond fixed axes.
+    """Extensions of the strapdown algorithm: local geographic axes, products of all pairs of increments.
 
-    local : Code of the local geographic axes that integration is in: NED or ENU; 0 for other axes.
-    pairs : (subsamples, subsamples). Weights of the product of two increments of a step, the earlier one's row; they
-        compensate coning and sculling in place of `weights`. Empty without. With them the product across steps is of
-        the last increment of one and the first of the other, and the whole series of the rotation turns the velocity.
+    local : Code of the local geographic axes of the integration: NED or ENU; 0 for other axes.
+    pairs : (subsamples, subsamples). Weights of the product of two increments of a step, earlier by later; they
+        compensate coning and sculling in place of `weights`. Empty without. With them, the product across steps is that
+        of the last increment of one step and the first of the next, and the velocity increment is rotated by the full
+        series.
     """
 
     local: int
@@ -46,7 +48,7 @@ class Further(NamedTuple):
 
 
 class Strapdown(NamedTuple):
-    """Algorithm by which increments become attitude, velocity and position.
+    """Strapdown algorithm: integration of increments to attitude, velocity and position.
 
     gravity : Code of the gravity model: POINT, J2 or J4.
     subsamples : Number of increments in a step.
@@ -57,7 +59,7 @@ class Strapdown(NamedTuple):
     rotating : Whether integration is in Earth-fixed axes.
     angle : rad. Angle from frame i to the Earth-fixed axes at tick 0.
     origin : (3,) m. Origin of the Earth-fixed axes.
-    further : Local axes and products of pairs; None without, and then nothing of it is compiled.
+    further : Local axes and products of pairs. None without; their code is then not compiled.
     general : Whether the algorithm differs from `full_rate`.
     counted : Whether linear covariance includes the algorithm's error on the nominal flight.
     """
@@ -76,17 +78,20 @@ class Strapdown(NamedTuple):
 
 
 def full_rate(gravity: int) -> Strapdown:
-    """Return the two-sample algorithm of every tick, in the inertial frame."""
+    """Return the two-sample algorithm with one increment per step, in the inertial frame."""
     return Strapdown(gravity, 1, np.zeros(0), 1.0 / 12.0, False, False, 0.0, np.zeros(3), None, False, False)
 
 
 @inlined
-def within(increments, first, how):
-    """Return coning (3) and sculling (3) by the increments of a step, which begin at row `first`."""
-    last = first + how.subsamples - 1
+def within(increments, first, algorithm):
+    """Return coning (3) rad and sculling (3) m/s by the increments of a step, which begin at row `first`.
+
+    The weighted sum of all increments but the last is multiplied by the last.
+    """
+    last = first + algorithm.subsamples - 1
     px = py = pz = ux = uy = uz = like(increments[last, 0], 0.0)
-    for j in range(how.weights.shape[0]):
-        weight, at = how.weights[j], first + j
+    for j in range(algorithm.weights.shape[0]):
+        weight, at = algorithm.weights[j], first + j
         px, py, pz = px + weight * increments[at, 0], py + weight * increments[at, 1], pz + weight * increments[at, 2]
         ux, uy, uz = ux + weight * increments[at, 3], uy + weight * increments[at, 4], uz + weight * increments[at, 5]
     wx, wy, wz = increments[last, 0], increments[last, 1], increments[last, 2]
@@ -98,31 +103,37 @@ def within(increments, first, how):
 
 @inlined
 def fictitious(x, y, vx, vy):
-    """Return centrifugal and Coriolis acceleration (m/s^2) along the first two Earth-fixed axes; none is along the
-    third.
+    """Return the sum of centrifugal and Coriolis acceleration (m/s^2) along the Earth-fixed x and y axes.
+
+    x, y m, vx, vy m/s, Earth-fixed axes. The component along the polar axis is zero.
     """
     return OMEGA * OMEGA * x + 2.0 * OMEGA * vy, OMEGA * OMEGA * y - 2.0 * OMEGA * vx
 
 
 @jit
-def to_earth_fixed(nav, how, angle):
-    """Turn a navigation state (10,) from the inertial frame into Earth-fixed axes about `how.origin`; angle (rad)."""
+def to_earth_fixed(nav, algorithm, angle):
+    """Transform a navigation state (10,) from the inertial frame to Earth-fixed axes with origin `algorithm.origin`.
+
+    angle : rad, from frame i to the Earth-fixed axes
+    """
     c, s, ch, sh = math.cos(angle), math.sin(angle), math.cos(0.5 * angle), math.sin(0.5 * angle)
     rx, ry = nav[R], nav[R + 1]
     vx, vy = nav[V] + OMEGA * ry, nav[V + 1] - OMEGA * rx
     nav[V], nav[V + 1] = c * vx + s * vy, c * vy - s * vx
-    nav[R], nav[R + 1] = c * rx + s * ry - how.origin[0], c * ry - s * rx - how.origin[1]
-    nav[R + 2] = nav[R + 2] - how.origin[2]
+    nav[R], nav[R + 1] = c * rx + s * ry - algorithm.origin[0], c * ry - s * rx - algorithm.origin[1]
+    nav[R + 2] = nav[R + 2] - algorithm.origin[2]
     q = multiply(ch, 0.0, 0.0, -sh, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q
 
 
 @jit
-def to_inertial(nav, how, angle):
-    """Turn a navigation state (10,) from Earth-fixed axes about `how.origin` back into the inertial frame."""
+def to_inertial(nav, algorithm, angle):
+    """Transform a navigation state (10,) from Earth-fixed axes back to the inertial frame, the inverse of
+    `to_earth_fixed`.
+    """
     c, s, ch, sh = math.cos(angle), math.sin(angle), math.cos(0.5 * angle), math.sin(0.5 * angle)
-    x, y, vx, vy = nav[R] + how.origin[0], nav[R + 1] + how.origin[1], nav[V], nav[V + 1]
-    nav[R], nav[R + 1], nav[R + 2] = c * x - s * y, s * x + c * y, nav[R + 2] + how.origin[2]
+    x, y, vx, vy = nav[R] + algorithm.origin[0], nav[R + 1] + algorithm.origin[1], nav[V], nav[V + 1]
+    nav[R], nav[R + 1], nav[R + 2] = c * x - s * y, s * x + c * y, nav[R + 2] + algorithm.origin[2]
     nav[V], nav[V + 1] = c * vx - s * vy - OMEGA * nav[R + 1], s * vx + c * vy + OMEGA * nav[R]
     q = multiply(ch, 0.0, 0.0, sh, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q
@@ -130,7 +141,7 @@ def to_inertial(nav, how, angle):
 
 @jit
 def turn_sums(sums, angle):
-    """Turn the integral of the attitude and the velocity gained from Earth-fixed axes into frame i."""
+    """Rotate the integral of the attitude and the velocity gained from Earth-fixed axes to frame i; angle (rad)."""
     c, s = math.cos(angle), math.sin(angle)
     for i in range(3):
         x, y = sums[SUM_C + i], sums[SUM_C + 3 + i]
@@ -140,11 +151,11 @@ def turn_sums(sums, angle):
 
 
 @inlined
-def integrate(nav, sums, previous, increments, n_step, dt, how, general):
-    """Integrate the steps of a window in the frame that nav is in; the parameters are those of `mechanise`.
+def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
+    """Integrate the steps of a window in the frame of `nav`; the parameters are those of `mechanise`.
 
-    general : whether `how` may be other than `full_rate`. A caller states it as a constant, so that what it does not
-        need is not compiled. Long because its state stays in registers over the loop.
+    general : whether `algorithm` may differ from `full_rate`. Callers pass a constant, so that the compiler removes
+        the branches they do not need. Long because its state stays in registers over the loop.
     """
     q0, q1, q2, q3 = nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3]
     vx, vy, vz = nav[V], nav[V + 1], nav[V + 2]
@@ -158,7 +169,12 @@ def integrate(nav, sums, previous, increments, n_step, dt, how, general):
     half, turned = 0.5 * dt, 0.5 * OMEGA * dt
     rotating, at_end, n_sample, across = False, False, 1, 1.0 / 12.0
     if general:
-        rotating, at_end, n_sample, across = how.rotating, how.at_end, how.subsamples, how.across
+        rotating, at_end, n_sample, across = (
+            algorithm.rotating,
+            algorithm.at_end,
+            algorithm.subsamples,
+            algorithm.across,
+        )
     for k in range(n_step):
         first = k * n_sample
         wx, wy, wz = increments[first, 0], increments[first, 1], increments[first, 2]
@@ -171,8 +187,8 @@ def integrate(nav, sums, previous, increments, n_step, dt, how, general):
         ax, ay, az = cross(px, py, pz, fx, fy, fz)
         bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
         sx, sy, sz = across * (ax + bx), across * (ay + by), across * (az + bz)
-        if general and how.weights.shape[0] > 0:
-            ix, iy, iz, jx, jy, jz = within(increments, first, how)
+        if general and algorithm.weights.shape[0] > 0:
+            ix, iy, iz, jx, jy, jz = within(increments, first, algorithm)
             coning_x, coning_y, coning_z = coning_x + ix, coning_y + iy, coning_z + iz
             sx, sy, sz = sx + jx, sy + jy, sz + jz
         e0, e1, e2, e3 = from_rotation(wx + coning_x, wy + coning_y, wz + coning_z)
@@ -185,14 +201,14 @@ def integrate(nav, sums, previous, increments, n_step, dt, how, general):
         sx, sy, sz = c0 * dx + c1 * dy + c2 * dz, c3 * dx + c4 * dy + c5 * dz, c6 * dx + c7 * dy + c8 * dz
         if rotating:
             sx, sy = sx + turned * sy, sy - turned * sx
-            x, y = how.origin[0] + rx + half * vx, how.origin[1] + ry + half * vy
-            gx, gy, gz = gravity(how.gravity, x, y, how.origin[2] + rz + half * vz)
+            x, y = algorithm.origin[0] + rx + half * vx, algorithm.origin[1] + ry + half * vy
+            gx, gy, gz = gravity(algorithm.gravity, x, y, algorithm.origin[2] + rz + half * vz)
             kx, ky = fictitious(x, y, vx, vy)
             kx, ky = fictitious(x, y, vx + 0.5 * (sx + dt * (gx + kx)), vy + 0.5 * (sy + dt * (gy + ky)))
             gx, gy = gx + kx, gy + ky
             q0, q1, q2, q3 = multiply(1.0 - 0.5 * turned * turned, 0.0, 0.0, -turned, q0, q1, q2, q3)
         else:
-            gx, gy, gz = gravity(how.gravity, rx + half * vx, ry + half * vy, rz + half * vz)
+            gx, gy, gz = gravity(algorithm.gravity, rx + half * vx, ry + half * vy, rz + half * vz)
         nx, ny, nz = vx + sx + dt * gx, vy + sy + dt * gy, vz + sz + dt * gz
         rx, ry, rz = rx + half * (vx + nx), ry + half * (vy + ny), rz + half * (vz + nz)
         vx, vy, vz = nx, ny, nz
@@ -200,7 +216,7 @@ def integrate(nav, sums, previous, increments, n_step, dt, how, general):
         gained_y += sy
         gained_z += sz
         q0, q1, q2, q3 = multiply(q0, q1, q2, q3, e0, e1, e2, e3)
-        # the mean of C over the step by the trapezoidal rule: a body that spins turns by 0.2 rad in a step
+        # mean of C over the step by the trapezoidal rule, because a spinning body rotates by up to 0.2 rad in a step
         m0, m1, m2 = m0 + c0, m1 + c1, m2 + c2
         m3, m4, m5 = m3 + c3, m4 + c4, m5 + c5
         m6, m7, m8 = m6 + c6, m7 + c7, m8 + c8
@@ -225,7 +241,7 @@ def integrate(nav, sums, previous, increments, n_step, dt, how, general):
 
 @jit
 def place(nav, reference, tick):
-    """Set a navigation state to the true motion (Reference) at a tick; nav updated."""
+    """Set a navigation state (10,) to the true motion (Reference) at a tick."""
     for i in range(4):
         nav[Q + i] = reference.q_b_i[tick, i]
     for i in range(3):

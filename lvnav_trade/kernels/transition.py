@@ -1,16 +1,16 @@
-"""Transition of the error state over a window, as a list of 3 x 3 blocks.
+"""Transition matrix of the error state over a window, as a list of 3 x 3 blocks.
 
-Error is truth minus estimate; attitude error is the small rotation from estimate to truth, in frame i. With C =
-C_b_i, f_i specific force, G the gravity gradient and p an error parameter of the inertial unit whose driver is u
-(one, a rate, a specific force, its square, per axis):
+Errors are truth minus estimate; the attitude error is the small rotation from estimate to truth, in frame i. With C =
+C_b_i, f_i the specific force, G the gravity gradient, and p an error parameter of the IMU with driver u (1, angular
+rate, specific force or its square, per axis):
 
     d(att)/dt = -C diag(u) p_gyro,  d(vel)/dt = -[f_i x] att + G pos - C diag(u) p_accel,  d(pos)/dt = vel
 
-Phi is a product: each block adds itself times three states to three others, one block after the other. Position moves
-on with velocity for half of the window; velocity and then attitude take what drives them over the whole window, with
-the integrals of C and of f_i that the strapdown has summed, so thrust may vary within it; position moves on for the
-other half. That is right to second order in the window (Strang, SIAM J. Numer. Anal. 5, 1968), with half of the blocks
-that Phi written as a sum would need.
+Phi is a product: each block in turn adds itself times three states to three others. Position is propagated with
+velocity over half of the window. Velocity and then attitude are propagated over the whole window, with the integrals of
+C and f_i from the strapdown, so thrust may vary within it. Position is propagated over the other half. The error is of
+third order in the window length (Strang, SIAM J. Numer. Anal. 5, 1968), with half of the blocks that Phi written as a
+sum would need.
 """
 
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise
@@ -20,21 +20,25 @@ from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V, Q,
 
 ATT, VEL, POS = 0, 3, 6
 
-# What a block is.
+# Kinds of blocks: the states that it changes, and the states or parameters that they depend on.
 (POS_VEL, POS_VEL_HALF, VEL_VEL, VEL_ATT, VEL_POS, ATT_GYRO, VEL_GYRO, VEL_ACCEL) = range(8)
 
 GYRO, ACCEL = 0, 1
 
-# What an error parameter multiplies, per axis of its sensor.
+# Drivers: the quantity that an error parameter multiplies, per axis of its sensor.
 CONSTANT, OWN_0, OWN_1, OWN_2, OTHER_0, OTHER_1, OTHER_2, SQUARE = range(8)
 
 
 @jit
 def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
-    """Return per axis what a parameter of this kind multiplies; `own` and `other` are mean rates of the two sensors.
+    """Return the quantity that an error parameter multiplies, for each axis of its sensor.
 
-    OWN_k is the sensor's own input rolled by k axes (scale factor, two misalignments); OTHER_k the other sensor's
-    axis k on all axes (g-sensitivity); SQUARE the square of the own input.
+    Parameters
+    ----------
+    kind : CONSTANT: 1 (bias). OWN_k: input of the sensor itself, rolled by k axes (scale factor, two misalignments).
+        OTHER_k: input of the other sensor on its axis k, on all axes (g-sensitivity). SQUARE: square of the input
+    own_x, own_y, own_z : mean input of the sensor: rad/s of a gyro, m/s^2 of an accelerometer
+    other_x, other_y, other_z : mean input of the other sensor
     """
     own, other = (own_x, own_y, own_z), (other_x, other_y, other_z)
     if kind == CONSTANT:
@@ -49,7 +53,9 @@ def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
 
 @jit
 def sensed_driver(sensor, kind, rate, force):
-    """Return per axis what a parameter of a sensor multiplies, by rate and specific force (3,)."""
+    """Return the driver of a parameter of gyro or accelerometer per axis, from rate (3,) rad/s and specific force (3,)
+    m/s^2, body axes.
+    """
     if sensor == GYRO:
         return driver(kind, rate[0], rate[1], rate[2], force[0], force[1], force[2])
     return driver(kind, force[0], force[1], force[2], rate[0], rate[1], rate[2])
@@ -57,6 +63,7 @@ def sensed_driver(sensor, kind, rate, force):
 
 @inlined
 def _skew(block, x, y, z):
+    """Set a block to the cross-product matrix [x, y, z] x."""
     block[0], block[1], block[2] = 0.0 * x, -z, y
     block[3], block[4], block[5] = z, 0.0 * x, -x
     block[6], block[7], block[8] = -y, x, 0.0 * x
@@ -64,6 +71,7 @@ def _skew(block, x, y, z):
 
 @inlined
 def _gradient(block, factor, x, y, z):
+    """Set a block to a factor times the gravity gradient at x, y, z (m), frame i."""
     xx, xy, xz, yy, yz, zz = gravity_gradient(x, y, z)
     block[0], block[1], block[2] = factor * xx, factor * xy, factor * xz
     block[3], block[4], block[5] = factor * xy, factor * yy, factor * yz
@@ -92,7 +100,18 @@ def _turned_column(block, factor, sums, ux, uy, uz):
 
 @inlined
 def parameter_block(block, kind, driven_by, sums, seconds):
-    """Set a block of an inertial-unit parameter: kinds ATT_GYRO to VEL_ACCEL."""
+    """Set the block of an IMU parameter, of a kind from ATT_GYRO to VEL_ACCEL.
+
+    Attitude: -(integral of C) diag(u). Velocity by an accelerometer parameter: the same. Velocity by a gyro parameter:
+    the attitude error grows linearly over the window, so half of [velocity gained x] (integral of C) diag(u).
+
+    Parameters
+    ----------
+    block : (9,) by rows, set here
+    driven_by : driver of the parameter
+    sums : (18,) integrals of the strapdown over the window
+    seconds : s, length of the window
+    """
     th = (sums[SUM_TH] / seconds, sums[SUM_TH + 1] / seconds, sums[SUM_TH + 2] / seconds)
     f = (sums[SUM_F] / seconds, sums[SUM_F + 1] / seconds, sums[SUM_F + 2] / seconds)
     if kind == VEL_ACCEL:
@@ -108,13 +127,15 @@ def parameter_block(block, kind, driven_by, sums, seconds):
 
 @inlined
 def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
-    """Set every block of Phi for a window.
+    """Set all blocks of Phi for a window.
 
     Parameters
     ----------
-    blocks : (n_block, 9) entries by rows; updated
-    kinds, drivers : (n_block,) int, what each block is and the driver of its parameter
-    sums : (18,) the strapdown's sums over the window; x, y, z : position (m), frame i; seconds : length of the window
+    blocks : (n_block, 9) by rows, set here
+    kinds, drivers : (n_block,) int, kind of each block, and driver of its parameter
+    sums : (18,) integrals of the strapdown over the window
+    x, y, z : m, position, frame i
+    seconds : s, length of the window
     """
     for b in range(kinds.shape[0]):
         kind, block = kinds[b], blocks[b]
@@ -132,17 +153,23 @@ def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
             parameter_block(block, kind, drivers[b], sums, seconds)
 
 
-# What a window does to the rates at which the transition is linearised: nothing is stored, they stay as they are, they
-# become what is known at its start, or (nothing is known yet) its own means.
+# Rates at which the transition of a window is linearised. EVERY_WINDOW: the means of the window itself, nothing is
+# stored. KEPT: the stored rates. RENEWED: the estimates at the start of the window. FIRST: the means of the window,
+# since no estimate exists yet.
 EVERY_WINDOW, KEPT, RENEWED, FIRST = range(4)
 
 
 @jit
 def linearise(rates, nav, code):
-    """Take what is known at the start of a window for the rates of the strapdown's sums: the attitude, and the mean
-    specific force and rate of the window before.
+    """Set the rates at which the transition is linearised, if `code` is RENEWED.
 
-    rates : (2, 18) those that the transition is linearised at, and the means of the last window; updated
+    They are the attitude at the start of the window, and the mean specific force and angular rate of the window before.
+
+    Parameters
+    ----------
+    rates : (2, 18) rates of the linearisation, and means of the last window; the first is updated in place
+    nav : (10,) navigation state, frame i
+    code : EVERY_WINDOW, KEPT, RENEWED or FIRST
     """
     if code == RENEWED:
         c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
@@ -157,7 +184,7 @@ def linearise(rates, nav, code):
 
 @jit
 def linearised_sums(rates, sums, seconds, code):
-    """Replace the sums of a window by those at the rates of `linearise`; keep its own means for the next time."""
+    """Replace the integrals of a window by those at the rates of `linearise`; store its means for the next window."""
     if code != EVERY_WINDOW:
         for i in range(N_SUM):
             rates[1, i] = sums[i] / seconds
@@ -168,7 +195,7 @@ def linearised_sums(rates, sums, seconds, code):
 
 @jit
 def correct_motion(nav, x):
-    """Add the error state x (n,) to the navigation state nav (10,), updated: error is truth minus estimate."""
+    """Add the error state x (n,), truth minus estimate, to the navigation state nav (10,), updated in place."""
     e0, e1, e2, e3 = from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])
     q0, q1, q2, q3 = multiply(e0, e1, e2, e3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)

@@ -17,7 +17,7 @@ WIDTH = 8
 
 
 class Lane(types.Type):
-    """Eight values of a scalar type of numba; `numbers` are the types that may stand for eight times the same."""
+    """Numba type of eight values of a scalar type; numbers of the types in `numbers` are repeated eight times."""
 
     def __init__(self, name: str, scalar: Any, numbers: tuple[Any, ...] = ()) -> None:
         self.scalar, self.numbers = scalar, numbers
@@ -25,7 +25,7 @@ class Lane(types.Type):
 
 
 class LaneView(types.Type):
-    """An array whose last axis is eight runs, indexed as if that axis were not there; it does not own its memory."""
+    """Numba type of an array with eight runs on its last axis, indexed without that axis; it owns no memory."""
 
     def __init__(self, item: Lane, ndim: int) -> None:
         self.item, self.ndim = item, ndim
@@ -62,7 +62,7 @@ def as_vector(context, builder, kind, value, lane):
 
 
 def _define(symbol, lane, result, emit):
-    """Let a Python operator of two operands take lanes of a type, or a lane and a number."""
+    """Implement a Python operator of two operands for lanes of a type, and for a lane and a number."""
 
     @type_callable(symbol)
     def typed(context):
@@ -83,7 +83,7 @@ def _define(symbol, lane, result, emit):
 
 
 def _define_of_one(symbol, emit):
-    """Let a Python function of one float64 take a lane."""
+    """Implement a Python function of one float64 for a lane."""
 
     @type_callable(symbol)
     def typed(context):
@@ -93,7 +93,7 @@ def _define_of_one(symbol, emit):
 
 
 def _call(name):
-    """Return what emits a call of LLVM's function of this name on a vector of float64."""
+    """Return a function that emits a call of an LLVM function on a vector of float64."""
 
     def emit(builder, value):
         signature = ir.FunctionType(value.type, [value.type])

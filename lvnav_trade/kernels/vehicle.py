@@ -1,14 +1,14 @@
-"""Ticks of a filter with rate and acceleration states: IMU samples as measurements, covariance between them.
+"""Filter with angular rate and specific force as states: IMU samples as measurements, covariance over a tick.
 
-Error is truth minus estimate. With C = C_b_i, the error of the tick's mean rate x_w and of its mean specific force x_f
-move attitude, velocity and position over a tick of dt seconds as
+Errors are truth minus estimate. With C = C_b_i, the errors x_w of the mean rate and x_f of the mean specific force of a
+tick of dt seconds change attitude, velocity and position errors as
 
-    att+ = att + C dt x_w,   vel+ = vel - [C f dt x] att + C dt x_f,   pos+ = pos + dt (vel + vel+) / 2,
+    att+ = att + C dt x_w,   vel+ = vel - [C f dt x] att + C dt x_f,   pos+ = pos + dt (vel + vel+) / 2.
 
-and the gyro's and the accelerometer's samples are rows: sample - estimate = x_w + x_bg + noise, x_f + x_ba + noise. The
-noise of a sample is nowhere else. Only the upper triangle of a covariance is read and written here; `mirror` restores
-the lower one. A state's blocks stand as: attitude 0, velocity 3, position 6, biases of gyro and accelerometer at `bias`
-and `bias` + 3, rate at `motion` and acceleration at `motion` + 3, these two last.
+The samples of gyro and accelerometer are measurements: sample - estimate = x_w + x_bg + noise, x_f + x_ba + noise. The
+noise of a sample enters nowhere else. Functions here read and write the upper triangle of a covariance only; `mirror`
+restores the lower triangle. States are attitude at 0, velocity at 3, position at 6, parameters, and at the end angular
+rate at `motion` and specific force at `motion` + 3.
 """
 
 from lvnav_trade.kernels.jit import inlined, jit
@@ -16,19 +16,19 @@ from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.transition import sensed_driver
 
 N_SAMPLE = 6
-"""Rows of a tick: three of the gyro, three of the accelerometer."""
+"""Scalar measurements of a tick: three of the gyro, three of the accelerometer."""
 N_NAV = 9
 
 
 @jit
 def fill_samples(h, blocks, rate, force):
-    """Set the Jacobian rows of the samples: 1 for the motion state, then what each parameter block multiplies.
+    """Set the Jacobian rows of the samples: 1 for the motion state, then the driver of each parameter block.
 
     Parameters
     ----------
-    h : (6, 1 + n_block); set. blocks : (2, n_block, 2) int number and driver of each parameter block of gyro and
-        accelerometer; number -1: none
-    rate, force : (3,) rate (rad/s) and specific force (m/s^2), body axes
+    h : (6, 1 + n_block) set here
+    blocks : (2, n_block, 2) int, number and driver of each parameter block of gyro and accelerometer; number -1 none
+    rate, force : (3,) rad/s and m/s^2, body axes
     """
     for r in range(N_SAMPLE):
         h[r, 0] = like(rate[0], 1.0)
@@ -41,24 +41,27 @@ def fill_samples(h, blocks, rate, force):
 
 @inlined
 def _upper(P, i, j):
-    """Return the entry (i, j) of a symmetric matrix of which the upper triangle is held."""
+    """Return the entry (i, j) of a symmetric matrix stored as its upper triangle."""
     return P[min(i, j), max(i, j)]
 
 
 @jit
 def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimated):
-    """Update by the six samples of a tick.
+    """Update error state and covariance by the six scalar measurements of a tick.
 
-    The gains are found one by one, as if one sample were processed after the other; the covariance is passed over once.
-    States from `n_estimated` on are considered: no gain, but their correlations are kept up.
+    Gains are computed in sequence, as for six scalar updates, but the covariance is updated in one pass. States from
+    `n_estimated` on are considered: their gain is zero, but their correlations are updated.
 
     Parameters
     ----------
-    P : (n, n) upper triangle, x : (n,) error state; both updated
-    K : (6, n) set to P h of each sample after those before it; weight, residual : (6,) set to 1 / innovation variance
-        and to the innovation after the samples before
-    z : (6,) sample minus predicted sample; variance : (6,) of the samples' noise
-    h, columns : (6, n_entry) Jacobian rows and their states
+    P, x : (n, n) upper triangle and (n,) error state, both updated in place
+    K : (6, n) set to P h' of each measurement after the previous ones
+    weight : (6,) set to 1 / innovation variance
+    residual : (6,) set to the innovation after the previous measurements
+    z : (6,) sample minus predicted sample
+    variance : (6,) noise variance of the samples
+    h, columns : (6, n_entry) Jacobian entries and their states
+    n_estimated : number of estimated states
     """
     n, n_entry = P.shape[0], columns.shape[1]
     for r in range(6):
@@ -78,13 +81,13 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
             factor = estimated * weight[q]
             for i in range(n_estimated, n):
                 K[r, i] = K[r, i] - factor * K[q, i]
-        total, left = like(x[0], variance[r]), z[r]
+        total, innovation = like(x[0], variance[r]), z[r]
         for k in range(n_entry):
             c = columns[r, k]
             total = total + h[r, k] * K[r, c]
-            left = left - h[r, k] * x[c]
-        weight[r], residual[r] = 1.0 / total, left
-        step = left * weight[r]
+            innovation = innovation - h[r, k] * x[c]
+        weight[r], residual[r] = 1.0 / total, innovation
+        step = innovation * weight[r]
         for i in range(n_estimated):
             x[i] = x[i] + K[r, i] * step
     for i in range(n_estimated):
@@ -112,7 +115,10 @@ def _seen_by(K, h, columns, r, q, n_estimated):
 
 @inlined
 def _gained(sums, a0, a1, a2, f0, f1, f2):
-    """Return what the errors of attitude (a) and of mean specific force (f) add to velocity: C dt f - [v x] a."""
+    """Return the velocity error (m/s) that errors of attitude (a) and mean specific force (f) cause over a tick.
+
+    It is (integral of C) f - [velocity gained x] a.
+    """
     vx, vy, vz = sums[9], sums[10], sums[11]
     return (
         vz * a1 - vy * a2 + sums[0] * f0 + sums[1] * f1 + sums[2] * f2,
@@ -123,12 +129,15 @@ def _gained(sums, a0, a1, a2, f0, f1, f2):
 
 @jit
 def advance(P, moved, sums, dt, motion):
-    """Propagate the covariance over a tick.
+    """Propagate the covariance over a tick, without process noise.
 
     Parameters
     ----------
-    P : (n, n) upper triangle; updated. moved : (9, n) work
-    sums : (18,) of the strapdown over the tick: the integral of C_b_i (9) and the velocity gained (3)
+    P : (n, n) upper triangle, updated in place
+    moved : (9, n) scratch
+    sums : (18,) integrals of the strapdown over the tick: C_b_i (9), velocity gained (3)
+    dt : s, of the tick
+    motion : first motion state
     """
     n = P.shape[0]
     w, f, half = motion, motion + 3, 0.5 * dt
@@ -166,7 +175,7 @@ def _add_moved(P, moved, sums, dt, motion, n):
 
 @jit
 def advance_vector(y, sums, dt, motion):
-    """Propagate a vector of the error state (n,) over a tick: y updated; see `advance`."""
+    """Replace a vector y (n,) of the error state by Phi y of a tick; arguments as in `advance`."""
     w, f, half = motion, motion + 3, 0.5 * dt
     w0, w1, w2 = y[w], y[w + 1], y[w + 2]
     gained = _gained(sums, y[0], y[1], y[2], y[f], y[f + 1], y[f + 2])
@@ -178,7 +187,7 @@ def advance_vector(y, sums, dt, motion):
 
 @jit
 def mirror(P):
-    """Copy the upper triangle of P (n, n) into the lower one; P updated."""
+    """Copy the upper triangle of P (n, n) to the lower triangle."""
     n = P.shape[0]
     for i in range(n):
         for j in range(i + 1, n):
@@ -187,7 +196,10 @@ def mirror(P):
 
 @jit
 def joint_gain(G, K, weight, h, columns, n_estimated):
-    """Set G (6, n) to the gain of the six samples of a tick together, from what `update_samples` leaves."""
+    """Set G (6, n) to the joint gain of the six measurements of a tick, from K and weight of `update_samples`.
+
+    Each sequential gain g_r reduces the gains before it: G_q <- (I - g_r h_r) G_q for q < r.
+    """
     n = K.shape[1]
     for r in range(N_SAMPLE):
         for i in range(n):
@@ -202,13 +214,15 @@ def joint_gain(G, K, weight, h, columns, n_estimated):
 
 @jit
 def update_together(P, Y, S, G, h, columns, noise):
-    """P <- (I - G H) P (I - G H)' + G R G' for any gain of the six samples of a tick together.
+    """P <- (I - G H) P (I - G H)' + G R G' for any joint gain of the six measurements of a tick.
 
     Parameters
     ----------
-    P : (N, N) upper triangle; updated
-    Y : (6, N) and S : (6, 6) work; S is set to H P H' + R before the update
-    G : (6, N) its columns; h, columns : (6, n_entry) Jacobian rows and their states; noise : (6,) diagonal of R
+    P : (N, N) upper triangle, updated in place
+    Y, S : (6, N) and (6, 6) scratch; S is set to H P H' + R before the update
+    G : (6, N) joint gain, transposed
+    h, columns : (6, n_entry) Jacobian entries and their states
+    noise : (6,) diagonal of R
     """
     n, n_entry = P.shape[0], columns.shape[1]
     for r in range(N_SAMPLE):
@@ -272,7 +286,7 @@ def advance_vector_transposed(y, sums, dt, motion):
     """Replace the vector y (n,) by Phi' y of a tick; see `advance_vector`."""
     w, f, half = motion, motion + 3, 0.5 * dt
     vx, vy, vz = sums[9], sums[10], sums[11]
-    # what is gained goes into velocity, and for half a tick into position
+    # a velocity gain enters velocity, and with half of the tick position
     p0, p1, p2 = y[3] + half * y[6], y[4] + half * y[7], y[5] + half * y[8]
     a0, a1, a2 = y[0], y[1], y[2]
     for k in range(3):

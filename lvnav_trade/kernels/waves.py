@@ -1,4 +1,4 @@
-"""Sums of sinusoids: a small rotation and displacement as many lines of a spectrum make it, and their derivatives."""
+"""Sums of sinusoids: small rotation and displacement from the lines of a spectrum, and their time derivatives."""
 
 import math
 
@@ -11,13 +11,17 @@ N_WAVE = 15  # rotation vector, its rate, displacement, its rate, its accelerati
 
 @making_arrays
 def sum_of_waves(t, omega, turn, shift):
-    """Return the real part of sums over lines of amplitude times exp(i omega t), and derivatives in time, (n, 15).
+    """Return the sum over spectral lines of the real part of amplitude times exp(i omega t), and its derivatives.
 
     Parameters
     ----------
     t : (n,) s
     omega : (k,) rad/s
     turn, shift : (k, 6) real and imaginary parts of the amplitudes of rotation vector (rad) and displacement (m)
+
+    Returns
+    -------
+    (n, 15) rotation vector (rad), its rate (rad/s), displacement (m), velocity (m/s), acceleration (m/s^2)
     """
     out = np.zeros((t.size, 15))
     for n in range(t.size):

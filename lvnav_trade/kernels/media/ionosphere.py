@@ -22,9 +22,9 @@ _PANELS = (-2.0, -0.5, 1.0, 3.0, 7.0, 20.0)  # scale heights from the peak, betw
 
 
 def free_combination(first: float, second: float) -> tuple[float, float]:
-    """Return the weights of ranges at two frequencies (Hz) whose sum is free of the ionosphere of first order.
+    """Return the weights of ranges at two frequencies (Hz) in the ionosphere-free combination of first order.
 
-    They add up to one. Noise of equal sigma on both is amplified by the root of their squares' sum.
+    The weights add up to one. Noise of equal sigma on both is amplified by the root of the sum of their squares.
     """
     a, b = first * first, second * second
     return a / (a - b), -b / (a - b)
@@ -51,8 +51,8 @@ def klobuchar(
     seconds
         (...,) GPS seconds of the day (of the week serves as well).
     latitude, longitude, azimuth, elevation
-        (...,) rad, of the receiver and of the satellite seen from it. Below the horizon the value at the horizon is
-        kept: the model is one of receivers on the ground, and knows no height.
+        (...,) rad. Position of the receiver, direction of the satellite. Below the horizon the delay is that at the
+        horizon; the model is for receivers on the ground and does not depend on height.
     """
     lat, lon, az = (np.asarray(value, dtype=float) for value in (latitude, longitude, azimuth))
     el = np.maximum(np.asarray(elevation, dtype=float), 0.0) / np.pi  # semicircles, as all angles from here
@@ -79,9 +79,9 @@ def _klobuchar_vertical(
 def klobuchar_content(
     alpha: ArrayLike, beta: ArrayLike, seconds: ArrayLike, latitude: ArrayLike, longitude: ArrayLike
 ) -> Floats:
-    """Return the vertical electron content (...,) 1/m^2 whose delay at L1 is that of the broadcast model overhead.
+    """Return the vertical electron content (...,) 1/m^2 that corresponds to the broadcast model at the zenith.
 
-    seconds, latitude, longitude (...,) s of the GPS day and rad; alpha, beta (4,) as of `klobuchar`.
+    seconds, latitude, longitude (...,) s of the GPS day and rad; alpha, beta (4,) as in `klobuchar`.
     """
     lat, lon = (np.asarray(value, dtype=float) / np.pi for value in (latitude, longitude))
     vertical = _klobuchar_vertical(alpha, beta, seconds, np.clip(lat, -0.416, 0.416), lon)
@@ -96,10 +96,10 @@ def pierced(
     elevation: ArrayLike,
     shell: ArrayLike,
 ) -> tuple[Floats, Floats]:
-    """Return latitude and longitude (...,) rad where rays that rise from a receiver reach a height, on a sphere.
+    """Return latitude and longitude (...,) rad of the points where rays from a receiver reach a shell, on a sphere.
 
-    latitude, longitude, azimuth, elevation (...,) rad; height of the receiver, shell (...,) m. A ray that dips is taken
-    for horizontal.
+    latitude, longitude, azimuth, elevation (...,) rad; height of the receiver and of the shell (...,) m. A ray with
+    negative elevation is treated as horizontal.
     """
     lat, az, el = (np.asarray(value, dtype=float) for value in (latitude, azimuth, elevation))
     up = np.maximum(el, 0.0)
@@ -116,9 +116,9 @@ def pierced(
 
 
 def content_above(height: ArrayLike, peak: float, scale: float) -> Floats:
-    """Return the share (...,) of the vertical content at the ground that lies above heights (...,) m, 1 to 0.
+    """Return the fraction (...,) of the total vertical content above heights (...,) m, 1 to 0.
 
-    peak, scale: height h0 of the densest layer and scale height H, m.
+    peak, scale: m, height h0 of the peak density and scale height H.
 
     Notes
     -----
@@ -130,19 +130,21 @@ def content_above(height: ArrayLike, peak: float, scale: float) -> Floats:
 
 
 def median_height(height: ArrayLike, peak: float, scale: float) -> Floats:
-    """Return the height (...,) m that halves the content above a receiver at `height` (m): the ionospheric point."""
+    """Return the median height (...,) m of the content above a receiver at `height` (m): the ionospheric point."""
     h = np.asarray(height, dtype=float)
-    z = np.minimum((h - peak) / scale, 30.0)  # higher up the layer falls as an exponential, to the last digit
+    z = np.minimum((h - peak) / scale, 30.0)  # higher up the layer is exponential to rounding
     return np.asarray(h + scale * (-np.log(-np.log1p(0.5 * np.expm1(-np.exp(-z)))) - z))
 
 
 def lear_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: float) -> Floats:
     """Return slant content over vertical content at the ground, (...,): Trigo and Theil, eq. 20 to 22.
 
-    The share above the receiver times Lear's mapping at the median of what is above. A ray that dips (elevation
-    below zero) is twice the ray from its lowest point less the mirrored one (Canepa and Servidia, eq. 3.11).
-    elevation (...,) rad, height (...,) m; peak, scale m. Against `chapman_slant`: within 4 % from 30 degrees up, 10 %
-    short near the horizon of the ground, half near the horizon of a receiver inside the layer.
+    The fraction of the content above the receiver times Lear's mapping function at its median height. A ray of negative
+    elevation is twice the ray from its lowest point minus the mirrored ray (Canepa and Servidia, eq. 3.11). elevation
+    (...,) rad, height (...,) m; peak, scale m.
+
+    Compared with `chapman_slant` it is within 4 % above 30 degrees, 10 % too small near the horizon of a receiver on
+    the ground, and half near the horizon of a receiver inside the layer.
     """
     el, h = (np.asarray(value, dtype=float) for value in (elevation, height))
 
@@ -169,18 +171,24 @@ def chapman_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: f
 def along_ray(elevation: ArrayLike, height: ArrayLike, edges: ArrayLike, density: Callable[[Floats], Floats]) -> Floats:
     """Return the integral (...,) m of a density over height along straight rays.
 
-    elevation (...,) rad, height (...,) m; edges (k,) m, rising: heights between which the density is smooth, it ends at
-    the last; density of heights (...,) m.
+    Parameters
+    ----------
+    elevation, height
+        (...,) rad and m. Elevation of the ray at the receiver, height of the receiver.
+    edges
+        (k,) m, ascending. Heights between which the density is smooth; it is zero above the last.
+    density
+        Density as a function of height (...,) m.
     """
     el, h = np.broadcast_arrays(np.asarray(elevation, dtype=float), np.asarray(height, dtype=float))
     start, impact = (EARTH_RADIUS + h) * np.sin(el), (EARTH_RADIUS + h) * np.cos(el)
     radii = EARTH_RADIUS + np.maximum(np.asarray(edges, dtype=float), 0.0)
     bounds = np.sqrt(np.maximum(radii**2 - impact[..., None] ** 2, 0.0))
     bounds = np.concatenate([np.zeros_like(bounds[..., :1]), bounds], axis=-1)
-    found = _panels(impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]), density)
+    content = _panels(impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]), density)
     dips = start < 0.0
-    found[dips] += _panels(impact[dips], np.minimum(bounds[dips], -start[dips][:, None]), density)
-    return np.asarray(found)
+    content[dips] += _panels(impact[dips], np.minimum(bounds[dips], -start[dips][:, None]), density)
+    return np.asarray(content)
 
 
 def _beyond(height: ArrayLike, peak: float, scale: float) -> Floats:
@@ -198,7 +206,7 @@ def _panels(impact: Floats, bounds: Floats, density: Callable[[Floats], Floats])
 
 def _chapman(height: Floats, peak: float, scale: float) -> Floats:
     """Return Chapman's layer exp(1 - z - exp(-z))."""
-    z = np.maximum((height - peak) / scale, -5.0)  # nothing is left there, nor through the Earth
+    z = np.maximum((height - peak) / scale, -5.0)  # the density is negligible below; avoids overflow
     return np.asarray(np.exp(1.0 - z - np.exp(-z)))
 
 

@@ -1,12 +1,12 @@
 """Rays through a spherically layered atmosphere: bending and excess path for any height and elevation.
 
-With X = n r, the refractive index times the radius, a ray keeps a = X cos(elevation) (Bouguer). In the variable
-l = sqrt(X^2 - a^2), negative before the ray's lowest point, both integrals are smooth, turning point or not:
+With X = n r, refractive index times radius, a = X cos(elevation) is constant along a ray (Bouguer). In the variable
+l = sqrt(X^2 - a^2), negative before the lowest point of the ray, both integrals are smooth, also at a turning point:
 
     optical path  = l_far - l_0 + integral of f dl
     central angle = acos(a / far) - elevation_0 + integral of f a / X^2 dl,    f = -r n' / (n + r n')
 
-so that only what the air adds is integrated, and rays that dip below the receiver need no case of their own.
+Only the contribution of the air is integrated. Rays that descend below the receiver need no special case.
 """
 
 from collections.abc import Callable
@@ -32,10 +32,13 @@ _TAIL_SCALE = 5630.0  # m, isothermal scale height there: 287.05 x 186.87 / 9.53
 
 
 class Profile(NamedTuple):
-    """A sampled atmosphere, from BOTTOM to TOP.
+    """Atmosphere sampled from BOTTOM to TOP.
 
-    height (n,) m, rising; radius (n,) m: X = n r; log_f (n,): ln of f, what the integrals need; log_n (n,): ln of
-    n - 1; panels (m,) m: X between which the integrals take their nodes, bottom and top included.
+    height : (n,) m. Heights, ascending.
+    radius : (n,) m. X = n r.
+    log_f : (n,). Logarithm of f, the integrand.
+    log_n : (n,). Logarithm of n - 1.
+    panels : (m,) m. Bounds of X of the quadrature panels, bottom and top included.
     """
 
     height: Floats
@@ -46,7 +49,11 @@ class Profile(NamedTuple):
 
 
 class Ray(NamedTuple):
-    """What a ray does: delay (m), excess of the optical path over the straight distance; apparent elevation (rad)."""
+    """Result of ray tracing.
+
+    delay : m. Excess of the optical path over the straight distance.
+    apparent : rad. Apparent elevation at the receiver.
+    """
 
     delay: Floats
     apparent: Floats
@@ -100,14 +107,13 @@ def exponential_refractivity(height: ArrayLike, surface: float = 315.0, scale: f
 def sampled(refractivity: Callable[[Floats], Floats]) -> Profile:
     """Return the profile of a refractivity (n - 1) x 1e6 that is a function of height (n,) in m.
 
-    Its logarithm is smoothed over a kilometre (one sigma of a Gaussian): at a sharp corner, such as the tropopause of
-    the standard atmosphere, a grazing ray seen from orbit would arrive by three ways, which real air rounds off too.
+    Its logarithm is smoothed by a Gaussian with a sigma of one kilometre. At a sharp corner, such as the tropopause of
+    the standard atmosphere, a grazing ray seen from orbit would otherwise have three solutions.
 
     Raises
     ------
     ValueError
-        Where refractivity rises with height, or falls so fast (157 per km) that rays are trapped: then no path leads
-        out.
+        If refractivity increases with height, or decreases so fast (157 per km) that rays are trapped.
     """
     wings = np.arange(-3.0 * _ROUNDING, 3.0 * _ROUNDING + 1.0, _SPACING)
     weight = np.exp(-0.5 * (wings / _ROUNDING) ** 2)
@@ -128,22 +134,21 @@ def sampled(refractivity: Callable[[Floats], Floats]) -> Profile:
 
 
 def ray(profile: Profile, height: ArrayLike, elevation: ArrayLike, far: float) -> Ray:
-    """Trace the rays from receivers to satellites; straight elevation in, delay and apparent elevation out.
+    """Trace rays from receivers to satellites: delay and apparent elevation from the elevation of the straight line.
 
     Parameters
     ----------
     profile
         The layered atmosphere on a sphere of EARTH_RADIUS.
     height, elevation
-        (...,) m of the receiver; rad above its horizon, of the straight line to the satellite, negative too.
+        (...,) m and rad. Height of the receiver; elevation of the straight line to the satellite, may be negative.
     far
-        Radius (m) of the satellite from the Earth's centre; beyond the receiver and the top of the profile.
+        m. Distance of the satellite from the Earth's centre; outside receiver and profile.
 
     Returns
     -------
     Ray
-        (...,) each. A ray whose lowest point would lie below BOTTOM is continued with the air of the bottom: finite,
-        without meaning.
+        (...,) each. Below BOTTOM a ray is continued with the air of the bottom: the result is finite but meaningless.
     """
     height, elevation = np.broadcast_arrays(np.asarray(height, dtype=float), np.asarray(elevation, dtype=float))
     start = EARTH_RADIUS + height
@@ -158,26 +163,26 @@ def ray(profile: Profile, height: ArrayLike, elevation: ArrayLike, far: float) -
         return angle - target, excess
 
     apparent = np.array(elevation)
-    for _ in range(_ROUNDS):  # Newton from below, where the miss is convex: no step goes too far
+    for _ in range(_ROUNDS):  # Newton's method from below, where the miss is convex, so no step overshoots
         missed, excess = miss(apparent)
         step = 1e-5
         correction = -missed * step / np.minimum(miss(apparent + step)[0] - missed, -1e-3 * step)
         apparent = apparent + correction
-        if np.all(np.abs(correction) < 1e-9):  # then the next is as good as zero
+        if np.all(np.abs(correction) < 1e-9):  # convergence is quadratic: the next correction is negligible
             break
     missed, excess = miss(apparent)
     impact = start_radius * np.cos(apparent)  # the optical path grows by it for each radian of central angle
-    flown = np.sqrt(far**2 - impact**2) - start_radius * np.sin(apparent) + excess - impact * missed
+    path = np.sqrt(far**2 - impact**2) - start_radius * np.sin(apparent) + excess - impact * missed
     distance = np.sqrt(far**2 - straight**2) - start * np.sin(elevation)
-    return Ray(np.asarray(flown - distance), np.asarray(apparent))
+    return Ray(np.asarray(path - distance), np.asarray(apparent))
 
 
 def _added(profile: Profile, start_radius: Floats, apparent: Floats) -> tuple[Floats, Floats]:
-    """Return what the air adds to optical path (m) and to central angle (rad) of rays to the outside, (...,) each."""
+    """Return the contribution of the air to optical path (m) and central angle (rad) of rays to space, (...,) each."""
     impact = start_radius * np.cos(apparent)
-    start = start_radius * np.sin(apparent)  # l where the ray begins
+    start = start_radius * np.sin(apparent)  # l at the receiver
     bounds = np.sqrt(np.maximum(profile.panels**2 - impact[..., None] ** 2, 0.0))
-    bounds[..., 0] = 0.0  # below the bottom the air goes on as it is there
+    bounds[..., 0] = 0.0  # below the bottom the air is that of the bottom
     up = _integrals(profile, impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]))
     if np.any(start < 0.0):
         down = _integrals(profile, impact, np.minimum(bounds, np.maximum(-start, 0.0)[..., None]))
@@ -196,11 +201,17 @@ def _integrals(profile: Profile, impact: Floats, bounds: Floats) -> tuple[Floats
 
 
 def lowest_height(latitude: ArrayLike, height: ArrayLike, azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
-    """Return the height (...,) m above the ellipsoid of the lowest point of a straight line that points downwards.
+    """Return the height (...,) m above the ellipsoid of the lowest point of a straight line from a receiver.
 
-    latitude, azimuth, elevation (...,) rad, geodetic axes at the receiver; height (...,) m. A line that points upwards
-    is lowest at the receiver. Stretching z makes the ellipsoid a sphere; the error is 0.4 % of how far the line falls,
-    and some decimetres.
+    A line with positive elevation is lowest at the receiver. Stretching z makes the ellipsoid a sphere; the error is
+    0.4 % of the descent of the line, plus some decimetres.
+
+    Parameters
+    ----------
+    latitude, height
+        (...,) rad and m. Geodetic position of the receiver.
+    azimuth, elevation
+        (...,) rad. Direction of the line at the receiver.
     """
     lat, h, az, el = (np.asarray(value, dtype=float) for value in (latitude, height, azimuth, elevation))
     normal = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)

@@ -35,7 +35,8 @@ def any_elevation(
 
     Notes
     -----
-    A ray that would pass below sea level is taken to touch it: the formula has no meaning below eq. 3.5's minimum.
+    A ray that would pass below sea level is treated as touching it: the formula is undefined below the minimum of
+    eq. 3.5.
     """
     el, h, radius = (np.asarray(value, dtype=float) for value in (elevation, height, earth_radius))
 
@@ -100,9 +101,9 @@ def weather(
 ) -> tuple[Floats, Floats, Floats]:
     """Return pressure (Pa), temperature (K) and vapour pressure (Pa) at heights (...,) m, from those at sea level.
 
-    Up to 11 km the standard lapse of 6.5 K/km, with constant relative humidity (0 to 1), as GNSS software has it
-    (RTKLIB ``tropmodel``). That ends with a step to nothing; here the air goes on isothermal and with
-    constant mixing ratio, so that the delay falls smoothly to zero.
+    Up to 11 km the temperature falls by the standard 6.5 K/km with constant relative humidity (0 to 1), as in RTKLIB
+    (``tropmodel``), where the delay ends there with a step. Here the air is isothermal above, with constant mixing
+    ratio, so that the delay falls smoothly to zero.
     """
     h = np.asarray(height, dtype=float)
     below, above = np.clip(h, 0.0, TROPOPAUSE), np.maximum(h - TROPOPAUSE, 0.0)
