@@ -1,4 +1,4 @@
-"""Settings with an effect on a case: those read of its cards, less those that are read without effect."""
+"""Settings with an effect on a case: those that are read, minus those that are read without effect."""
 
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -34,11 +34,12 @@ _CONTROL = ("control", "filter.envelope", "trajectory")
 
 
 class Used(NamedTuple):
-    """What has an effect on a case, by dotted paths of the scenario.
+    """Settings with an effect on a case, by dotted path in the scenario.
 
-    read: fields that were read while it was prepared; whole: settings that are read whole after that; idle: what has
-    no effect though it was read, with the reason; exact: states of the filter that are known exactly, which a card may
-    hold for units with larger errors.
+    read : Fields that were read during preparation.
+    whole : Settings that are read completely after that.
+    idle : Settings without effect although they were read, with the reason.
+    exact : Filter states that are known exactly; a card may name them for IMUs with larger errors.
     """
 
     read: frozenset[str]
@@ -48,10 +49,10 @@ class Used(NamedTuple):
 
 
 def used(prepared: Prepared, read: Collection[str]) -> Used:
-    """Return what has an effect on a case; read: paths of what its preparation read.
+    """Return the settings with an effect on a case; read: paths of the fields that its preparation read.
 
-    The flight loop and the vehicle under control read their cards after that: what they take is named here, and a test
-    flies a case to see that nothing is missing.
+    The simulation and the vehicle under control read further cards later. These are listed here, and a test simulates a
+    case to check that the list is complete.
     """
     scenario = prepared.scenario
     whole: tuple[str, ...] = _FLIGHT_LOOP
@@ -83,13 +84,13 @@ def _named(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
 
 def _uncertain(prepared: Prepared) -> set[str]:
-    """Return the names of the states that are not known exactly, or are driven."""
+    """Return the names of the states with an initial sigma or with driving noise."""
     blocks: list[Any] = [*prepared.layout.extras, *prepared.layout.parameters]
     return {block.name for block in blocks if rms(block.sigma) > 0.0 or rms(block.walk) > 0.0}
 
 
 def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
-    """Yield the states that no measurement touches: their column of the Jacobian is zero at every epoch."""
+    """Yield the states on which no measurement depends: their Jacobian column is zero at every epoch."""
     layout, taken = prepared.layout, prepared.model.measured
     entering = [
         _enters(prepared, block, partial)
@@ -108,13 +109,13 @@ def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
 
 def _enters(prepared: Prepared, block: ExtraBlock, partial: Floats) -> Bools:
-    """Return the channels (n_channel,) that a block of states enters; what is constant does not enter a difference."""
-    found = np.asarray(np.any(partial != 0.0, axis=0))
+    """Return whether a block of states enters the channels, (n_channel,); a constant does not enter a difference."""
+    enters = np.asarray(np.any(partial != 0.0, axis=0))
     if np.isinf(block.time_constant) and block.walk == 0.0:
         for name in prepared.scenario.filter.differences:
-            own = prepared.channels.of(name)
-            found[own] &= np.any(np.diff(partial[:, own], axis=0) != 0.0, axis=0)
-    return found
+            channels = prepared.channels.of(name)
+            enters[channels] &= np.any(np.diff(partial[:, channels], axis=0) != 0.0, axis=0)
+    return enters
 
 
 def _exact(prepared: Prepared) -> Iterator[tuple[str, str]]:
@@ -124,7 +125,7 @@ def _exact(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
 
 def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
-    """Yield the compensation of delays where nothing is late, and what only an extrapolated solution has."""
+    """Yield delay compensation without a delay, and settings that only an extrapolated solution has."""
     card, late = prepared.scenario.filter.delay_compensation, prepared.options.late
     if card is None:
         return
@@ -137,7 +138,7 @@ def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
 
 def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield the factors on noise of what is not measured: by the receiver, or by the filter."""
+    """Yield the noise factors of measurements that receiver or filter do not take."""
     model, listed = scenario.filter.receiver, scenario.filter.measurements
     taken = [DIFFERENCES.get(name, name) for name in listed]
     solved = (*RANGES, "carrier_phase") if smoothing_of(scenario) is not None else RANGES
@@ -150,9 +151,7 @@ def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield the faults of ranges, and of satellites, where no range is measured and no solution made of ranges; and a
-    solver whose solution nobody takes or reports.
-    """
+    """Yield faults of ranges and satellites if no ranges are used, and a receiver solution that is not used."""
     if scenario.filter.tight or solves(scenario):
         return
     if not isinstance(scenario.receiver.solution, DirectSolution):
@@ -172,7 +171,7 @@ def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _of_clock(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield the noise of a clock of which nothing is remembered."""
+    """Yield the process noise of a clock without memory (differences with a reference satellite)."""
     if scenario.filter.clock == "differenced":
         for number, _ in enumerate(scenario.filter.region_noise):
             for field in ("clock_bias", "clock_drift"):
@@ -180,15 +179,16 @@ def _of_clock(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _of_faults(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield faults that last no time; as a level of an axis such a duration is the case without the fault."""
+    """Yield faults of zero duration; as a level of an axis, a zero duration is the case without the fault."""
     for number, fault in enumerate(scenario.faults):
         if not isinstance(fault, Jump) and fault.duration == 0.0:
             yield f"faults.{number}", "no effect: it lasts no time"
 
 
 def _of_outages(prepared: Prepared) -> Iterator[tuple[str, str]]:
-    """Yield outages without which the receiver would track the same satellites: they keep all that there are, affect
-    elevations at which there is none, or lie within another outage.
+    """Yield outages that do not change the tracked satellites.
+
+    They keep all satellites, affect elevations without satellites, or lie within another outage.
     """
     scenario, start = prepared.scenario, float(prepared.reference.t[0])
     for number, fault in enumerate(scenario.faults):
@@ -201,7 +201,7 @@ def _of_outages(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
 
 def _no_loss(fault: SatelliteOutage, n_sat: int, most: int) -> str:
-    """Say why an outage takes no satellite away; most: how many the receiver tracks at most."""
+    """Return the reason why an outage removes no satellite; most: largest number of satellites tracked at once."""
     if fault.keep >= n_sat:
         return f"no effect: it keeps {fault.keep} satellites, and the constellation has {n_sat}"
     if fault.keep >= most:
@@ -210,7 +210,7 @@ def _no_loss(fault: SatelliteOutage, n_sat: int, most: int) -> str:
 
 
 def _of_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield tests for faults of what is not measured, and of ranges where a solution is."""
+    """Yield settings of fault tests for measurements that the filter does not process."""
     if not (scenario.filter.tight or scenario.filter.loose):
         yield "filter.integrity", "no effect: what the receiver measures is tested, and the filter takes nothing of it"
     elif scenario.filter.loose:
@@ -219,7 +219,7 @@ def _of_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _of_phases(prepared: Prepared) -> Iterator[tuple[str, str]]:
-    """Yield settings of carrier phases in a case without any: none is measured, and none smooths the pseudoranges."""
+    """Yield settings of carrier phases in a case that neither measures them nor smooths pseudoranges by them."""
     scenario = prepared.scenario
     if smoothing_of(scenario) is not None or any(name in PHASES for name in prepared.channels.further):
         return

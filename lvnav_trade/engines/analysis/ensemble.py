@@ -13,12 +13,14 @@ from lvnav_trade.records import Floats
 
 
 class StepErrors(NamedTuple):
-    """Ensemble statistics of the error per step: true error at a step's end minus the transition of the one at its
-    start.
+    """Ensemble statistics of the transition error per step: true error at its end minus the propagated initial error.
 
-    t (n_step,) s end of each step; seconds (n_step,) its length; mean (n_step, n_state), covariance (n_step, n_state,
-    n_state) over the runs, SI, frame i (parameters in body axes); error (n_step, n_state) root mean square of the error
-    itself, to hold the miss against; n_run.
+    t : (n_step,) s since lift-off. End of each step.
+    seconds : (n_step,) s. Length of each step.
+    mean : (n_step, n_state) SI. Mean over the runs, frame i (parameters in body axes).
+    covariance : (n_step, n_state, n_state) SI squared. Covariance over the runs.
+    error : (n_step, n_state) SI. Root mean square of the error itself, for comparison.
+    n_run : Number of runs.
     """
 
     t: Floats
@@ -30,8 +32,13 @@ class StepErrors(NamedTuple):
 
 
 class Densities(NamedTuple):
-    """Process noise that stands for the error per step, as root densities: attitude rad/sqrt(s), velocity m/s/sqrt(s),
-    position m/sqrt(s), gyro and accelerometer bias rad/s/sqrt(s) and m/s^2/sqrt(s), mean over axes and steps.
+    """Process noise equivalent to the transition error per step, as root PSDs averaged over axes and steps.
+
+    attitude : rad/sqrt(s).
+    velocity : m/s/sqrt(s).
+    position : m/sqrt(s).
+    gyro_bias : rad/s/sqrt(s).
+    accel_bias : m/s^2/sqrt(s).
     """
 
     attitude: float
@@ -42,10 +49,17 @@ class Densities(NamedTuple):
 
 
 def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
-    """Return what the filter's transition misses from one history time to the next, over an ensemble of unaided runs.
+    """Return the statistics of the transition error between history times, over an ensemble of unaided runs.
 
-    Every run draws all errors of the unit and of the start, those that the filter models and those that it does not;
-    the transition is evaluated on the run's own sensed motion, as a filter on board would.
+    Each run draws all errors of IMU and start, modelled by the filter or not. The transition is evaluated at the motion
+    sensed in the run, as in a filter on board.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed, n_run
+        Seed of the campaign, and number of runs.
     """
     unaided = prepared._replace(
         model=prepared.model._replace(aided=False),
@@ -68,12 +82,20 @@ def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
 
 
 def densities(found: StepErrors, prepared: Prepared, since: float = 0.0, until: float = math.inf) -> Densities:
-    """Return the process noise that has the ensemble's mean square error per step, over the steps of a stretch of
-    flight (s since lift-off).
+    """Return the process noise with the mean square transition error of the ensemble.
+
+    Parameters
+    ----------
+    found
+        Statistics of the transition error.
+    prepared
+        Prepared case.
+    since, until
+        s since lift-off. Interval of the flight whose steps are used.
     """
-    chosen = (found.t > since) & (found.t <= until) & (found.seconds > 0.0)
+    in_interval = (found.t > since) & (found.t <= until) & (found.seconds > 0.0)
     variance = np.diagonal(found.covariance, axis1=1, axis2=2) + found.mean**2
-    density = variance[chosen].sum(axis=0) / found.seconds[chosen].sum()
+    density = variance[in_interval].sum(axis=0) / found.seconds[in_interval].sum()
 
     def root(at: int) -> float:
         return float(np.sqrt(density[at : at + 3].mean()))

@@ -18,19 +18,23 @@ from lvnav_trade.observables.sensors import SENSORS
 from lvnav_trade.records import Floats
 
 FLOOR = 1e-9
-"""An eigenvalue of the noise's correlation below counts as nothing: sums of thousands of windows are exact to 1e-12."""
+"""Eigenvalue of the correlation matrix of the noise below which it counts as zero; rounding errors reach 1e-12."""
 _UNITS = {TYPES[card.measurement]: card.unit for card in SENSORS} | dict.fromkeys(
     (PSEUDORANGE, POSITION, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE), "m"
 )
 
 
 class ErrorBound(NamedTuple):
-    """Bounds q I <= Q <= q I and r I <= R <= r I over a nominal flight.
+    """Bounds q1 I <= Q <= q2 I and r1 I <= R <= r2 I of the noise in the filter model over a nominal flight.
 
-    rank of Q, the noise between two updates, the smallest of all intervals; states of the filter; low, high eigenvalue
-    of Q, states in initial sigmas; weakest (n,) direction of the interval of the lowest, in initial sigmas, largest
-    entry of size 1; rows: unit, low, high one-sigma of the rows' noise by unit. The condition holds where Q has full
-    rank and no row is without noise.
+    The condition holds if Q has full rank and every measurement has noise.
+
+    rank : Rank of Q, the process noise between two updates; the smallest of all intervals.
+    states : Number of states.
+    low : Smallest eigenvalue of Q, with states in units of their initial sigmas.
+    high : Largest eigenvalue of Q, likewise.
+    weakest : (n,). Direction of the smallest eigenvalue, in initial sigmas; its largest entry is 1.
+    rows : Unit, smallest and largest one-sigma of the measurement noise, by unit.
     """
 
     rank: int
@@ -42,15 +46,15 @@ class ErrorBound(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether both bounds are above zero."""
+        """Whether both lower bounds are positive."""
         return self.rank == self.states and all(low > 0.0 for _, low, _ in self.rows)
 
 
 @jit
 def _gather(noise, P, D, tape, schedule, true, model):
-    """Fill noise (n_interval, n, n), what enters between two windows with rows; return how many there are.
+    """Set noise (n_interval, n, n), the process noise between successive updates; return the number of intervals.
 
-    P (n, n) and D (n_block, 9) work; what is after the last row is left out.
+    P (n, n) and D (n_block, 9) are scratch. Noise after the last update is not included.
     """
     n, count = P.shape[0], 0
     P[:, :] = 0.0
@@ -82,11 +86,22 @@ def _gather(noise, P, D, tape, schedule, true, model):
 
 
 def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
-    """Return the bounds of the noise that the filter assumes, on its nominal flight.
+    """Return the bounds of the noise in the filter model on its nominal flight.
 
-    Sufficient conditions of an error that stays bounded in mean square (Reif, Guenther, Yaz and Unbehauen, IEEE Trans.
-    Automatic Control 44(4), 1999), as Canepa and Servidia state them, eq. 7.17 and 7.18. `tape`: the forward pass.
-    InputError for a flight without a measurement.
+    They are sufficient conditions for an error bounded in mean square (Reif, Guenther, Yaz and Unbehauen, IEEE Trans.
+    Automatic Control 44(4), 1999), in the form of Canepa and Servidia, eq. 7.17 and 7.18.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    tape
+        Tape of the forward pass.
+
+    Raises
+    ------
+    InputError
+        If the flight has no measurement.
     """
     true, model, n = components(prepared), prepared.model, prepared.layout.n_state
     updates = int(np.count_nonzero(np.diff(tape.first) > 0))
@@ -102,16 +117,16 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
         true,
         model,
     )
-    own = np.array(prepared.layout.reported)
-    noise, n = noise[:, own[:, None], own], own.size
-    kept = noise[1:] if updates > 1 else noise  # before the first update the stretch may be shorter than an interval
-    scale = initial_spread(prepared.start.P[np.ix_(own, own)])[0]
+    states = np.array(prepared.layout.reported)
+    noise, n = noise[:, states[:, None], states], states.size
+    Q = noise[1:] if updates > 1 else noise  # the time before the first update may be shorter than an interval
+    scale = initial_spread(prepared.start.P[np.ix_(states, states)])[0]
     safe = np.where(scale > 0.0, scale, 1.0)
-    kept = kept / np.outer(safe, safe)
-    root = np.sqrt(np.einsum("kii->ki", kept))
+    Q = Q / np.outer(safe, safe)
+    root = np.sqrt(np.einsum("kii->ki", Q))
     unit = np.where(root > 0.0, root, 1.0)
-    ranks = np.sum(np.linalg.eigvalsh(kept / (unit[:, :, None] * unit[:, None, :])) > FLOOR, axis=1)
-    values, vectors = np.linalg.eigh(kept)
+    ranks = np.sum(np.linalg.eigvalsh(Q / (unit[:, :, None] * unit[:, None, :])) > FLOOR, axis=1)
+    values, vectors = np.linalg.eigh(Q)
     worst = int(np.argmin(values[:, 0]))
     direction = vectors[worst, :, 0]
     return ErrorBound(
@@ -125,7 +140,7 @@ def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
 
 
 def _rows(prepared: Prepared, tape: UpdateTape) -> tuple[tuple[str, float, float], ...]:
-    """Return unit, lowest and highest one-sigma of the noise of the rows that were used, by unit."""
+    """Return unit, smallest and largest one-sigma of the noise of all processed measurements, by unit."""
     used = int(tape.used[0])
     epoch, channel = tape.epoch[:used], tape.channel[:used]
     sigma = np.sqrt(prepared.signals.variance[epoch, channel])

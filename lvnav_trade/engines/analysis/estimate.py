@@ -1,4 +1,4 @@
-"""An estimate that is in error by a known vector: its navigation state, its increments, what it predicts.
+"""An estimate with a given error: its navigation state, compensated increments and predictions.
 
 The error is truth minus estimate, states in storage order, frame i.
 """
@@ -20,24 +20,27 @@ _driver = getattr(transition.driver, "py_func", transition.driver)  # the formul
 
 
 def navigation(q: Floats, v: Floats, r: Floats, d: Floats) -> Floats:
-    """Return the estimated navigation state (10,) that is in error by d (n_state,); q (4,), v, r (3,) of the truth."""
+    """Return the estimated navigation state (10,) with error d (n_state,).
+
+    q, v, r : (4,), (3,) m/s, (3,) m. True attitude, velocity and position, frame i.
+    """
     turned = multiply(*from_rotation(-d[ATT], -d[ATT + 1], -d[ATT + 2]), *q)
     return np.concatenate([turned, v - d[VEL : VEL + 3], r - d[POS : POS + 3]])
 
 
 def navigation_at(prepared: Prepared, tick: int, d: Floats) -> Floats:
-    """Return the estimated navigation state (10,) that is in error by d at a tick."""
+    """Return the estimated navigation state (10,) with error d at a tick."""
     reference = prepared.reference
     return navigation(reference.q_b_i[tick], reference.v_i[tick], reference.r_i[tick], d)
 
 
 class Inputs(NamedTuple):
-    """True increments of some ticks, and what error parameters multiply there.
+    """True increments of some ticks, and drivers of IMU parameters.
 
-    true : (n_tick, 6)
-    sensors : of gyro and accelerometer: columns of the increments; states (n, 3) of its parameters by kind and axis;
-        what each multiplies (n, n_tick, 3)
-    dt : seconds of a tick
+    true : (n_tick, 6) rad, m/s. True increments, body axes.
+    sensors : For gyro and accelerometer: columns of the increments, states (n, 3) of its parameters by kind and axis,
+        drivers (n, n_tick, 3).
+    dt : s. Tick.
     """
 
     true: Floats
@@ -46,7 +49,7 @@ class Inputs(NamedTuple):
 
 
 def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
-    """Return the inputs of ticks, which are the same for every error."""
+    """Return the inputs of some ticks; they do not depend on the error of the estimate."""
     ticks, dt = slice(first, first + n_tick), prepared.unit.dt
     true, sensors = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]]), []
     for sensor, own, other in ((GYRO, slice(0, 3), slice(3, 6)), (ACCEL, slice(3, 6), slice(0, 3))):
@@ -54,21 +57,21 @@ def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
         if blocks:
             driven = [_driver(block.driver, *(true[:, own] / dt).T, *(true[:, other] / dt).T) for block in blocks]
             states = np.array([block.offset for block in blocks])[:, None] + np.arange(3)
-            sensors.append((own, states, np.stack([np.stack(one, axis=1) for one in driven])))
+            sensors.append((own, states, np.stack([np.stack(axes, axis=1) for axes in driven])))
     return Inputs(true, tuple(sensors), dt)
 
 
 def compensated(given: Inputs, d: Floats) -> Floats:
-    """Return increments (n_tick, 6) compensated with parameters in error by d: what is left of them is added."""
-    found = given.true.copy()
-    for own, states, driven in given.sensors:
+    """Return increments (n_tick, 6) compensated with parameters in error by d: true increments plus residual errors."""
+    result = given.true.copy()
+    for columns, states, driven in given.sensors:
         terms = driven * d[states][:, None] * given.dt
-        found[:, own] = np.add.reduce(np.concatenate([given.true[None, :, own], terms]))  # one after the other
-    return found
+        result[:, columns] = np.add.reduce(np.concatenate([given.true[None, :, columns], terms]))  # in this order
+    return result
 
 
 def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
-    """Return `compensated` increments (n_tick, 6) of ticks."""
+    """Return increments (n_tick, 6) of some ticks, compensated with parameters in error by d."""
     return compensated(inputs(prepared, first, n_tick), d)
 
 
@@ -78,7 +81,7 @@ def tick_at(prepared: Prepared, time: float) -> int:
 
 
 def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
-    """Set the estimate in `work` to one that is in error by d, at the time of an epoch or at another one (s)."""
+    """Set the estimate in `work` to the truth minus the error d, at an epoch or at another time (s)."""
     model = prepared.model
     tick = tick_at(prepared, prepared.t_epoch[epoch] if time is None else time)
     work.nav[:] = navigation_at(prepared, tick, d)
@@ -90,15 +93,16 @@ def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float 
 
 
 def place_earlier(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Earlier | None:
-    """Return what the filter stores of the epoch before one, in error by the clones in d (n_state,); None where no
-    difference of epochs is measured. Changes the navigation state of `work`.
+    """Return the stored estimate of the previous epoch, with the error of the clones in d (n_state,).
+
+    None without differences of two epochs. The navigation state of `work` is changed.
     """
     delayed, model = prepared.options.delayed, prepared.model
     earlier = new_nominal_earlier(prepared)
     if delayed is None or earlier is None:
         return None
-    own = np.zeros_like(d)
-    own[delayed.cloned] = d[delayed.clone + np.arange(delayed.cloned.size)]
-    place(prepared, work, max(0, epoch - 1), own)
+    error = np.zeros_like(d)
+    error[delayed.cloned] = d[delayed.clone + np.arange(delayed.cloned.size)]
+    place(prepared, work, max(0, epoch - 1), error)
     store_estimate(work, earlier, None, None, delayed, model, epoch)
     return earlier

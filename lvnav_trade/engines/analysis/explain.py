@@ -29,12 +29,19 @@ from lvnav_trade.scenario import Scenario
 from lvnav_trade.sources import Field, fields_of
 
 QUANTITIES = ("attitude", "velocity", "position")
-_SHORTEST = 1.0  # seconds: a shorter phase is joined to the one after it
+_SHORTEST = 1.0  # s; a shorter phase is joined to the next
 FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
 
 
 class SourceCovariance(NamedTuple):
-    """True covariance (n_source, 3, 3, 3) of attitude, velocity and position at an event by source, SI."""
+    """True covariance at an event by error source.
+
+    event : Name of the event.
+    time : s since lift-off.
+    sources : (n_source,). Names of the sources.
+    covariance : (n_source, 3, 3, 3) SI squared. Of attitude, velocity and position, reporting axes; with a backup
+        strapdown (n_source, 6, 3, 3), its errors last.
+    """
 
     event: str
     time: float
@@ -50,7 +57,7 @@ class PhaseView(NamedTuple):
     end : s since lift-off.
     rank : Number of singular values above the tolerance.
     tolerance : Smallest singular value that counts.
-    singular : (n_singular,). Singular values, falling.
+    singular : (n_singular,). Singular values, descending.
     rows : Number of scalar measurements.
     weakest : Direction of the smallest singular value in words.
     directions : Directions of all singular values in words.
@@ -68,11 +75,14 @@ class PhaseView(NamedTuple):
 
 
 class Sensitivity(NamedTuple):
-    """How the norm of a quantity's true error at one time moves with each source's sigma.
+    """Effect of the sigma of each error source on the true error of a quantity at one time.
 
-    time s; quantity; sources (n_source,) names; factors (n_factor,); frozen, retuned (n_source, n_factor) true
-    root-mean-square of the norm, SI: with the gains of the campaign's filter, and with a filter that knows the new
-    sigma.
+    time : s since lift-off.
+    quantity : Three-axis quantity, whose norm is assessed.
+    sources : (n_source,). Names of the sources.
+    factors : (n_factor,). Factors on the sigma.
+    frozen : (n_source, n_factor) SI. True root-mean-square of the norm with the gains of the campaign's filter.
+    retuned : (n_source, n_factor) SI. The same with a filter whose model has the new sigma.
     """
 
     time: float
@@ -113,7 +123,17 @@ class Explanation(NamedTuple):
 
 
 def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: Asked) -> Explanation:
-    """Return what was asked of a case; one forward pass serves all of it."""
+    """Return the requested diagnostics of a case; they share one forward pass.
+
+    Parameters
+    ----------
+    scenario, prepared
+        Validated model of the case, and the prepared case.
+    history
+        Linear covariance of the case.
+    asked
+        Requested diagnostics.
+    """
     events = flown_events(prepared)
     at = _event(events, asked.at)
     tape = None
@@ -140,8 +160,8 @@ def _nonlinearities(
 ) -> tuple[tuple[str, Nonlinearity], ...]:
     if prepared.scenario.filter.feedback == "open" and prepared.model.aided:
         times = dict.fromkeys(events.values())
-        found = {t: open_loop_nonlinearity(prepared, history, t) for t in times}
-        return tuple((name, found[t]) for name, t in events.items())
+        by_time = {t: open_loop_nonlinearity(prepared, history, t) for t in times}
+        return tuple((name, by_time[t]) for name, t in events.items())
     return (
         *((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
         *((gap.name, nonlinearity(prepared, history, gap.begin, end=gap.end)) for gap in gaps(history)),
@@ -149,7 +169,7 @@ def _nonlinearities(
 
 
 def flown_events(prepared: Prepared) -> dict[str, float]:
-    """Return the events within the flight: those that the history holds."""
+    """Return the events within the flight, s since lift-off by name."""
     first, last = prepared.t_hist[0], prepared.t_hist[-1]
     return {name: t for name, t in prepared.trajectory.events.items() if first <= t <= last}
 
@@ -183,7 +203,7 @@ def _sensitivities(scenario: Scenario, prepared: Prepared, history: CovHistory, 
 def _phases(
     prepared: Prepared, events: dict[str, float], tape: UpdateTape | None, window: float
 ) -> tuple[PhaseView, ...]:
-    """Return the observability of the stretches between events, or of windows of that many seconds (0: none)."""
+    """Return the observability of the phases between events, or of windows of that many seconds (0: by events)."""
     marks = _windows(prepared, window) if window > 0.0 else _marks(prepared, events)
     edges = np.array([t for _, t in marks])
     stretches = observability(prepared, edges, tape)
@@ -197,34 +217,36 @@ def _phases(
             s.singular,
             s.rows,
             _in_words(prepared, s.start, s.weakest) if s.rows else "every direction",
-            tuple(_in_words(prepared, s.start, one) for one in s.directions) if s.rows else (),
+            tuple(_in_words(prepared, s.start, direction) for direction in s.directions) if s.rows else (),
         )
         for ((first, _), (second, _)), s in zip(pairwise(marks), stretches, strict=True)
     )
 
 
 def _in_words(prepared: Prepared, start: float, direction: Floats) -> str:
-    """Say a direction in initial sigmas of the states in words, in initial sigmas of the reporting axes; of a state
-    that has none, in its unit.
+    """Return a direction of the state space in words, in reporting axes.
+
+    direction : (n,) in units of the initial sigmas of the states; a state without initial sigma in its own unit. The
+    words are in units of the initial sigmas in reporting axes.
     """
     turn = turns(prepared)[int(np.argmin(np.abs(prepared.t_hist - start)))]
-    own = np.array(prepared.layout.reported)
-    P = prepared.start.P[np.ix_(own, own)]
+    states = np.array(prepared.layout.reported)
+    P = prepared.start.P[np.ix_(states, states)]
     spread, sigma = np.sqrt(np.diag(P)), np.sqrt(np.diag(turn @ P @ turn.T))
-    found = turn @ (np.where(spread > 0.0, spread, 1.0) * direction) / np.where(sigma > 0.0, sigma, 1.0)
+    turned = turn @ (np.where(spread > 0.0, spread, 1.0) * direction) / np.where(sigma > 0.0, sigma, 1.0)
     names = tuple(f"{o.quantity.replace('_', ' ')} {o.axis}" for o in prepared.outputs)
-    return in_words(found / found[np.argmax(np.abs(found))], names)
+    return in_words(turned / turned[np.argmax(np.abs(turned))], names)
 
 
 def _windows(prepared: Prepared, window: float) -> list[tuple[str, float]]:
-    """Return the edges of whole windows from the start on; what is left at the end belongs to the last one."""
+    """Return names and times of the edges of windows from the start on; the last window includes the remainder."""
     t = prepared.reference.t
     edges = t[0] + window * np.arange(int((t[-1] - t[0]) / window + 1e-9))
     return [(f"{edge:g} s", float(edge)) for edge in (*edges, t[-1])]
 
 
 def _marks(prepared: Prepared, events: dict[str, float]) -> list[tuple[str, float]]:
-    """Return the names and times between which the phases lie."""
+    """Return names and times of the bounds of the phases."""
     t = prepared.reference.t
     marks = [("start", float(t[0]))]
     for name, time in sorted(events.items(), key=lambda item: item[1]):
@@ -236,14 +258,14 @@ def _marks(prepared: Prepared, events: dict[str, float]) -> list[tuple[str, floa
 
 
 def _multiplied(model: Any, path: tuple[str, ...], factor: float) -> Any:
-    """Return a card (or the cards of a mapping or list) with one number multiplied; of several parts it is in each."""
+    """Return a card (or a mapping or tuple of cards) with the number at a path multiplied; in every part if several."""
     if not path:
-        return tuple(factor * one for one in model) if isinstance(model, tuple) else model * factor
+        return tuple(factor * value for value in model) if isinstance(model, tuple) else model * factor
     head, rest = path[0], path[1:]
     if isinstance(model, dict):
         return model | {head: _multiplied(model[head], rest, factor)}
     if isinstance(model, tuple):
-        return tuple(_multiplied(one, rest, factor) if k == int(head) else one for k, one in enumerate(model))
+        return tuple(_multiplied(item, rest, factor) if k == int(head) else item for k, item in enumerate(model))
     if head not in type(model).model_fields and "parts" in type(model).model_fields:
         return model.model_copy(update={"parts": tuple(_multiplied(part, path, factor) for part in model.parts)})
     value = getattr(model, head, None)
@@ -253,24 +275,24 @@ def _multiplied(model: Any, path: tuple[str, ...], factor: float) -> Any:
 
 
 def _fields(scenario: Scenario, source: str) -> tuple[Field, ...]:
-    """Return the fields that hold the sigma of a source: of a sensor's noise those of its card."""
+    """Return the fields of the scenario with the sigma of an error source."""
     used = sensors_used(scenario)
     alone = {name: [c.measurement for c in used.values()].count(card.measurement) == 1 for name, card in used.items()}
     for name, card in used.items():
         if source == (card.noise if alone[name] else f"{card.noise} {name}"):
             return tuple((("sensors", name, field), 1) for field in card.noise_fields)
-        own = [
+        fields = [
             error.field
             for error in card.lasting()
             if source == (error.source if alone[name] else f"{error.source} {name}")
         ]
-        if own:
-            return tuple((("sensors", name, field), 1) for field in own)
+        if fields:
+            return tuple((("sensors", name, field), 1) for field in fields)
     return fields_of(source)
 
 
 def scaled(scenario: Scenario, source: str, factor: float) -> Scenario:
-    """Return the scenario with the sigma of one named source multiplied; a filter that is `matched` follows."""
+    """Return the scenario with the sigma of an error source multiplied; a `matched` filter model follows."""
     for path, power in _fields(scenario, source):
         scenario = _multiplied(scenario, path, factor**power)
     return scenario
@@ -285,20 +307,26 @@ def sensitivity(
     share: float = 0.01,
     known: dict[tuple[str, float], CovHistory] | None = None,
 ) -> Sensitivity:
-    """Return the frozen and the re-tuned metric for every source that makes up at least `share` of its variance.
+    """Return the sensitivity of a quantity to the sigmas of its main error sources.
 
-    Sources whose sigma is no field of the scenario are left out.
+    With frozen gains the variance of a source scales with the square of its factor, so no further computation is
+    needed. With a retuned filter each factor needs a linear covariance.
 
     Parameters
     ----------
+    scenario
+        Validated model of the case.
     history
-        Linear covariance of the scenario as it is.
+        Linear covariance of the scenario.
     time
         s since lift-off, a history time.
     quantity, columns
-        Name of a three-axis quantity and the columns that hold it.
+        Name of a three-axis quantity, and its columns.
+    share
+        Smallest fraction of the variance for which a source is included. Sources whose sigma is not a field of the
+        scenario are omitted.
     known
-        Linear covariances by (source, factor), found and added to: the next quantity asks for the same.
+        Cache of linear covariances by (source, factor), which is extended; all quantities need the same.
     """
     known = {} if known is None else known
     hist = int(np.argmin(np.abs(history.t - time)))
@@ -317,9 +345,9 @@ def sensitivity(
             key = history.sources[k], factor
             if factor != 1.0 and key not in known:
                 known[key] = covariance(prepare(scaled(scenario, *key)))
-            again = history if factor == 1.0 else known[key]
-            at = int(np.argmin(np.abs(again.t - time)))
-            retuned[row, column] = np.sqrt(np.sum(again.true_sigma[at, columns] ** 2 + again.mean[at, columns] ** 2))
+            tuned = history if factor == 1.0 else known[key]
+            at = int(np.argmin(np.abs(tuned.t - time)))
+            retuned[row, column] = np.sqrt(np.sum(tuned.true_sigma[at, columns] ** 2 + tuned.mean[at, columns] ** 2))
     return Sensitivity(
         float(history.t[hist]), quantity, tuple(history.sources[k] for k in chosen), FACTORS, frozen, retuned
     )

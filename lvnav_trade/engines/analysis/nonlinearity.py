@@ -27,17 +27,18 @@ from lvnav_trade.records import CovHistory, Floats
 
 Windows = list[tuple[int, int, Floats]]
 _PIECES = 60
-"""Of a gap: biases of the estimate stand still within each."""
+"""Number of pieces of a gap; estimated biases are constant within each."""
 
 
 class Nonlinearity(NamedTuple):
-    """How far from linear one update interval, a gap, or an open loop is at one-sigma true errors; 0 where all is
-    linear.
+    """Deviation from linearity over one update interval, a gap, or an open loop, at one-sigma true errors; 0 if linear.
 
-    time s, of a gap its end; motion: largest second-order part of the propagated error, in the filter's own sigma of
-    that state; state: its index; transition: largest difference of the first-order part to the filter's transition, in
-    the same unit; rows: largest second-order part of a predicted measurement, in the sigma of its innovation, in an
-    open loop in that of its prediction (NaN without rows).
+    time : s since lift-off; of a gap, its end.
+    motion : Largest second-order part of the propagated error, in formal sigmas of the state.
+    state : Index of that state.
+    transition : Largest difference between the first-order part and the filter's transition, likewise.
+    rows : Largest second-order part of a predicted measurement, in sigmas of its innovation; in an open loop, of its
+        prediction. NaN without rows.
     """
 
     time: float
@@ -50,18 +51,23 @@ class Nonlinearity(NamedTuple):
 def nonlinearity(
     prepared: Prepared, history: CovHistory, time: float, scale: float = 1.0, end: float | None = None
 ) -> Nonlinearity:
-    """Return the nonlinearity at the history time nearest to `time` (s since lift-off), over one update interval; or
-    over the gap from there to its first measurement, at `end`.
+    """Return the nonlinearity over one update interval, or over a gap without measurements.
 
-    The directions are the columns of the Cholesky factor of the true covariance. Each is flown plus and minus: half the
-    sum of the two outcomes is the second-order part, half the difference the first-order one.
+    The directions are the columns of the Cholesky factor of the true covariance. Each is propagated with both signs:
+    half of the sum of the two results is the second-order part, half of the difference is the first-order part.
 
     Parameters
     ----------
+    prepared
+        Prepared case.
     history
-        The case's linear covariance.
+        Linear covariance of the case.
+    time
+        s since lift-off. Start of the interval or gap; the nearest history time is used.
     scale
-        Size of the errors in sigmas; the second-order part per sigma grows with it.
+        Size of the errors in sigmas; the second-order part per sigma is proportional to it.
+    end
+        s since lift-off. First measurement after the gap; None: one update interval.
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     time = float(prepared.t_hist[hist])
@@ -70,8 +76,8 @@ def nonlinearity(
     start = _start_tick(prepared, time)
     windows = _windows(prepared, start) if end is None else _pieces(prepared, time, end)
     linear = _linear(prepared, start, directions, windows)
-    plus, minus = (_flown(prepared, start, sign * directions, windows) for sign in (1.0, -1.0))
-    if end is not None:  # the measurement meets the errors that have grown in the meantime
+    plus, minus = (_propagated(prepared, start, sign * directions, windows) for sign in (1.0, -1.0))
+    if end is not None:  # the measurement at the end of the gap sees the grown errors
         formal, true = _covariances(prepared, history, max(hist, int(np.searchsorted(prepared.t_hist, end - 1e-9)) - 1))
         directions, time = scale * _factor(true), end
     sigma = np.sqrt(np.diag(formal))[:9]
@@ -86,17 +92,17 @@ def nonlinearity(
 def open_loop_nonlinearity(prepared: Prepared, history: CovHistory, time: float) -> Nonlinearity:
     """Return the nonlinearity of an open loop at the history time nearest to `time` (s), accumulated since the start.
 
-    The filter is linearised at the INS, which is never corrected: its distance from the truth grows. The directions are
-    those of the start; second order is what the INS has more than the filter's transition. It is not corrected
-    here, so `motion` is an upper bound. The curvature of a measurement is the same from epoch to epoch and does
-    not average out: `rows` is in the sigma of the prediction, without the noise.
+    The filter is linearised at the uncorrected INS, whose distance from the truth grows. The directions are those of
+    the initial errors. The second-order part is the error of the INS beyond the filter's transition; measurements do
+    not correct it here, so `motion` is an upper bound. The curvature of a measurement is the same at successive epochs
+    and does not average out, so `rows` is in sigmas of the prediction, without noise.
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     time = float(prepared.t_hist[hist])
     steps, pieces = _steps(prepared, time), _pieces(prepared, float(prepared.t_hist[0]), time)
     directions = _factor(_covariances(prepared, history, 0)[1])
     distance = _linear(prepared, 0, directions, steps)
-    plus, minus = (_flown(prepared, 0, sign * directions, pieces) for sign in (1.0, -1.0))
+    plus, minus = (_propagated(prepared, 0, sign * directions, pieces) for sign in (1.0, -1.0))
     formal, _ = _covariances(prepared, history, hist)
     sigma = np.sqrt(np.diag(formal))[:9]
     sound = np.where(sigma > 0.0, sigma, np.inf)
@@ -117,22 +123,22 @@ def _steps(prepared: Prepared, end: float) -> Windows:
 def _covariances(prepared: Prepared, history: CovHistory, hist: int) -> tuple[Floats, Floats]:
     """Return the formal and the true covariance (n_state, n_state) at a history time, frame i."""
     turn, layout = turns(prepared)[hist], prepared.layout
-    states = slice(0, len(turn))  # what is reported beside them is no state
+    states = slice(0, len(turn))  # further outputs are not states
     formal, true = (turn.T @ cov[hist, states, states] @ turn for cov in (history.formal_cov, history.true_cov))
     if not layout.n_delayed:
         return formal, true
-    whole = np.zeros((layout.n_state, len(turn)))  # a clone is what it is of, a noise of an epoch nothing
+    whole = np.zeros((layout.n_state, len(turn)))  # clones equal their states, noise states of an epoch are zero
     whole[layout.reported, range(len(turn))] = 1.0
     whole[layout.clone : layout.clone + len(layout.cloned)] = whole[list(layout.cloned)]
     return whole @ formal @ whole.T, whole @ true @ whole.T
 
 
 def _factor(covariance: Floats) -> Floats:
-    """Return the columns of a Cholesky factor as rows; a state without variance has none."""
+    """Return the columns of a Cholesky factor as rows (n, n); zero for a state without variance."""
     sigma = np.sqrt(np.maximum(0.0, np.diag(covariance)))
     safe = np.where(sigma > 0.0, sigma, 1.0)
     correlation = covariance / safe[:, None] / safe[None, :]
-    # states differ by ten orders of magnitude; errors in the last bits must not make it indefinite
+    # states differ by ten orders of magnitude, so the correlation is factorised, made safe against rounding
     correlation[range(len(sigma)), range(len(sigma))] = 1.0 + 1e-9
     factor = np.linalg.cholesky(correlation) * sigma[:, None]
     return np.array(factor.T, dtype=np.float64, order="C")
@@ -158,7 +164,7 @@ def _windows(prepared: Prepared, start: int) -> Windows:
 
 
 def _pieces(prepared: Prepared, begin: float, end: float) -> Windows:
-    """Return the same of a gap, in at most `_PIECES` pieces of whole covariance steps."""
+    """Return the windows of a gap as `_windows` does, in at most `_PIECES` pieces of whole covariance steps."""
     step, t = _ticks(prepared)[1], prepared.reference.t
     first, last = (int(np.argmin(np.abs(t - time))) for time in (begin, end))
     steps = max(1, (min(last, t.size - 1) - first) // step)
@@ -169,42 +175,42 @@ def _pieces(prepared: Prepared, begin: float, end: float) -> Windows:
     ]
 
 
-def _flown(prepared: Prepared, start: int, errors: Floats, windows: Windows) -> Floats:
-    """Return the navigation errors (n, 9) at the end of the windows after errors (n, n_state), by the strapdown itself.
+def _propagated(prepared: Prepared, start: int, errors: Floats, windows: Windows) -> Floats:
+    """Return the navigation errors (n, 9) at the end of the windows for initial errors (n, n_state), by the strapdown.
 
-    The flight without an error, and what parameters multiply, are found once.
+    The error-free flight and the drivers of IMU parameters are computed once.
     """
     none, sums = np.zeros(errors.shape[1]), np.zeros(N_SUM)
-    how, dt = full_rate(prepared.model.strapdown.gravity), prepared.unit.dt
+    algorithm, dt = full_rate(prepared.model.strapdown.gravity), prepared.unit.dt
     legs = [(inputs(prepared, first, n_tick), n_tick, decay) for first, n_tick, decay in windows]
     before = inputs(prepared, max(0, start - 1), 1).true[0]
 
-    def fly(d: Floats) -> Floats:
-        nav, previous, left = navigation_at(prepared, start, d), before.copy(), d
-        for given, n_tick, decay in legs:
-            mechanise(nav, sums, previous, compensated(given, left), n_tick, dt, how, 0.0)
-            left = decay * left
+    def integrate(d: Floats) -> Floats:
+        nav, previous, parameters = navigation_at(prepared, start, d), before.copy(), d
+        for ticks, n_tick, decay in legs:
+            mechanise(nav, sums, previous, compensated(ticks, parameters), n_tick, dt, algorithm, 0.0)
+            parameters = decay * parameters
         return nav
 
-    exact, found = fly(none), []
+    exact, results = integrate(none), []
     for d in errors:
-        nav = fly(d)
+        nav = integrate(d)
         turned = small_rotation(*exact[Q : Q + 4], *nav[Q : Q + 4])
-        found.append(np.concatenate([turned, exact[V : V + 3] - nav[V : V + 3], exact[R : R + 3] - nav[R : R + 3]]))
-    return np.array(found)
+        results.append(np.concatenate([turned, exact[V : V + 3] - nav[V : V + 3], exact[R : R + 3] - nav[R : R + 3]]))
+    return np.array(results)
 
 
 def _linear(prepared: Prepared, start: int, directions: Floats, windows: Windows) -> Floats:
-    """Return the errors (n, n_state) at the end of the windows after errors (n, n_state), by the filter's own
+    """Return the errors (n, n_state) at the end of the windows for initial errors (n, n_state), by the filter's
     transition.
     """
     model, dt = prepared.model, prepared.unit.dt
     none = np.zeros(directions.shape[1])
     nav, sums = navigation_at(prepared, start, none), np.zeros(N_SUM)
     previous, errors = np.zeros(6), directions.copy()
-    blocks, how = np.zeros((model.block_rows.size, 9)), full_rate(model.strapdown.gravity)
+    blocks, algorithm = np.zeros((model.block_rows.size, 9)), full_rate(model.strapdown.gravity)
     for first, n_tick, decay in windows:
-        mechanise(nav, sums, previous, increments(prepared, first, n_tick, none), n_tick, dt, how, 0.0)
+        mechanise(nav, sums, previous, increments(prepared, first, n_tick, none), n_tick, dt, algorithm, 0.0)
         seconds = n_tick * dt
         transition.fill(blocks, model.block_kinds, model.block_drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)
         for error in errors:
@@ -213,8 +219,9 @@ def _linear(prepared: Prepared, start: int, directions: Floats, windows: Windows
 
 
 def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats, noise: float = 1.0) -> float:
-    """Return the largest second-order part of a row of the nearest epoch, in sigmas of its innovation; with a noise of
-    0, of its prediction.
+    """Return the largest second-order part of a measurement at the nearest epoch, in sigmas of its innovation.
+
+    noise : factor on the noise variance; 0: in sigmas of the prediction
     """
     model = prepared.model
     if not model.n_receiver or not prepared.t_epoch.size:
@@ -234,7 +241,7 @@ def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats, n
 
 
 def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
-    """Return the predicted measurements of an epoch by an estimate in error by d, up to their sign."""
+    """Return minus the predicted measurements of an epoch, by an estimate in error by d, up to a constant."""
     model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
     earlier = place_earlier(prepared, work, epoch, d)
     place(prepared, work, epoch, d)
@@ -243,14 +250,14 @@ def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floa
 
 
 def _present(prepared: Prepared, epoch: int) -> list[int]:
-    """Return the rows of the receiver that the filter takes at an epoch."""
+    """Return the receiver rows that the filter processes at an epoch."""
     model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
     n_row = model.n_kind * signals.n_used[epoch] if model.tight else 6
     return [row for row in range(n_row) if is_present(delayed, model, epoch, channel_of(model, signals, epoch, row))]
 
 
 def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, formal: Floats, noise: float) -> Floats:
-    """Return the filter's sigma of the innovations of the rows that `work` holds, with so much of the noise."""
+    """Return the formal sigma of the innovations of the rows in `work`; noise: factor on the noise variance."""
     model, signals, sigma = prepared.model, prepared.signals, []
     for row in _present(prepared, epoch):
         channel = channel_of(model, signals, epoch, row)

@@ -23,13 +23,18 @@ TOLERANCE = 1e-2
 
 
 class Stretch(NamedTuple):
-    """Observability over one stretch: start, end s since lift-off; rank; singular (n_asked,) values, falling, of the
-    states that have an initial sigma; weakest (n,) direction, entries in initial sigmas, largest of size 1; rows that
-    were used; directions (n_asked, n) of all singular values, as the weakest.
+    """Observability of the filter's states over one interval of the flight.
 
-    The singular values are those of the stacked rows H Phi, each row in sigmas of its noise and each direction in its
-    initial sigma: a value of 1 means that the stretch alone halves the variance of that direction. The rank counts
-    values above `TOLERANCE`.
+    The singular values are those of the stacked rows H Phi, with rows in units of their noise sigma and directions in
+    units of their initial sigma. A value of 1 means that the interval alone halves the variance of that direction.
+
+    start : s since lift-off.
+    end : s since lift-off.
+    rank : Number of singular values above `TOLERANCE`.
+    singular : (n_uncertain,). Singular values of the states with an initial sigma, descending.
+    weakest : (n,). Direction of the smallest singular value, in initial sigmas; its largest entry is 1.
+    rows : Number of scalar measurements.
+    directions : (n_uncertain, n). Directions of all singular values, likewise.
     """
 
     start: float
@@ -43,9 +48,9 @@ class Stretch(NamedTuple):
 
 @jit
 def fold(triangle, row):
-    """Fold a row (n,) into the triangle (n, n) of the rows so far, by rotations; triangle updated, row used up.
+    """Add a row (n,) to the triangular factor (n, n) of the rows so far, by Givens rotations; the row is overwritten.
 
-    Not LAPACK's: the last bit of a long factorisation depends on how many threads the process has.
+    LAPACK is not used, because the last bits of a long factorisation depend on the number of threads.
     """
     n = row.shape[0]
     for k in range(n):
@@ -60,11 +65,11 @@ def fold(triangle, row):
 
 
 class _Samples(NamedTuple):
-    """Samples of the IMU as measurements.
+    """IMU samples as measurements.
 
-    dt : Length of a tick (s).
-    vehicle : Model of the vehicle's motion that the filter has.
-    reference : The nominal flight.
+    dt : s. Tick.
+    vehicle : Vehicle model of the filter.
+    reference : True motion of the nominal flight.
     """
 
     dt: float
@@ -73,10 +78,10 @@ class _Samples(NamedTuple):
 
 
 class _Folding(NamedTuple):
-    """The rows folded so far, and what is needed to fold in the next one.
+    """Triangular factor of the rows so far, and scratch for the next row.
 
-    triangle : (n_state, n_state). Triangle of the rows so far.
-    phi : (n_state, n_state). Columns of the transition since the stretch began.
+    triangle : (n_state, n_state). Triangular factor of the rows so far.
+    phi : (n_state, n_state). Transition matrix since the start of the interval, transposed.
     blocks : (n_block, 9). Blocks of the transition over a window.
     row : (n_state,). A Jacobian row times the transition, in sigmas of its noise.
     sums : (18,). Strapdown integrals over a tick.
@@ -93,7 +98,7 @@ class _Folding(NamedTuple):
 
 @jit
 def _fold_samples(folding, samples, first, n_tick):
-    """Fold in the samples of a window's ticks, and carry the transition over them; return how many rows."""
+    """Add the rows of the IMU samples of a window, and propagate the transition; return the number of rows."""
     vehicle, phi, h, row = samples.vehicle, folding.phi, folding.h, folding.row
     n = phi.shape[0]
     for tick in range(first, first + n_tick):
@@ -113,9 +118,9 @@ def _fold_samples(folding, samples, first, n_tick):
 
 
 class _Rows(NamedTuple):
-    """Arrays of schedule, tape and model from which observability is computed.
+    """Arrays of schedule, tape and model from which observability is computed, with the names that they have there.
 
-    They keep the names that they have there. The records as a whole would take ten times as long to compile.
+    Passing the whole records would take ten times as long to compile.
 
     first_tick : (n_window,). First tick of each window.
     n_tick : (n_window,). Number of ticks of each window.
@@ -157,11 +162,17 @@ class _Rows(NamedTuple):
 
 @jit
 def _gather(folding, rows, samples, delayed, extra_offset, first_window, last_window):
-    """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
+    """Add all rows H Phi of an interval, in units of their noise sigma; return the number of rows.
 
-    folding : _Folding, updated. rows : _Rows. samples : _Samples where the filter takes samples of the IMU as
-    measurements, or None; rate and specific force are then taken for constant over a stretch, which asks most of the
-    other states. delayed : what the filter knows of late measurements and clones, or None.
+    Parameters
+    ----------
+    folding : _Folding, updated in place
+    rows : _Rows
+    samples : _Samples of a filter that processes IMU samples, or None. Angular rate and specific force are then assumed
+        constant over the interval, the hardest case for the other states.
+    delayed : Delayed, or None
+    extra_offset : (n_extra,) state of each extra state
+    first_window, last_window : windows of the interval
     """
     phi, n, count = folding.phi, folding.phi.shape[0], 0
     block_rows, block_columns, kinds, drivers = rows.blocks
@@ -216,7 +227,7 @@ def _rows(prepared: Prepared, true: Components, tape: UpdateTape) -> _Rows:
 
 @jit
 def _begin_epoch(phi, delayed, extra_offset, epoch):
-    """Let clones be what they are of, and forget what begins anew, in the columns phi (n, n) of the transition."""
+    """Set the clones to the present states, and reset renewed states, in the transposed transition phi (n, n)."""
     for j in range(phi.shape[0]):
         for e in range(extra_offset.shape[0]):
             if delayed.renewed[epoch, e] >= 0.0:
@@ -226,7 +237,7 @@ def _begin_epoch(phi, delayed, extra_offset, epoch):
 
 
 def _folded(prepared: Prepared, rows: _Rows, first: int, last: int) -> tuple[int, Floats]:
-    """Return how many rows the windows from first to last have, and the triangle (n, n) that they fold into."""
+    """Return the number of rows of the windows from first to last, and their triangular factor (n, n)."""
     n, vehicle, delayed = prepared.layout.n_state, prepared.options.vehicle, prepared.options.delayed
     folding = _Folding(
         triangle=np.zeros((n, n)),
@@ -245,22 +256,23 @@ def _folded(prepared: Prepared, rows: _Rows, first: int, last: int) -> tuple[int
 
 
 def _stretch(prepared: Prepared, rows: _Rows, start: float, end: float) -> Stretch:
-    schedule, own = prepared.schedule, np.array(prepared.layout.reported)
+    schedule, states = prepared.schedule, np.array(prepared.layout.reported)
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     inside = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
     count, triangle = _folded(prepared, rows, int(inside[0]), int(inside[-1]))
-    scale, root = initial_spread(prepared.start.P[np.ix_(own, own)])
-    asked = scale > 0.0  # a state of no initial sigma is known, not unobservable
-    root = root[np.ix_(asked, asked)]
-    singular, found = decompose((triangle[:, own] * scale)[:, asked] @ root, root)
-    directions = np.zeros((singular.size, own.size))
-    directions[:, asked] = found
+    scale, root = initial_spread(prepared.start.P[np.ix_(states, states)])
+    uncertain = scale > 0.0  # a state without initial sigma is known exactly, not unobservable
+    root = root[np.ix_(uncertain, uncertain)]
+    singular, vectors = decompose((triangle[:, states] * scale)[:, uncertain] @ root, root)
+    directions = np.zeros((singular.size, states.size))
+    directions[:, uncertain] = vectors
     return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, directions[-1], count, directions)
 
 
 def _variances(prepared: Prepared) -> Floats:
-    """Return the variance (n_epoch, n_channel) that the filter assumes of its rows, where a state is the noise of a
-    difference as if that were white.
+    """Return the noise variance of the measurements in the filter model, (n_epoch, n_channel) SI squared.
+
+    If the noise of a difference is a state of the filter, its variance is added as if it were white.
     """
     variance, delayed, first = prepared.signals.variance, prepared.options.delayed, 0
     for block in prepared.layout.extras:
@@ -273,8 +285,10 @@ def _variances(prepared: Prepared) -> Floats:
 
 
 def initial_spread(P: Floats) -> tuple[Floats, Floats]:
-    """Return the initial sigmas (n,) and a square root (n, n) of the initial correlation: a direction y that spreads
-    evenly is the error scale * (root @ y). Tilts and heading are correlated in the axes of frame i.
+    """Return the initial sigmas (n,) and a square root (n, n) of the initial correlation matrix.
+
+    For a vector y of independent standard normals, scale * (root @ y) is an initial error. Tilt and heading are
+    correlated in the axes of frame i.
     """
     scale = np.sqrt(np.diag(P))
     safe = np.where(scale > 0.0, scale, 1.0)
@@ -283,17 +297,23 @@ def initial_spread(P: Floats) -> tuple[Floats, Floats]:
 
 
 def decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
-    """Return the singular values (n,), falling, and their directions (n, n) in sigmas of the states, each at size 1."""
+    """Return the singular values (n,), descending, and their directions (n, n) in initial sigmas, largest entry 1."""
     _, singular, turned = np.linalg.svd(scaled)
     directions = turned @ root.T
     return singular, directions / np.take_along_axis(directions, np.argmax(np.abs(directions), axis=1)[:, None], 1)
 
 
 def observability(prepared: Prepared, edges: Floats, tape: UpdateTape | None = None) -> list[Stretch]:
-    """Return the observability of the filter's states over the stretches between edges (s since lift-off).
+    """Return the observability of the filter's states over the intervals between edges, on the nominal flight.
 
-    Evaluated on the nominal flight with the filter's measurements there; edges outside it are moved to its ends.
-    `tape` is the forward pass where it is known already.
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    edges
+        s since lift-off. Bounds of the intervals; edges outside the flight are moved to its ends.
+    tape
+        Tape of the forward pass; None: computed here.
     """
     rows = _rows(prepared, components(prepared), tape or forward_tape(prepared))
     t = prepared.reference.t
@@ -302,7 +322,7 @@ def observability(prepared: Prepared, edges: Floats, tape: UpdateTape | None = N
 
 
 def in_words(direction: Floats, names: tuple[str, ...], threshold: float = 0.3) -> str:
-    """Say a direction of the state space in words: the states that make up most of it, largest first."""
+    """Return a direction of the state space in words: its entries above a threshold, largest first."""
     order = np.argsort(-np.abs(direction))
     parts = [f"{direction[i]:+.2f} {names[i]}" for i in order if abs(direction[i]) >= threshold]
     return ", ".join(parts)

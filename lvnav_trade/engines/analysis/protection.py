@@ -1,8 +1,8 @@
-"""Protection levels on the nominal flight: bounds on position and velocity at a stated integrity risk.
+"""Protection levels on the nominal flight: bounds on position and velocity errors at a given integrity risk.
 
-The filter beside sub-filters, each without one satellite for the whole flight (solution separation: Brenner 1996; Young
-and McGraw, Navigation 50(3), 2003; multiple hypotheses as in Blanch et al., IEEE Trans. AES 51(1), 2015). A sub-filter
-never uses its satellite, so it bounds a failure of that one however it began.
+The filter is compared with sub-filters, each without one satellite for the whole flight (solution separation: Brenner
+1996; Young and McGraw, Navigation 50(3), 2003; multiple hypotheses as in Blanch et al., IEEE Trans. AES 51(1), 2015). A
+sub-filter never uses its satellite, so it bounds a failure of that satellite with any onset.
 """
 
 from typing import NamedTuple
@@ -45,35 +45,44 @@ class Protection(NamedTuple):
 
 
 def beyond(size: Floats, sigma: Floats) -> Floats:
-    """Return the probability that a centred Gaussian is larger than a size, on either side."""
+    """Return the probability that the magnitude of a centred Gaussian exceeds a size."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(size <= 0.0, 1.0, 2.0 * ndtr(-np.where(sigma > 0.0, size / sigma, np.inf))))
 
 
 def quantile(probability: float) -> float:
-    """Return how many sigmas a centred Gaussian exceeds, on either side, with a probability."""
+    """Return the number of sigmas that the magnitude of a centred Gaussian exceeds with a probability."""
     return float(-ndtri(0.5 * probability))
 
 
 def thresholds(sigma: Floats, without: Floats, false_alarm: float) -> Floats:
-    """Return the limits (n_satellite, ...) of the separation of a filter (sigma) and its sub-filters (without), for an
-    alarm of any satellite, of one axis, with a probability. Var(x_0 - x_k) = Var(x_k) - Var(x_0) of optimal filters.
+    """Return the alarm limits of the separations between a filter and its sub-filters, (n_satellite, ...).
+
+    For optimal filters Var(x_0 - x_k) = Var(x_k) - Var(x_0). The false-alarm probability of one axis is shared by all
+    satellites.
+
+    Parameters
+    ----------
+    sigma, without
+        (...) and (n_satellite, ...). Sigma of the filter and of its sub-filters.
+    false_alarm
+        Probability of an alarm of any satellite, for one axis.
     """
     apart = np.sqrt(np.maximum(0.0, without**2 - sigma**2))
     return np.asarray(apart * quantile(false_alarm / max(1, len(without))))
 
 
 def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float, prior: float) -> Floats:
-    """Return the least size L (...) with 2 Q(L / s_0) + prior sum_k 2 Q((L - T_k) / s_k) <= risk, by bisection.
+    """Return the smallest L (...) with 2 Q(L / s_0) + prior sum_k 2 Q((L - T_k) / s_k) <= risk, by bisection.
 
     Parameters
     ----------
     sigma, without
-        (...) of the filter's error and (n_satellite, ...) of those of its sub-filters.
+        (...) and (n_satellite, ...). Sigma s_0 of the filter and s_k of its sub-filters.
     limits
-        (n_satellite, ...) T_k of the separations.
+        (n_satellite, ...). Alarm limits T_k of the separations.
     risk, prior
-        Integrity risk, and probability that a satellite has failed.
+        Integrity risk, and prior probability that a satellite has failed.
     """
     reach = quantile(risk / (1.0 + prior * len(without)))
     low, high = np.zeros(sigma.shape), reach * sigma
@@ -87,7 +96,7 @@ def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float
 
 
 def without_satellite(prepared: Prepared, satellite: int) -> Prepared:
-    """Return the case whose filter takes nothing of a satellite; the truth, and its draws, stay as they are."""
+    """Return the case with a filter that does not use a satellite; truth and draws are unchanged."""
     model, n_kind = prepared.model, prepared.model.n_kind
     measured = model.measured.copy()
     measured[n_kind * satellite : n_kind * (satellite + 1)] = False
@@ -95,24 +104,33 @@ def without_satellite(prepared: Prepared, satellite: int) -> Prepared:
 
 
 def columns_of(prepared: Prepared) -> list[list[int]]:
-    """Return the outputs of position and of velocity, by axis."""
-    return [[k for k, one in enumerate(prepared.outputs) if one.quantity == name] for name in PROTECTED]
+    """Return the columns of the outputs of position and of velocity, by axis."""
+    return [[k for k, output in enumerate(prepared.outputs) if output.quantity == name] for name in PROTECTED]
 
 
 def protection(prepared: Prepared, history: CovHistory, asked: Protecting) -> Protection:
-    """Return the protection levels of a case: one further linear covariance for every satellite that its filter uses.
+    """Return the protection levels of a case, by one linear covariance for every satellite that its filter uses.
 
-    The risk and the false alarms are shared out evenly over the three axes of position and the three of velocity, so
-    both probabilities are of any of the six (union bound).
+    Integrity risk and false-alarm probability are divided equally between the three axes of position and of velocity,
+    so both hold for all six together (union bound).
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    history
+        Linear covariance of the case.
+    asked
+        Integrity risk, false-alarm probability, prior probability of a satellite fault.
     """
     columns, used = columns_of(prepared), np.unique(prepared.signals.used[prepared.signals.used >= 0]).tolist()
     n_axis = sum(len(axes) for axes in columns)
     risk, false_alarm = asked.integrity_risk / n_axis, asked.false_alarm / n_axis
     sigma, mean = history.formal[:, columns], history.mean[:, columns]
-    found = [covariance(without_satellite(prepared, satellite)) for satellite in used]
+    sub_filters = [covariance(without_satellite(prepared, satellite)) for satellite in used]
     shape = (len(used), *sigma.shape)
-    without = np.maximum(np.array([one.formal[:, columns] for one in found]).reshape(shape), sigma)
-    apart = mean - np.array([one.mean[:, columns] for one in found]).reshape(shape)
+    without = np.maximum(np.array([item.formal[:, columns] for item in sub_filters]).reshape(shape), sigma)
+    apart = mean - np.array([item.mean[:, columns] for item in sub_filters]).reshape(shape)
     limits = thresholds(sigma, without, false_alarm)
     level = protection_level(sigma, without, limits, risk, asked.satellite_fault)
     asking = limits + quantile(risk) * without

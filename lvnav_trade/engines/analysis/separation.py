@@ -1,7 +1,7 @@
-"""Alarms of solution separation in runs: every run is flown again by each sub-filter, from the same draws.
+"""Alarms of solution separation in runs: every run is simulated again with each sub-filter, with the same draws.
 
-A separation beyond its limit, on any axis of position or velocity, is an alarm; it names the satellite whose sub-filter
-is furthest beyond. Linear covariance has the alarms of a run without noise, by the mean of the separations.
+A separation beyond its limit on any axis of position or velocity is an alarm. It names the satellite whose sub-filter
+exceeds its limit most. Linear covariance has the alarms of a run without noise, from the mean separations.
 """
 
 import numpy as np
@@ -15,16 +15,39 @@ _ROUNDING = 1e-6  # of a sigma: filters that have used the same measurements so 
 
 
 def furthest(apart: Floats, found: Protection) -> Floats:
-    """Return how far separations (..., n_satellite, n_hist, n_quantity, 3) are beyond their limits at most, over axes
-    and quantities, (..., n_satellite, n_hist): above one is an alarm. What is no number, of a failed run, is none.
+    """Return the largest ratio of separation to limit over axes and quantities; above 1 is an alarm.
+
+    Parameters
+    ----------
+    apart
+        (..., n_satellite, n_hist, n_quantity, 3) SI. Separations; not-a-number, of a failed run, is no alarm.
+    found
+        Protection levels with the limits.
+
+    Returns
+    -------
+    ndarray
+        (..., n_satellite, n_hist).
     """
     ratio = np.abs(apart) / (found.limits + _ROUNDING * found.sigma + np.finfo(float).tiny)
     return np.asarray(np.where(np.isfinite(ratio), ratio, 0.0).max(axis=(-2, -1)))
 
 
 def alarms(ratio: Floats, t: Floats, channels: Floats, first_run: int) -> Floats:
-    """Return the decisions (n, 4) of runs by ratios (n_run, n_satellite, n_hist): an alarm where one begins, or names
-    another satellite than at the time before; channels (n_satellite,) are the first of each. See RunBlock.decisions.
+    """Return the alarms of runs as decisions (n, 4), see RunBlock.decisions.
+
+    An alarm is recorded when it begins, and when it names another satellite than at the previous time.
+
+    Parameters
+    ----------
+    ratio
+        (n_run, n_satellite, n_hist). Ratios of `furthest`.
+    t
+        (n_hist,) s since lift-off.
+    channels
+        (n_satellite,). First channel of each satellite.
+    first_run
+        Number of the first run.
     """
     if not ratio.shape[1]:
         return np.zeros((0, 4))
@@ -36,13 +59,14 @@ def alarms(ratio: Floats, t: Floats, channels: Floats, first_run: int) -> Floats
 
 
 def _channels(prepared: Prepared, found: Protection) -> Floats:
-    """Return the first channel of each satellite that a sub-filter is without."""
+    """Return the first channel of each satellite that has a sub-filter without it."""
     return np.array([prepared.model.n_kind * prepared.sky.names.index(name) for name in found.satellites], dtype=float)
 
 
 def with_alarms(runs: RunBlock, prepared: Prepared, found: Protection | None, seed: int) -> RunBlock:
-    """Return the runs with the alarms among their decisions: one further block of flights for every satellite. Without
-    protection levels, or where they ask for no alarms, the runs are returned as they are.
+    """Return the runs with alarms among their decisions, by one further block of runs for every satellite.
+
+    Without protection levels or alarms the runs are returned unchanged.
     """
     if found is None or not found.alarms:
         return runs
@@ -50,15 +74,15 @@ def with_alarms(runs: RunBlock, prepared: Prepared, found: Protection | None, se
     ratio = np.zeros((n_run, len(found.satellites), runs.t.size))
     for number, name in enumerate(found.satellites):
         other = run_block(without_satellite(prepared, prepared.sky.names.index(name)), seed, runs.first_run, n_run)
-        one = found._replace(limits=found.limits[number])
-        ratio[:, number] = furthest(runs.err[:, :, columns] - other.err[:, :, columns], one)
+        of_satellite = found._replace(limits=found.limits[number])
+        ratio[:, number] = furthest(runs.err[:, :, columns] - other.err[:, :, columns], of_satellite)
     return runs._replace(
         decisions=_joined(runs.decisions, alarms(ratio, runs.t, _channels(prepared, found), runs.first_run))
     )
 
 
 def with_nominal_alarms(history: CovHistory, prepared: Prepared, found: Protection | None) -> CovHistory:
-    """Return linear covariance with the alarms of a run without noise among its decisions, where they are asked for."""
+    """Return the linear covariance with the alarms of a run without noise among its decisions, if requested."""
     if found is None or not found.alarms:
         return history
     ratio = furthest(found.apart, found)[None]
@@ -66,6 +90,6 @@ def with_nominal_alarms(history: CovHistory, prepared: Prepared, found: Protecti
 
 
 def _joined(decisions: Floats, more: Floats) -> Floats:
-    """Return decisions run after run, in time order."""
+    """Return decisions sorted by run, then by time."""
     both = np.concatenate([decisions, more])
     return both[np.lexsort((both[:, 1], both[:, 0]))]

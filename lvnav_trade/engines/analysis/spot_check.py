@@ -1,4 +1,4 @@
-"""A few Monte-Carlo runs of a case at the moments where linear covariance is most likely to be wrong."""
+"""A few Monte Carlo runs of a case, assessed where linear covariance is most likely to be wrong."""
 
 from typing import NamedTuple
 
@@ -13,40 +13,52 @@ from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.records import CovHistory, Floats
 
 GAP = 5.0
-"""Seconds without a measurement after which the next one is a moment of its own."""
+"""Seconds without a measurement after which the next measurement is assessed separately."""
 AFTER_GAP = "first measurement at "
-"""How the name of such a moment begins."""
+"""Beginning of the name of such a time."""
 
 
 SUSPECT = 0.2
-"""Level, over all errors of a case at all its moments, at which its first runs call for the others."""
+"""Level of the test over all errors of a case at all times, below which the second half of the runs is simulated."""
 
 
 def spot_check(prepared: Prepared, history: CovHistory, events: dict[str, float], seed: int, runs: int) -> BlockSummary:
-    """Fly runs of a case and return their errors at the events and after every gap, as of any block.
+    """Simulate runs of a case and return their statistics at the events and after every gap.
 
-    Half of the runs are flown first, the others only where an error of these is larger or smaller than expected.
-    They have the draws of the campaign's own runs of these numbers.
+    Half of the runs are simulated first; the others only if an error is larger or smaller than expected. The draws are
+    those of the campaign's runs with the same numbers.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    history
+        Linear covariance of the case.
+    events
+        s since lift-off, by name of the event.
+    seed, runs
+        Seed of the campaign, and number of runs.
     """
     times = {name: t for name, t in events.items() if prepared.t_hist[0] <= t <= prepared.t_hist[-1]}
     times |= {gap.name: gap.end for gap in gaps(history)}
 
-    def flown(first: int, count: int) -> BlockSummary:
+    def summary(first: int, count: int) -> BlockSummary:
         return summarise(run_block(prepared, seed, first, count), times, history.true_sigma, prepared.outputs)
 
     half = WIDTH * -(-runs // (2 * WIDTH))
-    begun = flown(0, min(half, runs))
-    if half >= runs or not _suspect(begun, history):
-        return begun
-    return merge([begun, flown(half, runs - half)])
+    first_half = summary(0, min(half, runs))
+    if half >= runs or not _suspect(first_half, history):
+        return first_half
+    return merge([first_half, summary(half, runs - half)])
 
 
 def _suspect(found: BlockSummary, history: CovHistory) -> bool:
-    """Whether a navigation error of some runs is no draw of linear covariance's, at level `SUSPECT` for all together:
-    its mean square about the mean, by chi-square, or its largest one, by the Gaussian.
+    """Return whether navigation errors of some runs contradict linear covariance, at level `SUSPECT` in total.
+
+    Tested are the mean square about the mean, by chi-square, and the largest error, by the Gaussian distribution.
     """
     at = np.searchsorted(history.t, found.t_event - 1e-9)
-    sigma, mean = (each[at, :N_NAV_ERROR] for each in (history.true_sigma, history.mean))
+    sigma, mean = (values[at, :N_NAV_ERROR] for values in (history.true_sigma, history.mean))
     with np.errstate(divide="ignore", invalid="ignore"):
         z: Floats = (found.event_error[:, :, :N_NAV_ERROR] - mean) / sigma
     z = z[:, sigma > 0.0]
@@ -62,7 +74,12 @@ def _suspect(found: BlockSummary, history: CovHistory) -> bool:
 
 
 class Gap(NamedTuple):
-    """A stretch without measurements: name, begin, and the first history time with the measurement that ends it, s."""
+    """Interval without measurements.
+
+    name : Name of the measurement that ends it.
+    begin : s since lift-off. Last measurement before.
+    end : s since lift-off. First history time with the measurement that ends it.
+    """
 
     name: str
     begin: float

@@ -23,13 +23,21 @@ from lvnav_trade.world.sensors.units import triads_of
 _LEAST = 10  # intervals of the longest averaging time in the stream
 _PER_DECADE = 6
 
-# The arrays of a run that the unit uses, by the names that its kernels read.
+# Arrays of a run that the IMU kernels use, by the names that they read.
 _Work = namedtuple("_Work", "run nav true_par true_tables increments remainder")
 
 
 class Curve(NamedTuple):
-    """Allan deviation of a sensor over tau (n,) s: of the stream, root mean square of the axes, and by the card: all
-    processes, and white noise with quantisation, bias instability and random walk alone; unit: SI.
+    """Allan deviation of a sensor.
+
+    sensor : Name of the sensor.
+    unit : SI unit of the deviation.
+    tau : (n,) s. Averaging times.
+    stream : (n,). Of the simulated stream, root mean square over the axes.
+    card : (n,). By the card, all processes.
+    white : (n,). By the card, white noise and quantisation.
+    instability : (n,). By the card, bias instability.
+    walk : (n,). By the card, random walk.
     """
 
     sensor: str
@@ -44,7 +52,7 @@ class Curve(NamedTuple):
 
 @jit
 def _collect(out: Any, work: Any, unit: Any, count: Any, key: Any) -> None:
-    """Fill out (n, 6) with what a unit puts out over `count` ticks each, as means over them."""
+    """Set out (n, 6) to the means of the IMU's output over `count` ticks each, rad/s and m/s^2."""
     for k in range(out.shape[0]):
         sense(work, None, unit, None, k * count, count, key)
         for i in range(6):
@@ -55,26 +63,27 @@ def _collect(out: Any, work: Any, unit: Any, count: Any, key: Any) -> None:
 
 
 def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> Unit:
-    """Return a unit of the case at rest, alone, its blocks those of the triad; no warming, nothing of the flight."""
+    """Return one IMU of the case at rest, with the error blocks of its triad and without warm-up and motion."""
     unit, none = prepared.unit, np.zeros((n_tick, 3))
-    own = unit.sensors // 2 == triad
-    at_hand = {name: getattr(unit, name)[: own.size][own] for name in ("sigma", "decay", "walk", "sources", "drivers")}
+    blocks = unit.sensors // 2 == triad
+    names = ("sigma", "decay", "walk", "sources", "drivers")
+    parameters = {name: getattr(unit, name)[: blocks.size][blocks] for name in names}
     empty = {name: getattr(unit, name)[:0] for name in Unit._fields if name.startswith("profile")}
     return unit._replace(
-        **at_hand,
+        **parameters,
         **empty,
-        sensors=unit.sensors[own] % 2,
+        sensors=unit.sensors[blocks] % 2,
         dtheta=none,
         dvel=none,
         gravity=-1,
         drifting=True,
         white=white_of(card, unit.dt),
-        biases_only=bool(np.all(at_hand["drivers"] == CONSTANT)),
+        biases_only=bool(np.all(parameters["drivers"] == CONSTANT)),
     )
 
 
 def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, seed: int) -> Floats:
-    """Return the means over its process steps (n_mean, 6), rad/s and m/s^2, of what a unit of a case gives at rest."""
+    """Return the output of an IMU of a case at rest, as means over its process steps, (n_mean, 6) rad/s and m/s^2."""
     unit = _at_rest(prepared, triad, card, n_mean * prepared.unit.process_ticks)
     n_block, out = max(1, len(unit.sigma)), np.zeros((n_mean, 6))
     work = _Work(
@@ -92,9 +101,16 @@ def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, s
 
 
 def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the Allan deviation that a card states over tau (n,) s: white noise with quantisation, bias instability,
-    random walk, root mean square of the axes. What quantisation holds back is uniform over a step and independent:
-    sqrt(3) times its sigma over tau.
+    """Return the Allan deviations by a card over tau (n,) s, root mean square of the axes.
+
+    Returns
+    -------
+    white, instability, walk
+        (n,) SI. White noise with quantisation, bias instability, random walk.
+
+    Notes
+    -----
+    The quantisation remainder is uniform over a step and independent, which gives sqrt(3) times its sigma over tau.
     """
     white = allan.together(allan.white(rms(card.random_walk), tau), 0.5 * card.quantisation / tau)
     instability = np.zeros_like(tau)
@@ -106,8 +122,9 @@ def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Fl
 
 
 def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, ...]:
-    """Return the Allan deviations of gyros and accelerometers of every unit of a case, from a stream of that many
-    seconds; none where it is shorter than two intervals.
+    """Return the Allan deviations of gyros and accelerometers of every IMU of a case, from a simulated stream.
+
+    seconds : length of the stream; empty if it is too short for one averaging time
     """
     imu, dt = prepared.scenario.imu, prepared.unit.dt * prepared.unit.process_ticks
     n_mean = math.floor(seconds / dt)

@@ -1,4 +1,4 @@
-"""What an epoch reads of a case, and the arrays of its optional features."""
+"""Inputs of an epoch of the filter: the case, and the arrays of its optional features."""
 
 from collections import namedtuple
 from typing import Any, NamedTuple
@@ -7,10 +7,10 @@ from lvnav_trade.engines.setup.prepare import Prepared
 
 
 class FilterCase(NamedTuple):
-    """What the filter of a case reads, the same in every run. Optional parts are None where the case lacks them.
+    """Inputs of the filter of a case, the same in every run. Optional fields are None if the case lacks the feature.
 
-    Steps of an epoch hand it on whole. A leaf takes what it reads of it, so that one compiled version serves many, and
-    an optional part as an argument of its own, so that the compiler drops `if part is None`.
+    Functions of an epoch pass it on as a whole. Functions at the lowest level take single fields, so that one compiled
+    version serves many cases; an optional field is an argument of its own, so that the compiler drops `if ... is None`.
 
     schedule : Schedule. Windows of IMU ticks.
     signals : Signals. Satellites and receiver at the epochs.
@@ -31,9 +31,9 @@ class FilterCase(NamedTuple):
 
 
 def case_of(prepared: Prepared, **changed: Any) -> FilterCase:
-    """Return what the filter of a case reads, with fields replaced."""
+    """Return the filter inputs of a prepared case, with some fields replaced."""
     tick = prepared.unit.dt
-    found = FilterCase(
+    case = FilterCase(
         prepared.schedule,
         prepared.signals,
         prepared.sensors,
@@ -42,7 +42,7 @@ def case_of(prepared: Prepared, **changed: Any) -> FilterCase:
         tick,
         tick * prepared.model.strapdown.subsamples,
     )
-    return found._replace(**changed)
+    return case._replace(**changed)
 
 
 Parts = namedtuple(
@@ -61,7 +61,7 @@ motion : filters.samples.Motion. IMU samples as measurements, or reported.
 held : Held. Reported error of the receiver's solution.
 missed : Misses. Error of the filter's transition.
 units : UnitWork. IMU array.
-backup : filters.backup.Backup. Strapdown that is never corrected.
+backup : filters.backup.Backup. Backup strapdown, which is never corrected.
 earlier : filters.delayed.Earlier. Differences of two epochs.
 last : (n_sat, n_kind). Observables of the epoch before, from which differences are formed.
 points : filters.unscented.Points. Sigma points.

@@ -1,4 +1,4 @@
-"""The error of the receiver's last solution, which is held until the next one."""
+"""Error of the receiver's last solution, stored until the next solution."""
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, where
@@ -11,8 +11,8 @@ from lvnav_trade.receivers.base import VEL as RX_VEL
 
 
 @jit
-def _own_error(work, rx, held, filtering, point_model, point):
-    """Set the error of the receiver's own estimate, frame i, where there is a solution, and its own covariance."""
+def _store_estimate_error(work, rx, held, filtering, point_model, point):
+    """Set error (frame i) and formal covariance of the receiver's estimate, in the runs that have a solution."""
     valid = rx.solution[0] == rx.solution[0]
     if filtering is None:
         for i in range(4):
@@ -34,17 +34,17 @@ def _own_error(work, rx, held, filtering, point_model, point):
 
 
 @jit
-def _hold_error(run, work, parts, solver, report, epoch):
-    """Hold the error of the last solution of a run (its number, or None)."""
+def _store_error(run, work, parts, solver, report, epoch):
+    """Store the error of the last solution and the innovations of the receiver (run number, or None)."""
     if run is not None:
-        _own_error(work, parts.rx, parts.held, solver.filter, solver.point, report.point[epoch])
+        _store_estimate_error(work, parts.rx, parts.held, solver.filter, solver.point, report.point[epoch])
         for i in range(report.n_channel):
             work.innovation[epoch, report.first_channel + i] = parts.rx.innovation[i]
 
 
 @jit
-def _hold_covariance(joint, solved, epoch):
-    """Hold the covariance of the last solution's error by source, and its mean (Joint, or None)."""
+def _store_covariance(joint, solved, epoch):
+    """Store the error covariance of the last solution by source, and its mean (Joint, or None)."""
     if joint is not None and solved[epoch]:
         out, state, true = joint.out, joint.state, joint.true
         at, n = true.solution, out.held_mean.shape[0]
@@ -59,9 +59,20 @@ def _hold_covariance(joint, solved, epoch):
 
 @jit
 def hold_solution(work, parts, joint, solved, solver, report, epoch):
-    """Hold the error of the receiver's last solution, as of its time of validity, and its filter's innovations; in the
-    joint covariance the covariance of its error by source, and its mean. Report, or None.
+    """Store the error of the receiver's last solution at its time of validity.
+
+    In a run: error, formal covariance and innovations of the receiver's filter. In linear covariance: error covariance
+    by source, and mean error.
+
+    Parameters
+    ----------
+    work, parts : arrays of the run and of its optional features
+    joint : Joint, or None in a run
+    solved : (n_epoch,) whether the receiver has a solution on the nominal flight; None in a run
+    solver : Solver, or None in linear covariance
+    report : Report, or None if the errors of the solution are not reported
+    epoch : index
     """
     if report is not None:
-        _hold_error(parts.run, work, parts, solver, report, epoch)
-        _hold_covariance(joint, solved, epoch)
+        _store_error(parts.run, work, parts, solver, report, epoch)
+        _store_covariance(joint, solved, epoch)

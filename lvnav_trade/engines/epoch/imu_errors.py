@@ -1,4 +1,4 @@
-"""How the errors of an IMU enter its samples, and of several IMUs those of the fused triad."""
+"""Partial derivatives of IMU samples with respect to IMU errors, for one IMU and for the combined triad of an array."""
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.processes import profile_value
@@ -7,8 +7,14 @@ from lvnav_trade.kernels.transition import CONSTANT, GYRO, OTHER_0, OTHER_2, OWN
 
 @jit
 def unit_input(frames, c, driver, own, other):
-    """Return what a parameter of axis c multiplies, by the inputs (3,) of its own sensor and of the other one, body
-    axes.
+    """Return the driver of an error parameter of sensing axis c.
+
+    Parameters
+    ----------
+    frames : (3, 3, 3) direction and misalignment directions of each axis, body axes
+    c : sensing axis
+    driver : as in `kernels.transition`
+    own, other : (3,) inputs of the sensor itself and of the other sensor, body axes
     """
     if driver < 0 or driver == CONSTANT:
         return 1.0
@@ -23,7 +29,7 @@ def unit_input(frames, c, driver, own, other):
 
 @jit
 def _fill_partials_of_array(a, true, units, tick, dt):
-    """Set how components of several IMUs enter the samples of a tick of the fused triad."""
+    """Set the partial derivatives of a sample of the combined triad with respect to the components of all IMUs."""
     for j in range(true.sensor.shape[0]):
         if true.sampled[j] and true.profile[j] < 0:
             sensor, triad, component = true.sensor[j], true.triad[j], true.first[j]
@@ -37,14 +43,14 @@ def _fill_partials_of_array(a, true, units, tick, dt):
 
 @jit
 def lasting_share(units, tick, triad, sensor, i, c):
-    """Return how an error of an axis that lasts enters axis i of the fused triad at a tick."""
+    """Return the weight by which a lasting error of sensing axis c enters axis i of the combined triad at a tick."""
     stage = units.stage[tick]
     return units.solved[stage, triad, sensor, i, c] * units.noisy[stage, sensor, 0, i]
 
 
 @jit
 def tick_input(units, triad, sensor, c, driver, tick, dt):
-    """Return what a parameter of axis c multiplies in the sample of a tick."""
+    """Return the driver of an error parameter of sensing axis c in the sample of a tick."""
     a, f = units.dtheta[triad, tick], units.dvel[triad, tick]
     angle, force = (a[0] / dt, a[1] / dt, a[2] / dt), (f[0] / dt, f[1] / dt, f[2] / dt)
     if sensor == GYRO:
@@ -54,7 +60,7 @@ def tick_input(units, triad, sensor, c, driver, tick, dt):
 
 @jit
 def _add_profiles_of_array(z, true, unit, units, tick, t):
-    """Add to the samples' deviations (6,) the errors that the units of a set have alike in every run."""
+    """Add the deterministic errors (profiles) of all IMUs of an array to the deviation (6,) of a sample."""
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0:
             for c in range(3):
@@ -67,8 +73,15 @@ def _add_profiles_of_array(z, true, unit, units, tick, t):
 
 @jit
 def fill_partials(a, true, units, vehicle, tick, dt):
-    """Set how components of one unit, or of a set (Units), enter the samples of a tick, where no state of the filter
-    stands for them.
+    """Set the partial derivatives of the samples of a tick with respect to components that no filter state models.
+
+    Parameters
+    ----------
+    a : (n_group, n_slot, 6) in lanes, set here
+    true : Components
+    units : Units of an IMU array; None for one IMU
+    vehicle : VehicleModel
+    tick, dt : index; s
     """
     if units is None:
         _fill_partials(a, true, vehicle, tick)
@@ -99,8 +112,15 @@ def _add_profiles(z, true, unit, reference, tick, t):
 
 @jit
 def deviations(z, true, unit, units, reference, tick):
-    """Set what the samples hold in every run beyond the truth: bandwidth, what sensing elements lack, and profiles that
-    no state stands for.
+    """Set the deterministic errors of the samples of a tick: bandwidth, unsensed axes, and profiles without a state.
+
+    Parameters
+    ----------
+    z : (6,) rad/s and m/s^2, set here
+    true, unit : Components, Unit
+    units : Units of an IMU array; None for one IMU
+    reference : Reference, true motion
+    tick : index
     """
     for i in range(3):
         z[i] = (unit.dtheta[tick, i] - reference.dtheta[tick, i]) / unit.dt

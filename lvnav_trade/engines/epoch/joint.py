@@ -1,7 +1,7 @@
-"""Measurement updates of the joint covariance: the filter's gain, and with it every source and the mean.
+"""Measurement updates of the joint covariance: every error source and the mean, with the gain of the filter.
 
-The joint vector is [e, s, k]: e the filter's error, s that of the receiver's solution, k clones of the navigation error
-for measurements on their way. The true covariance is a sum over error sources, each a lane of a group.
+The joint vector is [e, s, k]: estimation error e, error s of the receiver's solution, and clones k of the navigation
+error for delayed measurements. The true covariance is a sum over error sources, one lane of a group each.
 """
 
 from typing import Any, NamedTuple
@@ -15,11 +15,11 @@ from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.observables.base import N_ENTRY
 
 N_NAV, N_CLONE = 9, 12
-"""States of a clone: the navigation error, and with it the velocity error a while before."""
+"""States of a clone: the navigation error (9), and an earlier velocity error (3) for extrapolation."""
 
 
 class Joint(NamedTuple):
-    """The joint covariance in a pass over the nominal flight, as an epoch updates it.
+    """Joint covariance in a pass over the nominal flight, with its work arrays and results.
 
     state : lincov.workspace.JointCovariance. True covariance by source, and mean; updated.
     scratch : lincov.workspace.Scratch. Work arrays.
@@ -36,12 +36,12 @@ class Joint(NamedTuple):
 
 
 class NominalFlight(NamedTuple):
-    """The nominal flight of a pass, as far as the filter's epochs do not read it.
+    """Nominal flight of a pass: inputs that the epochs of the filter do not need.
 
     unit : Unit. Truth-side model of the IMU.
     reference : Reference. True motion on the ticks of the IMU.
     chain : Chain. Error propagation of the receiver's solution; None without a reported covariance.
-    ticks : lincov.workspace.SampleScratch. Work arrays of IMU samples as measurements; None where they are none.
+    ticks : lincov.workspace.SampleScratch. Work arrays of IMU samples as measurements; None without.
     """
 
     unit: Any
@@ -52,6 +52,7 @@ class NominalFlight(NamedTuple):
 
 @jit
 def _record(tape, gain, h, epoch, channel):
+    """Record an update on the tape, if a backward pass is requested."""
     if tape.channel.shape[0] > 0:
         at = tape.used[0]
         for i in range(gain.shape[0]):
@@ -64,8 +65,10 @@ def _record(tape, gain, h, epoch, channel):
 
 @jit
 def _enter_component(state, scratch, true, c, a):
-    """Let a component enter an update with the gain `scratch.gain` by the partial a, after the update of the states;
-    return what it adds to the innovation's variance.
+    """Add the effect of error component c on an update, after the update of the states.
+
+    The innovation depends on the component with the partial derivative a, so x changes by -k a c, k the gain. Returns
+    the contribution to the innovation variance, 2 a Cov(h x, c) + a^2 Var(c).
     """
     source, k, b, gain = true.source[c], true.slot[c], scratch.shift, scratch.gain
     g, lane = true.group[source], true.lane[source]
@@ -78,11 +81,11 @@ def _enter_component(state, scratch, true, c, a):
 
 @jit
 def component_partial(h, signals, true, family, epoch, channel, whitened):
-    """Return the component of a family in a channel (-1 none), and the partial of the innovation with respect to it.
+    """Return the component of an error family that enters a channel (-1 none), and its partial derivative.
 
-    whitened: a measurement of a decorrelated solution, where `family` is the component: the error itself is in that
-    of the solution, what the filter's estimate of it takes off is not. Else it is beyond what a state of the filter
-    has.
+    The derivative is that of the innovation beyond the dependence on filter states: the true derivative minus that of
+    the state which models the error. For a decorrelated solution (`whitened`) `family` is the number of the component:
+    the error itself is part of the error of the solution, so only the correction by the estimated state enters.
     """
     shared = signals.shared
     if true.noise_source[channel] < 0 and not whitened:  # a difference: its errors are states
@@ -97,19 +100,19 @@ def component_partial(h, signals, true, family, epoch, channel, whitened):
 
 @jit
 def n_entering(signals, whitened):
-    """Return how many families, or of a decorrelated solution components, may enter a measurement."""
+    """Return the number of error families that may enter a measurement; of components for a decorrelated solution."""
     return signals.shared.extra.shape[0] if whitened else signals.shared.member.shape[0]
 
 
 @jit
 def measured_channel(signals, channel):
-    """Return where a channel of the filter stands among those that are measured; of a solution it is none of them."""
+    """Return the index of a filter channel among the measured channels: sensor channels are shifted."""
     return channel + signals.shift if channel >= signals.n_receiver else channel
 
 
 @jit
 def _update_shared(state, scratch, h, signals, true, epoch, channel, whitened):
-    """Let the errors that measurements share enter an update; return what they add to the innovation's variance."""
+    """Add the correlated measurement errors that enter an update; return their part of the innovation variance."""
     total = 0.0
     for family in range(n_entering(signals, whitened)):
         m, a = component_partial(h, signals, true, family, epoch, channel, whitened)
@@ -132,8 +135,9 @@ def _update_imus(state, scratch, true, epoch, channel):
 
 @jit
 def _update_sources(state, scratch, true, h, entries, columns, source, noise):
-    """Update every source's covariance and those with the components by the gain `scratch.gain`; return the
-    innovation's true variance.
+    """Update the covariance of every source, and the cross covariances with its components, by `scratch.gain`.
+
+    noise : variance of the white measurement noise, which belongs to `source`. Returns the true innovation variance.
     """
     total, gain = noise, scratch.gain
     if noise > 0.0:
@@ -153,7 +157,16 @@ def _update_sources(state, scratch, true, h, entries, columns, source, noise):
 
 @jit
 def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened):
-    """Update every source and the mean with the gain `scratch.gain`; return the expected square of the innovation."""
+    """Update every source and the mean with `scratch.gain`; return the expected square of the innovation.
+
+    Parameters
+    ----------
+    joint : Joint
+    h : Jacobian row
+    innovation : innovation of the nominal flight, the same in every run
+    place : place of the stored state that a delayed measurement is compared with
+    whitened : whether the measurement is from a decorrelated solution
+    """
     state, scratch, true = joint.state, joint.scratch, joint.true
     gain, m = scratch.gain, true.n_entry[channel]
     entries, columns = true.entry[place, channel, :m], true.column[place, channel, :m]
@@ -171,9 +184,7 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened
 
 @jit
 def _correct_clones(gain, clone, late):
-    """Let what the filter corrects be taken off the stored states too that measurements on their way will be compared
-    with (Late, or None).
-    """
+    """Extend the gain to the clones of stored states, which the filter corrects as well (Late, or None)."""
     if late is not None:
         for place in range(late.buffered.shape[0]):
             if late.buffered[place]:
@@ -183,7 +194,7 @@ def _correct_clones(gain, clone, late):
 
 @jit
 def _set_gain(gain, work, weight, gains, n_estimated, epoch, channel):
-    """Set the gain of an update: on the filter's errors stored (Gains) or `work.K` times weight, zero on all others."""
+    """Set the gain on the joint states: stored (Gains) or `work.K` times weight on estimated states, else zero."""
     for i in range(gain.shape[0]):
         gain[i] = 0.0
     for i in range(n_estimated):
@@ -192,12 +203,17 @@ def _set_gain(gain, work, weight, gains, n_estimated, epoch, channel):
 
 @jit
 def follow_update(joint, work, case, weight, epoch, row, channel):
-    """Follow the update of the filter's covariance by a row of a channel, of this weight, with its gain in every source
-    and in the mean (Joint, or None); count it with the expected square of its normalised innovation.
+    """Update every source and the mean with the gain by which the filter has processed a scalar measurement.
 
-    `work.z` is the innovation of the nominal flight: what the truth's measurement holds in every run and the filter's
-    model of it does not (an uncompensated latency). What the filter has made of it is in the mean; the error state is
-    zero again.
+    `work.z` is the innovation of the nominal flight: errors that are the same in every run and not in the filter model,
+    such as an uncompensated latency. Their effect is in the mean, so the error state is reset to zero.
+
+    Parameters
+    ----------
+    joint : Joint, or None in a run
+    work, case : Nominal, FilterCase
+    weight : 1 / innovation variance of the filter; 0 if the measurement is rejected
+    epoch, row, channel : indices; counts and expected squares are added to the results of the epoch
     """
     if joint is not None and weight > 0.0:
         model, late, gain, out = case.model, case.options.late, joint.scratch.gain, joint.out
@@ -220,7 +236,10 @@ def _clear(x):
 
 @jit
 def follow_clock(joint, work, case, weight, epoch, row, kind):
-    """Follow an update that makes the clock what the row of the reference satellite says of a kind of observable."""
+    """Update every source and the mean as the filter does when a reference satellite determines the clock.
+
+    kind : observable of the satellite; the others as in `follow_update`
+    """
     if joint is not None and weight > 0.0:
         model, signals, gain = case.model, case.signals, joint.scratch.gain
         for i in range(gain.shape[0]):
@@ -233,8 +252,10 @@ def follow_clock(joint, work, case, weight, epoch, row, kind):
 
 @jit
 def start_joint(joint, work, case, watch, rules, epoch):
-    """Start the filter in the joint covariance (Joint, or None), where it starts: with the error of the sample, if
-    it starts from one, by an update with the gain one in every source and in the mean. The error state stays zero.
+    """Start the filter in the joint covariance (Joint, or None).
+
+    A filter that starts from the receiver's sample takes over its error: an update with gain 1 of position and velocity
+    in every source and in the mean. The error state stays zero.
     """
     if joint is not None:
         _clear(work.x)
@@ -251,8 +272,10 @@ def start_joint(joint, work, case, watch, rules, epoch):
 
 @jit
 def innovation_of(joint, work, late, epoch, row, channel):
-    """Return the innovation of a row that tests look at, before what the error state predicts of it: a run's own; in
-    the joint covariance (Joint, or None) its mean, that of a run without noise.
+    """Return the innovation of a row for tests, before its prediction by the error state is subtracted.
+
+    In a run it is `work.z`. In the joint covariance (Joint, or None) it is the mean, the innovation of a run without
+    noise.
     """
     if joint is None:
         return work.z[row]

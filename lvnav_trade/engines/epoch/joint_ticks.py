@@ -1,4 +1,4 @@
-"""Samples of the IMU as measurements, in the joint covariance: update and propagation of a tick, source by source."""
+"""IMU samples as measurements in the joint covariance: update and propagation over a tick, source by source."""
 
 from lvnav_trade.engines.epoch.imu_errors import deviations, fill_partials
 from lvnav_trade.kernels.attitude import cross, matrix
@@ -19,7 +19,7 @@ from lvnav_trade.kernels.vehicle import (
 
 @jit
 def nominal_tick(sums, reference, tick, dt):
-    """Set the integral of C_b_i, by the trapezoidal rule, and the velocity gained over a tick of the nominal flight."""
+    """Set the integrals over a tick of the nominal flight: C_b_i (9) by the trapezoidal rule, velocity gained (3)."""
     q, p, a, f = reference.q_b_i[tick], reference.q_b_i[tick + 1], reference.dtheta[tick], reference.dvel[tick]
     c, d = matrix(q[0], q[1], q[2], q[3]), matrix(p[0], p[1], p[2], p[3])
     rx, ry, rz = cross(a[0], a[1], a[2], f[0], f[1], f[2])
@@ -31,8 +31,9 @@ def nominal_tick(sums, reference, tick, dt):
 
 @jit
 def begin_tick(joint, motion, vehicle, tick):
-    """Set the motion of a tick to the true one (Joint, or None), and with it the Jacobian of its samples, which are
-    as predicted; the change of motion since the tick before is an error of the estimate.
+    """Set the estimated motion of a tick to the true motion, and the Jacobian of its samples (Joint, or None).
+
+    The filter predicts the motion of the tick before, so the change of motion since then enters the mean error.
     """
     if joint is not None:
         first, mean = vehicle.motion, joint.state.mean
@@ -45,7 +46,17 @@ def begin_tick(joint, motion, vehicle, tick):
 
 @jit
 def _enter_by_samples(P, y, through, seen, S, a, variance, gain):
-    """Let components c, a lane each, enter by the samples: a (6,) partials, y = Cov(x, c) after the update by H."""
+    """Add the effect of components c, one per lane, on the update by the samples of a tick.
+
+    Parameters
+    ----------
+    P : (n, n) upper triangle, updated in place
+    y : (n,) Cov(x, c) after the update by H, updated in place
+    through, seen : (n,) scratch; (6,) H Cov(x, c) before the update
+    S : (6, 6) innovation covariance, updated in place
+    a : (6,) partial derivatives of the samples
+    variance, gain : variance of c; (6, n) joint gain
+    """
     n = P.shape[0]
     for i in range(n):
         total = like(y[0], 0.0)
@@ -90,7 +101,7 @@ def _record(tape, gain, tick):
 
 @jit
 def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
-    """Update every source and the mean with the gains by which the samples of a tick have updated the filter."""
+    """Update every source and the mean with the joint gain by which the filter has processed the samples of a tick."""
     state, ticks, true, unit, h = joint.state, flight.ticks, joint.true, flight.unit, motion.h
     mean, gain = state.mean, ticks.gain
     deviations(ticks.deviation, true, unit, units, flight.reference, tick)
@@ -107,7 +118,7 @@ def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
 
 @jit
 def advance_joint(joint, flight, sums, dt, first):
-    """Propagate every source and the mean (Joint, or None) over a tick by the motion states, from `first` on."""
+    """Propagate every source and the mean (Joint, or None) over a tick. first : first motion state."""
     if joint is not None:
         state, true = joint.state, joint.true
         for g in range(true.n_slot.shape[0]):
@@ -121,7 +132,7 @@ def advance_joint(joint, flight, sums, dt, first):
 
 @jit
 def finish_ticks(joint):
-    """Make the covariances of every source (Joint, or None) whole at the end of a window."""
+    """Restore the lower triangles of the covariances of all sources (Joint, or None) at the end of a window."""
     if joint is not None:
         for g in range(joint.true.n_slot.shape[0]):
             mirror(group(joint.state.sources, g))

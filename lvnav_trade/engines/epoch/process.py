@@ -1,20 +1,21 @@
-"""One epoch of the filter, for both engines: what enters, in what order, with which Jacobian, variance, delay and mode.
+"""One epoch of the filter, for both engines: which measurements are processed, and in what order.
 
-Monte Carlo calls it for a run, or for eight at once; linear covariance calls it on the nominal flight, where the error
-state stays zero. There the joint covariance (Joint, None in a run) follows every update with the filter's gain
-(`follow_update`), and tests see the mean of an innovation (`innovation_of`). `lincov/history._case` has taken out what
-is none of linear covariance before: gate, direct, iterated and unscented filter, solver. An open loop is closed there.
+Monte Carlo calls it for one run or eight lanes. Linear covariance calls it on the nominal flight, where the error state
+stays zero; the joint covariance (Joint, None in a run) follows every update with the gain of the filter
+(`follow_update`), and tests see the mean of an innovation (`innovation_of`). `lincov/history._case` has removed the
+features that linear covariance does not have: gate, direct, iterated and unscented filter, solver. An open loop is
+closed there.
 
-The order is decided here. Whether something enters is decided by
+The order is defined here. Whether a measurement is processed depends on
 
-- `n_measured` (filters/ekf.py): whether the receiver has rows at an epoch, and how many;
-- `is_present` (filters/delayed.py): whether the filter takes a row;
+- `n_measured` (filters/ekf.py): number of rows of the receiver at an epoch;
+- `is_present` (filters/delayed.py): whether the filter processes a row;
 - `take_reference` (below): a reference satellite, whose rows determine the clock;
-- `Sensors.on` and `FilterModel.measured`: whether a sensor measures, and whether the filter takes it;
-- `permitted` (filters/integrity/state.py): what tests for faults exclude;
-- `process_epoch`: what a mode logic, if there is one, lets in.
+- `Sensors.on` and `FilterModel.measured`: whether a sensor measures, and whether the filter processes it;
+- `permitted` (filters/integrity/state.py): exclusion by the fault monitor;
+- `process_epoch`: the mode logic, if the filter has one.
 
-Where the error state goes afterwards: filters/feedforward.py.
+`filters/feedforward.py` applies the error state afterwards.
 """
 
 import numpy as np
@@ -38,14 +39,14 @@ from lvnav_trade.kernels.lanes import like, where
 
 @inlined
 def _update_by_row(work, points, case, joint, epoch, row, channel, gate):
-    """Update by one filled row of a channel."""
+    """Update by one scalar measurement, in the filter and in the joint covariance."""
     weight = update_and_count(work, points, case, epoch, row, channel, gate)
     follow_update(joint, work, case, weight, epoch, row, channel)
 
 
 @jit
 def _predicted(work, case, epoch, row):
-    """Return what the error state predicts of a row's measured minus predicted."""
+    """Return the innovation that the error state predicts for a row, h x."""
     channel, total = channel_of(case.model, case.signals, epoch, row), like(work.x[0], 0.0)
     for c in range(case.model.n_entry[channel]):
         total = total + work.H[row, case.model.entry[channel, c]] * work.x[case.model.column[channel, c]]
@@ -54,7 +55,7 @@ def _predicted(work, case, epoch, row):
 
 @jit
 def _expect_rows(work, case, joint, watch, epoch):
-    """Set what the mode logic looks at: measured minus predicted, and what the error state predicts of it."""
+    """Set the inputs of the mode logic: measured minus predicted, and its prediction by the error state."""
     for row in range(n_measured(case.model, case.signals, epoch)):
         channel = channel_of(case.model, case.signals, epoch, row)
         watch.z[row] = innovation_of(joint, work, case.options.late, epoch, row, channel)
@@ -63,8 +64,8 @@ def _expect_rows(work, case, joint, watch, epoch):
 
 @jit
 def _assess(work, points, case, joint, monitor, gate, epoch):
-    """Test an epoch's rows for faults (Monitor, or None), less what the error state says of them; gate: NOT_USED in the
-    runs whose filter does not run.
+    """Test the innovations of an epoch for faults (Monitor, or None), after subtracting their prediction by the error
+    state. gate : NOT_USED in the runs whose filter does not run.
     """
     if monitor is not None:
         for row in range(n_measured(case.model, case.signals, epoch)):
@@ -77,13 +78,17 @@ def _assess(work, points, case, joint, monitor, gate, epoch):
 
 @jit
 def take_reference(work, case, joint, monitor, epoch, limit, starts):
-    """Make bias and drift of the clock, and its bias at the earlier epoch of differences, what measurements of a
-    reference satellite say, and forget what was known of them.
+    """Determine the clock states by the measurements of the reference satellite, without memory of earlier estimates.
 
-    The other rows less the reference's follow: their clock is the reference's error, which all of them share. This is
-    the difference of measurements, with the noise that differences have in common in the clock's state in place of
-    off-diagonal terms to be whitened. limit: NOT_USED where nothing is taken. Runs that exclude the reference
-    (Monitor, or None) keep what the clock's model predicts.
+    The states are bias, drift and, for differences of two epochs, the bias at the earlier epoch. This is equivalent to
+    differencing the other satellites with the reference: the noise that the differences have in common is in the clock
+    state, instead of in off-diagonal terms of R (see `filters.differenced`).
+
+    Parameters
+    ----------
+    monitor : Monitor, or None. Runs that exclude the reference keep the predicted clock.
+    limit : gate, NOT_USED where no measurement is processed
+    starts : condition by lane, whether the filter starts at this epoch; None without a mode logic
     """
     model, signals = case.model, case.signals
     for k in range(signals.reference.shape[1]):
@@ -111,8 +116,9 @@ def take_reference(work, case, joint, monitor, epoch, limit, starts):
 
 @inlined
 def _relinearise(work, parts, case, epoch):
-    """In a direct filter correct the total state by a row, and linearise the rows that are left at it. A solution with
-    a covariance of its own is one measurement: it is linearised once.
+    """Correct the total state of a direct filter after a scalar measurement, and linearise the remaining rows there.
+
+    A solution with a reported covariance is one vector measurement, so it is linearised once.
     """
     if not case.model.has_covariance:
         options = case.options
@@ -124,11 +130,18 @@ def _relinearise(work, parts, case, epoch):
 
 @inlined
 def update_receiver(work, parts, case, joint, direct, epoch, gate_squared, starts):
-    """Update by what the receiver measures at an epoch: the observables of every satellite in use, or position and
-    velocity of a solution axis by axis, as far as they are among the filter's measurements and not excluded.
+    """Update by the receiver's measurements of an epoch, scalar by scalar.
 
-    direct : True in a direct filter, or None; gate_squared : NOT_USED where nothing is; starts : where the
-    filter starts at this epoch (lanes), or None
+    They are the observables of all satellites in use, or the axes of position and velocity of a solution, if the filter
+    processes them and the fault monitor does not exclude them.
+
+    Parameters
+    ----------
+    work, parts, case, joint : as in `process_epoch`
+    direct : True in a direct filter, or None
+    epoch : index
+    gate_squared : gate of the filter, NOT_USED where no measurement is processed
+    starts : condition by lane, whether the filter starts at this epoch; None without a mode logic
     """
     model, signals, delayed = case.model, case.signals, case.options.delayed
     limit = where(gate_squared >= 0.0, np.inf, gate_squared)
@@ -147,10 +160,10 @@ def update_receiver(work, parts, case, joint, direct, epoch, gate_squared, start
 
 @inlined
 def process_receiver(work, parts, case, joint, again, epoch, gate_squared, starts):
-    """Test the filled rows of what the receiver measures for faults, and update by what is left; repeat the update with
-    rows linearised at what it has found (Again, or None).
+    """Decorrelate the receiver's rows, test them for faults and update; an iterated filter repeats the update.
 
-    gate_squared, starts : as of `update_receiver`
+    again : Again, whose rows are linearised at the result of the last update, or None; the others as in
+    `update_receiver`
     """
     options = case.options
     ekf.decorrelate(work, parts, case, parts.rx, options.late, epoch)
@@ -165,8 +178,8 @@ def process_receiver(work, parts, case, joint, again, epoch, gate_squared, start
 
 @inlined
 def _update_sensor(work, parts, case, joint, direct, k, epoch, gate_squared):
-    """Update by the filled rows of sensor k; in a direct filter (True, or None) correct the total state by each, and
-    linearise those that are left at it.
+    """Update by the rows of sensor k. A direct filter (True, or None) corrects the total state after each of them, and
+    linearises the remaining rows there.
     """
     first, sensors = ekf.row_of(case.model, work, case.sensors.channel[k]), case.sensors
     for i in range(sensors.scalars[k]):
@@ -178,7 +191,7 @@ def _update_sensor(work, parts, case, joint, direct, k, epoch, gate_squared):
 
 @inlined
 def _process_sensor(work, parts, case, joint, again, k, epoch, gate_squared):
-    """Update by what sensor k measures, and repeat that with rows linearised at what it has found (Again, or None)."""
+    """Update by the measurements of sensor k; an iterated filter (Again, or None) repeats the update."""
     late = case.options.late
     fill_sensor_rows(work, parts, case, parts.points, late, k, epoch)
     hold(again, work, epoch)
@@ -191,7 +204,7 @@ def _process_sensor(work, parts, case, joint, again, k, epoch, gate_squared):
 
 @inlined
 def _process_sensors(work, parts, case, joint, epoch, gate_squared):
-    """Update by what the sensors beside the receiver measure at an epoch."""
+    """Update by the measurements of all sensors other than the receiver at an epoch."""
     sensors = case.sensors
     for k in range(sensors.code.shape[0]):
         if sensors.on[k, epoch] and case.model.measured[sensors.channel[k]]:
@@ -200,7 +213,9 @@ def _process_sensors(work, parts, case, joint, epoch, gate_squared):
 
 @jit
 def _sample_variance(out, rx, variance, scale, from_gnss):
-    """Set the variances (6,) of a solution that a filter starts from: the receiver's, or what the filter assumes."""
+    """Set the variances (6,) of the solution from which a filter starts: reported by the receiver (Receiver), or of
+    the filter model (None).
+    """
     if from_gnss:
         for row in range(6):
             if rx is None:
@@ -211,7 +226,7 @@ def _sample_variance(out, rx, variance, scale, from_gnss):
 
 @inlined
 def _start(work, parts, case, joint, rules, epoch):
-    """Start the filter where the mode logic lets it, and let states begin anew of those that have started."""
+    """Start the filter where the mode logic permits, and reset the states that begin at this epoch."""
     watch, signals = parts.watch, case.signals
     variance, scale = signals.variance[epoch], signals.scale[epoch]
     _sample_variance(watch.predicted, parts.rx, variance, scale, rules.from_gnss)
@@ -223,7 +238,7 @@ def _start(work, parts, case, joint, rules, epoch):
 
 @inlined
 def _process_permitted(work, parts, case, joint, open_loop, rules, epoch):
-    """Process the receiver's measurements at an epoch if the mode logic permits, and make its transitions."""
+    """Process the receiver's measurements of an epoch if the mode logic permits, then update its mode."""
     model, signals, watch = case.model, case.signals, parts.watch
     n_row = n_measured(model, signals, epoch)
     if rules.good[epoch]:
@@ -246,19 +261,24 @@ def _process_permitted(work, parts, case, joint, open_loop, rules, epoch):
 
 @inlined
 def process_epoch(work, parts, case, joint, open_loop, sensors, rules, epoch):
-    """Process what the receiver and the other sensors measure at an epoch.
+    """Process the measurements of the receiver and of the other sensors at an epoch.
 
-    With a mode logic the receiver enters where it permits, and the sensors wait too: until the filter runs, and for the
-    epochs at which it updates. What is fed back of it, and what is stored for the next epoch, follows.
+    With a mode logic, the receiver is processed if the logic permits. The other sensors are processed once the filter
+    runs, and at its update epochs only. Feedback and `end_epoch` follow.
 
     Parameters
     ----------
-    work : Work of a run, or of eight in lanes, or Nominal of the nominal flight, with what is measured; updated
-    parts : Parts; case : FilterCase
+    work : Work of one run or eight lanes, or Nominal of the nominal flight, with the measurements; updated in place
+    parts : Parts, arrays of the optional features
+    case : FilterCase
     joint : Joint, which follows the updates on the nominal flight; None in a run
-    open_loop, sensors, rules : OpenLoop of the run, Sensors and Rules of the case; or None
+    open_loop : OpenLoop of the run; None in a closed loop
+    sensors : Sensors of the case; None without
+    rules : Rules of the mode logic; None without
+    epoch : index
     """
     options, model, gate = case.options, case.model, case.model.gate_squared
+    # clones are computed and extra states reset before the first update of the epoch
     begin_sum(open_loop, work.x)
     ekf.place_antenna(work, parts.past, options.late, model, case.step, epoch)
     find_earlier(work.P, parts.earlier, options.delayed)

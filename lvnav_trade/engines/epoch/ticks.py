@@ -1,4 +1,4 @@
-"""Samples of the IMU as measurements, tick by tick: of a run, or of the joint covariance."""
+"""IMU samples as measurements, tick by tick: in a run, or in the joint covariance."""
 
 from lvnav_trade.engines.epoch.joint_ticks import (
     advance_joint,
@@ -14,7 +14,7 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE, advance, mirror, update_sample
 
 @inlined
 def _run_tick(run, work, parts, case, tick):
-    """Correct the estimates of a run (its number, or None) by the samples of a tick and mechanise them."""
+    """Correct the estimates of a run (run number, or None) after a tick, and integrate the estimated motion."""
     if run is not None:
         correct_tick(work, parts, case)
         mechanise_motion(work, parts.motion, case, tick)
@@ -22,7 +22,7 @@ def _run_tick(run, work, parts, case, tick):
 
 @jit
 def _joint_tick(joint, flight, work, motion, case, tick):
-    """Update the joint covariance (Joint, or None) by the samples of a tick, and set the sums over it."""
+    """Update the joint covariance (Joint, or None) by the samples of a tick, and set the integrals over the tick."""
     if joint is not None:
         options = case.options
         update_joint_tick(joint, flight, motion, case.model, options.vehicle, options.units, tick)
@@ -31,9 +31,15 @@ def _joint_tick(joint, flight, work, motion, case, tick):
 
 @inlined
 def sample_window(work, parts, case, joint, flight, w):
-    """Update by the samples of window w, tick by tick, and put the estimates in the place of the increments; what is
-    slow is propagated at the end of the window. In a pass of linear covariance (Joint and Flight, or None) samples are
-    as predicted, and the joint covariance follows.
+    """Update by the IMU samples of window w, tick by tick, and propagate the estimated motion over each tick.
+
+    Slow effects (gravity gradient, decay, clock) are propagated at the end of the window, see `filters.model`.
+
+    Parameters
+    ----------
+    work, parts, case : as in `process.process_epoch`
+    joint, flight : Joint and NominalFlight of linear covariance, where samples are as predicted; None in a run
+    w : window
     """
     vehicle, motion, first = case.options.vehicle, parts.motion, case.schedule.first_tick[w]
     at = vehicle.motion

@@ -1,8 +1,9 @@
-"""Backwards from a metric at an event: how much of its variance each source put in, and when.
+"""Backward pass from a metric at an event: contribution of each error source to its variance, by time of origin.
 
-For m = l' e at the event, lambda = l goes back through every update and window of the forward pass with the same
-gains. A noise that entered with vector g and variance q contributes (lambda' g)^2 q, labelled with its source and
-its time; the sum over times is the forward budget, the sum over sources tells when the error was made.
+For a metric m = l' e at the event, the adjoint lambda = l is propagated backwards through every update and window of
+the forward pass, with the same gains. Noise that entered with vector g and variance q contributes (lambda' g)^2 q to
+the variance of m. Each contribution has a source and a time: the sum over times is the forward error budget, the sum
+over sources shows when the error originated.
 """
 
 from typing import NamedTuple
@@ -22,9 +23,11 @@ from lvnav_trade.records import Floats, Ints
 
 
 class Backward(NamedTuple):
-    """State and outcome of a backward pass. e (n_metric, N) and c (n_metric, n_component) multipliers of states
-    and components, updated; contribution (n_metric, n_source, n_bin) variance put in by each source in each time bin,
-    set.
+    """State and result of a backward pass, updated in place.
+
+    e : (n_metric, N). Adjoint of the joint states.
+    c : (n_metric, n_component). Adjoint of the error components.
+    contribution : (n_metric, n_source, n_bin). Variance by source and time bin.
     """
 
     e: Floats
@@ -33,10 +36,10 @@ class Backward(NamedTuple):
 
 
 class Entering(NamedTuple):
-    """Where a metric reads the errors: at one history time, or as a sum over several.
+    """Metrics of a backward pass: linear sums of errors at one or several history times.
 
-    place : (n_hist,). Number of the history time among those that are summed, -1 for one that is not.
-    rows : (n_sum, n_metric, N). Multipliers of the joint states at each of them.
+    place : (n_hist,). Index in `rows` of the history time; -1 if it is not in the sum.
+    rows : (n_sum, n_metric, N). Weights of the joint states at each of these times.
     """
 
     place: Ints
@@ -54,14 +57,19 @@ def _dot(a, b):
 
 @jit
 def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
-    """Go back through one update: what its noise put in, and the multipliers before it.
+    """Propagate the adjoint backwards through one update, and add the contribution of its noise.
 
-    row_of : row of the tape; whitened : whether it is of a decorrelated solution; place : of the state that it was
-    compared with
+    Parameters
+    ----------
+    back, tape, true, signals : Backward, UpdateTape, Components, Signals
+    row_of : number of the update on the tape
+    time_bin : bin of the contribution
+    whitened : whether the measurement is from a decorrelated solution
+    place : place of the stored state that a delayed measurement was compared with
     """
     gain, h, epoch, channel = tape.gain[row_of], tape.h[row_of], tape.epoch[row_of], tape.channel[row_of]
     source = true.noise_source[channel]
-    # what is in a decorrelated solution went in with the solution's own error
+    # the noise of a decorrelated solution entered with the receiver-error states
     is_in_states = whitened or source < 0
     variance = 0.0 if is_in_states else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     for m in range(back.e.shape[0]):
@@ -82,7 +90,7 @@ def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
 
 @jit
 def _components_back(back, scratch, sums, true, units, seconds, window, time_bin):
-    """Go back through a window for the components: their driving noise, their decay, and what they put into states.
+    """Propagate the adjoint of the components backwards through a window, and add the contribution of their noise.
 
     window : index of its length, first tick, number of ticks
     """
@@ -97,7 +105,7 @@ def _components_back(back, scratch, sums, true, units, seconds, window, time_bin
         b = scratch.b[g, k, ..., lane]
         for m in range(back.e.shape[0]):
             through, entered = back.c[m, c], 0.0
-            # the component and the filter's errors in it are driven by the same noise
+            # the same noise drives the component and the error of the states that model it
             for p in range(states[0], states[1]):
                 at = true.states[p]
                 through += back.e[m, at]
@@ -111,7 +119,7 @@ def _components_back(back, scratch, sums, true, units, seconds, window, time_bin
 
 @jit
 def _white_back(back, true, length, time_bin):
-    """Add half of a window's white noise of every source (the other half enters at the window's other end)."""
+    """Add the contribution of half of the white noise of a window by source; the other half enters at its other end."""
     for source in range(true.group.shape[0]):
         white = true.white[length, true.group[source], ..., true.lane[source]]
         for i in range(back.e.shape[1]):
@@ -122,7 +130,7 @@ def _white_back(back, true, length, time_bin):
 
 @jit
 def _start_back(back, true):
-    """Add what every source holds at the start: initial errors, and components with what they put in states."""
+    """Add the contributions of initial errors, and of initial values of components with the states that model them."""
     n = back.e.shape[1]
     for m in range(back.e.shape[0]):
         for source in range(true.initial.shape[0]):
@@ -138,7 +146,7 @@ def _start_back(back, true):
 
 @jit
 def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_bin):
-    """Go back through the update of a tick whose samples are measurements."""
+    """Propagate the adjoint backwards through the update of a tick by IMU samples, and add contributions."""
     fill_samples(scratch.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
     for m in range(back.e.shape[0]):
         y = back.e[m]
@@ -154,7 +162,7 @@ def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_b
                 source, k = true.source[first], true.slot[first]
                 g, lane = true.group[source], true.lane[source]
                 for axis in range(3):
-                    for i in range(1 if units is None else 3):  # an axis of a unit enters the whole fused triad
+                    for i in range(1 if units is None else 3):  # an axis of an array enters all combined axes
                         r = 3 * true.sensor[j] + (axis + i) % 3
                         back.c[m, first + axis] -= scratch.y[r] * scratch.a[g, k + axis, r, lane]
         for r in range(N_SAMPLE):
@@ -164,7 +172,7 @@ def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_b
 
 @jit
 def _tick_back(back, scratch, flight, true, vehicle, units, tick):
-    """Go back through the propagation of a tick, and set how components enter its samples."""
+    """Propagate the adjoint backwards over a tick, and set the partial derivatives of its samples."""
     dt = flight.unit.dt
     nominal_tick(scratch.sums, flight.reference, tick, dt)
     fill_partials(scratch.a, true, units, vehicle, tick, dt)
@@ -174,7 +182,7 @@ def _tick_back(back, scratch, flight, true, vehicle, units, tick):
 
 @jit
 def _ticks_back(back, scratch, tape, true, case, flight, vehicle, window):
-    """Go back through the ticks of a window, where samples are measurements (VehicleModel, or None).
+    """Propagate the adjoint backwards through the ticks of a window with IMU samples (VehicleModel, or None).
 
     window : first tick, number of ticks, bin of time
     """
@@ -188,7 +196,7 @@ def _ticks_back(back, scratch, tape, true, case, flight, vehicle, window):
 
 @jit
 def _window_back(back, scratch, tape, true, case, w, time_bin):
-    """Go back through the propagation of window w."""
+    """Propagate the adjoint backwards over window w, and add the contributions of process noise and components."""
     schedule, model = case.schedule, case.model
     length = schedule.length[w]
     sums, at, seconds = tape.sums[w], tape.position[w], model.seconds[length]
@@ -205,20 +213,23 @@ def _window_back(back, scratch, tape, true, case, w, time_bin):
 
 @jit
 def _solution_back(back, y, chain, true, epoch, time_bin):
-    """Go back through an epoch of the receiver's own errors (Chain, or None)."""
+    """Propagate the adjoint backwards through an epoch of the receiver-error states (Chain, or None)."""
     if chain is not None:
         solution_back(back, y, chain, true, epoch, time_bin)
 
 
 @jit
 def go_back(back, scratch, tape, true, case, flight, entering, time_bins):
-    """Carry multipliers from the end of the flight back to its start; `back` is filled.
+    """Propagate the adjoint from the end of the flight back to its start.
 
     Parameters
     ----------
-    back : Backward, of zeros; scratch : BackwardScratch; tape : UpdateTape of the forward pass
-    true : Components; case : FilterCase; flight : NominalFlight
-    entering : Entering; time_bins (n_window,) bin of each window
+    back : Backward, of zeros; set here
+    scratch : BackwardScratch
+    tape : UpdateTape of the forward pass
+    true, case, flight : Components, FilterCase, NominalFlight
+    entering : Entering, the metrics
+    time_bins : (n_window,) time bin of each window
     """
     schedule, signals, options, whitens = case.schedule, case.signals, case.options, case.model.has_covariance
     has_entered = False

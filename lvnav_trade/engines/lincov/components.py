@@ -21,7 +21,7 @@ from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sensors.units import keyed, mounted
 
 GRAVITY = -2
-# Time constant (s) of noise that is new in every window.
+# Time constant (s) of noise that is independent from window to window.
 WHITE_TIME = 1e-12
 
 
@@ -127,28 +127,27 @@ class Components(NamedTuple):
 
 
 def _terms(prepared: Prepared) -> list[ErrorTerm]:
-    """Return the random errors of the IMUs and the states that stand for each, by the names of their sources."""
-    several = prepared.options.units is not None  # then a state stands for a sum, and for no component alone
+    """Return the random errors of the IMUs, each with the first filter state that models it (-1 none) as its offset."""
+    several = prepared.options.units is not None  # a state then models a sum of components, not one of them
     states = {} if several else {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
-    found = [term._replace(offset=states.get((term.sensor, term.driver), -1)) for term in prepared.sources]
+    terms = [term._replace(offset=states.get((term.sensor, term.driver), -1)) for term in prepared.sources]
     for triad, (number, unit) in enumerate(mounted(prepared.scenario.imu)):
         for sensor, card, label in ((GYRO, unit.gyro, "gyro"), (ACCEL, unit.accel, "accelerometer")):
             if card.quantisation > 0.0:
                 step = card.quantisation / math.sqrt(12.0)
                 name = keyed(f"{label} quantisation", number)
-                found.append(ErrorTerm(name, 0, sensor, REMAINDER, 0.0, step, triad=triad))
-            # in axes of the body, which turn; a triad whose axes are alike has its noise by states (`_white_noise`)
+                terms.append(ErrorTerm(name, 0, sensor, REMAINDER, 0.0, step, triad=triad))
+            # noise of unequal axes is a component in body axes, which rotate; equal axes need no component, since their
+            # noise is isotropic (`_white_noise`)
             by_axis = several or isinstance(card.random_walk, tuple)
             if by_axis and prepared.layout.motion < 0 and rms(card.random_walk) > 0.0:
                 name = keyed(f"{label} random walk", number)
-                found.append(ErrorTerm(name, 0, sensor, WHITE, card.random_walk, 0.0, WHITE_TIME, triad))
-    return found
+                terms.append(ErrorTerm(name, 0, sensor, WHITE, card.random_walk, 0.0, WHITE_TIME, triad))
+    return terms
 
 
 def _profiles(prepared: Prepared) -> list[tuple[int, int, int, int]]:
-    """Return sensor, driver, first filter state that stands for it and triad of every error profile, the same in every
-    run.
-    """
+    """Return sensor, driver, first filter state that models it (-1 none) and triad of each deterministic profile."""
     states = {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
     if prepared.options.units is not None:
         states = {}
@@ -157,60 +156,63 @@ def _profiles(prepared: Prepared) -> list[tuple[int, int, int, int]]:
 
 
 def _of_term(prepared: Prepared, term: ErrorTerm, source: int, moves: bool, samples: bool) -> list[Component]:
-    """Return the components of an error term of a source, by axis."""
+    """Return the three components of an error term, one per axis."""
     seconds, variances, walks = prepared.lengths, squares(term.sigma), squares(term.walk)
     if term.driver == REMAINDER:
-        # a new remainder at the end of every window, uniform over a step; a window of no ticks leaves it as it was
+        # the remainder is new at the end of every window, uniform over a step; it stays in a window without ticks
         factor = np.where(seconds > 0.0, 0.0, 1.0)
         noise = [np.where(seconds > 0.0, walk, 0.0) for walk in walks]
     else:
         factor = np.exp(-seconds / term.time_constant)
-        left = np.expm1(-2.0 * seconds / term.time_constant)
-        noise = [walk * seconds - one * left for one, walk in zip(variances, walks, strict=True)]
+        # Gauss-Markov: s^2 (1 - exp(-2 t / T)) keeps the variance s^2; a random walk adds its PSD times t
+        loss = np.expm1(-2.0 * seconds / term.time_constant)
+        noise = [walk * seconds - variance * loss for variance, walk in zip(variances, walks, strict=True)]
     alike = term.offset >= 0 and np.array_equal(factor, prepared.model.decay[:, term.offset])
     states = [(term.offset + i,) for i in range(3)] if term.offset >= 0 else [(), (), ()]
     return [
-        Component(source, factor, driven, variance, own, not alike, moves, samples, term.driver == REMAINDER)
-        for driven, variance, own in zip(noise, variances, states, strict=True)
+        Component(source, factor, driven, variance, modelled, not alike, moves, samples, term.driver == REMAINDER)
+        for driven, variance, modelled in zip(noise, variances, states, strict=True)
     ]
 
 
 def _shared_tables(sigma: float, time_constant: float, seconds: Floats) -> tuple[Floats, Floats]:
-    """Return decay and driving variance (n_length,) of an error that measurements share."""
-    # an error without memory is a new one at every epoch; a window of no ticks leaves it as it was
+    """Return decay factor and driving variance (n_length,) of a correlated measurement error."""
+    # an error without memory is new at every epoch; it stays in a window without ticks
     still = 1.0 if math.isinf(time_constant) else 0.0
     factor = np.exp(-seconds / time_constant) if time_constant > 0.0 else np.where(seconds > 0.0, still, 1.0)
     return factor, sigma**2 * (1.0 - factor**2)
 
 
 def _of_families(prepared: Prepared, names: list[str]) -> tuple[list[Component], list[int]]:
-    """Return the components of the errors that measurements share, and by family that of the filter's extra states."""
-    model, signals, found, own = prepared.model, prepared.signals, list[Component](), list[int]()
+    """Return the components of correlated measurement errors, and by family the block of extra states (-1 none)."""
+    model, signals, shared_components, blocks = prepared.model, prepared.signals, list[Component](), list[int]()
     shared = signals.shared
     for number, family in enumerate(prepared.families if model.aided else ()):
         stand = standing_for(prepared.layout.extras, family.state, family.labels[0])
         state = stand[0][0] if stand else -1
         factor, noise = _shared_tables(family.sigma, family.time_constant, prepared.lengths)
         entering = shared.member[number] >= 0
-        # whether the true partials are not those that the filter's own state has
+        # whether the true partial derivatives differ from those of the filter state
         differs = (
             prepared.chain is not None
             or state < 0
             or not np.array_equal(shared.partial[number], np.where(entering, signals.partial[state], 0.0))
         )
         for _ in family.labels:
-            states = tuple(model.extra_offset[shared.state_of[shared.error_of == len(found)]].tolist())
+            states = tuple(model.extra_offset[shared.state_of[shared.error_of == len(shared_components)]].tolist())
             follow = differs or any(not np.array_equal(factor, model.decay[:, at]) for at in states)
-            found.append(Component(names.index(family.source), factor, noise, family.sigma**2, states, follow))
-        own.append(state)
-    return found, own
+            source = names.index(family.source)
+            shared_components.append(Component(source, factor, noise, family.sigma**2, states, follow))
+        blocks.append(state)
+    return shared_components, blocks
 
 
 def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
+    """Return the variance of white process noise by source, window length and joint state, SI squared."""
     imu, receiver, layout = prepared.scenario.imu, prepared.scenario.receiver, prepared.layout
     noise = np.zeros((len(names), prepared.lengths.size, n_joint(prepared)))
     seconds = prepared.lengths[:, None]
-    # the noise of several units, or of unlike axes, enters by blocks, that of samples by their update
+    # noise of an IMU array or of unequal axes enters by components, noise of IMU samples by their update
     if layout.motion < 0 and isinstance(imu, ImuCard):
         for label, at, card in (("gyro", ATT, imu.gyro), ("accelerometer", VEL, imu.accel)):
             if not isinstance(card.random_walk, tuple):
@@ -222,10 +224,11 @@ def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
 
 
 def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
+    """Return the true noise variance of an IMU sample by source, (n_source, 6) SI squared."""
     imu, noise, units = prepared.scenario.imu, np.zeros((len(names), 6)), prepared.options.units
     for triad, (number, unit) in enumerate(mounted(imu)):
         sizes = np.array([squares(unit.gyro.random_walk), squares(unit.accel.random_walk)]) * imu.rate
-        if units is not None:  # (2, 3, 3) how each axis enters the fused triad
+        if units is not None:  # solved (2, 3, 3): weights of each sensing axis in the combined triad
             sizes = np.einsum("sic,sc->si", units.solved[0, triad] ** 2, sizes) * units.noisy[0, :, 1] ** 2
         noise[names.index(keyed("gyro random walk", number)), :3] += sizes[0]
         noise[names.index(keyed("accelerometer random walk", number)), 3:] += sizes[1]
@@ -233,6 +236,7 @@ def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
 
 
 def _initial(prepared: Prepared, names: list[str]) -> Floats:
+    """Return the initial covariance of the joint states by source, (n_source, N, N) SI squared."""
     n, layout, clock = n_joint(prepared), prepared.layout, prepared.scenario.receiver.clock
     initial = np.zeros((len(names), n, n))
     for index, at in enumerate((ATT, VEL, POS)):
@@ -246,7 +250,11 @@ def _initial(prepared: Prepared, names: list[str]) -> Floats:
 
 
 def components(prepared: Prepared) -> Components:
-    """Turn the truth's cards into numbers; the filter's card is asked only which states it has."""
+    """Return the true error components of a case as arrays.
+
+    The models are those of the truth. Of the filter only the state layout, the decay factors and the partial
+    derivatives are used, to find by how much a component differs from the state that models it.
+    """
     names, model, n = source_names(prepared), prepared.model, n_joint(prepared)
     terms, by_samples, units = _terms(prepared), prepared.layout.motion >= 0, prepared.options.units
     known = _profiles(prepared)
@@ -259,12 +267,12 @@ def components(prepared: Prepared) -> Components:
         _of_term(prepared, term, names.index(term.name), bool(moving[k]), bool(sampled[k]))
         for k, term in enumerate(terms)
     ]
-    shared, own = _of_families(prepared, names)
-    n_own = 3 * len(terms)
+    shared, state_blocks = _of_families(prepared, names)
+    n_imu = 3 * len(terms)
     first = np.where(profile < 0, 3 * np.arange(profile.size), -1)
     tables = slot_tables([*chain.from_iterable(of_terms), *shared], len(names), prepared.lengths.size)
     rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
-    if by_samples:  # all but the gradient of gravity is propagated sample by sample
+    if by_samples:  # everything but the gravity gradient is propagated sample by sample
         rows, columns, kinds, drivers = model.block_rows, model.block_columns, model.block_kinds, model.block_drivers
     return Components(
         **tables,
@@ -278,8 +286,8 @@ def components(prepared: Prepared) -> Components:
         moving=moving,
         sampled=sampled,
         by_samples=by_samples,
-        first_shared=n_own,
-        shared_family=np.array(own, dtype=np.int64),
+        first_shared=n_imu,
+        shared_family=np.array(state_blocks, dtype=np.int64),
         nav_rows=rows,
         nav_columns=columns,
         nav_kinds=kinds,
@@ -290,14 +298,15 @@ def components(prepared: Prepared) -> Components:
         decay=np.pad(model.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
         **measurement_tables(prepared, names),
         sample_noise=_sample_noise(prepared, names),
-        differences=differences(prepared, sensor, driver, triad, profile, first, n_own),
-        successive=successive_of(prepared, names, own),
+        differences=differences(prepared, sensor, driver, triad, profile, first, n_imu),
+        successive=successive_of(prepared, names, state_blocks),
     )
 
 
 def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats, Floats]:
-    """Return sources (n_group, N, N, n_lane), cross (n_group, n_slot, N, n_lane) and variance (n_group, n_slot, 1,
-    n_lane) at the start: an estimate of a component is zero, so the filter's error in it is the component itself.
+    """Return `sources`, `cross` and `variance` of the joint covariance at the start, see `JointCovariance`.
+
+    The initial estimate of a component is zero, so the error of the state that models it is the component itself.
     """
     sources, start = true.initial.copy(), np.zeros((len(true.initial), true.followed.shape[1], 1))
     cross = np.zeros((*start.shape[:2], n_joint(prepared)))

@@ -1,4 +1,4 @@
-"""What linear covariance expects of a filter: normalised errors squared, innovations that its gate rejects."""
+"""Expected consistency of a filter by linear covariance: NEES, and false rejections by the gate."""
 
 import numpy as np
 from scipy.special import chdtrc
@@ -7,9 +7,17 @@ from lvnav_trade.records import Floats
 
 
 def expected_nees(formal: Floats, total: Floats) -> Floats:
-    """Return tr(formal^-1 total) of each history time (n_hist,); NaN where the filter is certain of a state.
+    """Return the expected NEES tr(formal^-1 total) at each history time, (n_hist,).
 
-    Both (n_hist, m, m) are brought to the filter's sigmas first: states differ by ten orders of magnitude.
+    It is NaN where a formal variance is zero. Both covariances are normalised by the formal sigmas first, because
+    states differ by ten orders of magnitude.
+
+    Parameters
+    ----------
+    formal
+        (n_hist, m, m) SI squared. Covariance of the filter.
+    total
+        (n_hist, m, m) SI squared. Second moment of the true error.
     """
     sigma = np.sqrt(np.diagonal(formal, axis1=1, axis2=2))
     sound = np.all(sigma > 0.0, axis=1)
@@ -20,9 +28,9 @@ def expected_nees(formal: Floats, total: Floats) -> Floats:
 
 
 def false_rejection(gate_squared: float, ratio: Floats) -> Floats:
-    """Return the probability (n_epoch,) that the gate rejects a good measurement, of the epoch's most endangered row.
+    """Return the largest probability, over the measurements of each epoch, that the gate rejects a valid measurement.
 
-    A row's normalised innovation is normal with the expected square `ratio` (n_epoch, n_row); a matched filter has 1.
+    A normalised innovation is normal, with the expected square `ratio` (n_epoch, n_row); in a matched filter it is 1.
     """
     worst = ratio.max(axis=1, initial=1e-300)
     return chdtrc(1, gate_squared / worst) if np.isfinite(gate_squared) else np.zeros_like(worst)

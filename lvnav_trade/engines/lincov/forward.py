@@ -1,4 +1,4 @@
-"""The forward pass of linear covariance: the filter's covariance by its own model, the true one by source."""
+"""Forward pass of linear covariance: formal covariance by the filter model, true covariance by error source."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from lvnav_trade.observables.sensors import measure
 
 @jit
 def _record_window(tape, w, work):
-    """Record the sums of a window and the position that its blocks were filled at."""
+    """Record the integrals of a window, and the position at which its transition was linearised."""
     if tape.channel.shape[0] > 0:
         for i in range(work.sums.shape[0]):
             tape.sums[w, i] = work.sums[i]
@@ -33,7 +33,7 @@ def _record_window(tape, w, work):
 
 @jit
 def _measure_receiver(work, further, signals, tight, epoch):
-    """Set what the receiver measures on the nominal flight at an epoch."""
+    """Set the receiver's measurements on the nominal flight at an epoch."""
     if tight:
         for slot in range(signals.n_used[epoch]):
             s = signals.used[epoch, slot]
@@ -47,7 +47,7 @@ def _measure_receiver(work, further, signals, tight, epoch):
 
 @jit
 def _measure_sensors(work, sensors, differences, epoch):
-    """Set what the other sensors (Sensors, or None) measure on the nominal flight at an epoch."""
+    """Set the measurements of the other sensors (Sensors, or None) on the nominal flight at an epoch."""
     if sensors is not None:
         for k in range(sensors.code.shape[0]):
             measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
@@ -59,8 +59,8 @@ def _measure_sensors(work, sensors, differences, epoch):
 
 @jit
 def _solve(work, chain, late, epoch):
-    """Set the solution of a receiver that reports a covariance, and what of its error is in its rows; its numbers are
-    none without a solution.
+    """Set the solution of a receiver that reports a covariance, not-a-number without a solution, and complete its
+    Jacobian rows by the receiver-error states.
     """
     for i in range(6):
         work.solution[i] = chain.point[epoch, i] if chain.solved[epoch] else np.nan
@@ -69,8 +69,8 @@ def _solve(work, chain, late, epoch):
 
 @jit
 def _report(rx, chain, signals, epoch):
-    """Set the covariance that the receiver reports on the nominal flight (Reported, or None), before what its tuning in
-    the filter makes of it.
+    """Set the covariance that the receiver reports on the nominal flight (Reported, or None), without the factor of the
+    filter's tuning.
     """
     if rx is not None:
         for i in range(6):
@@ -81,7 +81,7 @@ def _report(rx, chain, signals, epoch):
 
 @jit
 def _jump(mean, clock, jumps):
-    """Let the true clock jump: of bias and drift (2,), which are states from `clock` on."""
+    """Add jumps of clock bias and drift (2,) to the mean error."""
     if clock >= 0:
         mean[clock] += jumps[0]
         mean[clock + 1] += jumps[1]
@@ -89,8 +89,9 @@ def _jump(mean, clock, jumps):
 
 @inlined
 def _measure(work, rx, case, joint, chain, epoch):
-    """Advance true errors to an epoch, and set what is measured on the nominal flight; chain : Chain of a receiver that
-    reports a covariance with its solution, or None.
+    """Propagate the receiver errors to an epoch, and set the measurements of the nominal flight.
+
+    chain : Chain of a receiver that reports a covariance with its solution, or None
     """
     options, signals, model = case.options, case.signals, case.model
     _jump(joint.state.mean, model.clock, signals.clock_jump[epoch])
@@ -106,15 +107,21 @@ def _measure(work, rx, case, joint, chain, epoch):
 
 @inlined
 def _propagate(work, parts, case, joint, flight, vehicle, late, w):
-    """Propagate all covariances over window w: with the samples of the IMU as measurements where the filter takes them
-    (VehicleModel, or None), and the error cloned for measurements that are on their way (Late, or None).
+    """Propagate all covariances over window w.
+
+    Parameters
+    ----------
+    work, parts, case, joint, flight : as in `forward`
+    vehicle : VehicleModel of a filter that processes IMU samples as measurements, or None
+    late : Late, for which the navigation error is cloned at times of validity, or None
+    w : window
     """
     schedule, model, options, unit = case.schedule, case.model, case.options, flight.unit
     first, n_tick, length = schedule.first_tick[w], schedule.n_tick[w], schedule.length[w]
-    how, sensed = model.strapdown, not joint.true.by_samples
+    algorithm, sensed = model.strapdown, not joint.true.by_samples
     if vehicle is not None:
         sample_window(work, parts, case, joint, flight, w)
-    nominal_window(work, flight.reference, unit, first, n_tick, how, sensed, schedule.linearised[w])
+    nominal_window(work, flight.reference, unit, first, n_tick, algorithm, sensed, schedule.linearised[w])
     propagate(work, case, joint, flight, options.units, w)
     inform_nominal(work.P, options.units, model, first, n_tick, model.seconds[length])
     accumulate_transition(
@@ -123,13 +130,13 @@ def _propagate(work, parts, case, joint, flight, vehicle, late, w):
     _record_window(joint.tape, w, work)
     if late is not None:
         place(work.nav, flight.reference, first + n_tick)
-        keep(parts.past, work.nav, work.previous, work.x, late, w, case.step, how.gravity)
+        keep(parts.past, work.nav, work.previous, work.x, late, w, case.step, algorithm.gravity)
         clone_error(joint.state, joint.true, late, w)
 
 
 @inlined
 def _update(work, parts, case, joint, flight, vehicle, report, epoch):
-    """Update by what the filter processes at an epoch; vehicle and report as of `_propagate` and `_write`."""
+    """Process the measurements of an epoch; vehicle and report as in `_propagate` and `_write`."""
     options = case.options
     if vehicle is not None:
         joint.out.expected_nis[epoch] += expected_of_samples(joint.true, flight.ticks, parts.motion, vehicle)
@@ -144,8 +151,10 @@ def _update(work, parts, case, joint, flight, vehicle, report, epoch):
 
 @inlined
 def _write(work, case, joint, record, samples, report, hist, tick):
-    """Write the results at a history time, after a tick: with errors of the IMU's samples (Samples, or None) and of the
-    receiver's solution (Report, or None).
+    """Write the results at a history time, which follows a tick.
+
+    samples : Samples, if errors of IMU samples are reported, or None
+    report : Report, if errors of the receiver's solution are reported, or None
     """
     out, state, true, units = joint.out, joint.state, joint.true, case.options.units
     write(out, hist, work.P, state, joint.scratch, true, record.attitude[hist], record.axes[hist])
@@ -158,12 +167,16 @@ def _write(work, case, joint, record, samples, report, hist, tick):
 
 @jit
 def forward(work, parts, case, joint, flight, record):
-    """Propagate and update the filter's covariance and the true one, by source, over the nominal flight.
+    """Propagate and update the formal covariance and the true covariance by source over the nominal flight.
 
     Parameters
     ----------
-    work : Nominal, parts : Parts, joint : Joint, all at the start; updated
-    case : FilterCase; flight : NominalFlight; record : Axes of the results
+    work : Nominal, at the start of the flight; updated in place
+    parts : Parts, arrays of the optional features; updated in place
+    case : FilterCase
+    joint : Joint, whose `out` gets the results and whose `tape` the record for a backward pass
+    flight : NominalFlight
+    record : Axes of the results
     """
     schedule, options = case.schedule, case.options
     begin_watch(parts.watch)

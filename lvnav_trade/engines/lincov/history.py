@@ -1,4 +1,4 @@
-"""Linear covariance: covariance(prepared) -> CovHistory: formal, true, by source, on the nominal flight."""
+"""Linear covariance of a case on its nominal flight: formal covariance, true covariance, and error budget by source."""
 
 from typing import Any, NamedTuple
 
@@ -41,8 +41,11 @@ N_MOTION = 9  # attitude, velocity and position
 
 
 class _Passed(NamedTuple):
-    """What a forward pass leaves: its record, the monitor of a filter that tests for faults, the watch of a filter with
-    a mode logic; None where the filter has neither.
+    """Results of a forward pass.
+
+    out : Covariances, means and budget at the history times.
+    monitor : Fault monitor; None without tests for faults.
+    watch : State of the mode logic; None without a mode logic.
     """
 
     out: PassResults
@@ -51,7 +54,7 @@ class _Passed(NamedTuple):
 
 
 def _pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool = True) -> _Passed:
-    """Return what a forward pass leaves; not aided: no measurement is processed."""
+    """Run a forward pass and return its results; not aided: without processing measurements."""
     parts, joint, flight = _new_parts(prepared), new_joint(prepared, true, tape), new_flight(prepared, true)
     turned = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     forward(new_nominal(prepared), parts, _case(prepared, aided), joint, flight, Axes(turned, prepared.record.axes))
@@ -59,8 +62,10 @@ def _pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool = 
 
 
 def _case(prepared: Prepared, aided: bool = True) -> FilterCase:
-    """Return what an epoch reads. To first order a direct, an iterated and an unscented filter are the extended one,
-    and an open loop is a closed one (`Parts` without its arrays). No gate rejects a measurement.
+    """Return the inputs of an epoch in linear covariance.
+
+    To first order, a direct, an iterated and an unscented filter equal the extended filter, and an open loop equals a
+    closed loop (`Parts` without its arrays). No measurement is rejected by the gate.
     """
     options = prepared.options._replace(direct=None, iterated=None, unscented=None, solver=None)
     model = prepared.model._replace(aided=prepared.model.aided and aided, gate_squared=np.inf)
@@ -68,7 +73,7 @@ def _case(prepared: Prepared, aided: bool = True) -> FilterCase:
 
 
 def _new_parts(prepared: Prepared) -> Parts:
-    """Return the arrays of the options that a case has, on its nominal flight."""
+    """Return the arrays of the optional features that a case has, for its nominal flight."""
     options, found = prepared.options, dict[str, Any]()
     sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
     if options.rules is not None:
@@ -85,19 +90,20 @@ def _new_parts(prepared: Prepared) -> Parts:
 
 
 def has_uncorrected_outputs(prepared: Prepared) -> bool:
-    """Whether a mode logic decides when the outputs of an open loop are corrected; until then they are the INS's."""
+    """Return whether a mode logic decides when the outputs of an open loop are corrected instead of the INS's own."""
     return prepared.options.rules is not None and prepared.scenario.filter.feedback == "open"
 
 
 def uncorrected(prepared: Prepared) -> Prepared:
-    """Return the case whose filter never starts: the outputs are the INS's over the whole flight."""
+    """Return the case with a filter that never starts: the outputs are those of the INS over the whole flight."""
     rules = prepared.options.rules
     return prepared._replace(options=prepared.options._replace(rules=rules._replace(good=np.zeros_like(rules.good))))
 
 
 def corrects(prepared: Prepared, mode: Floats) -> Bools:
-    """Return whether the outputs are corrected at the history times, (n_hist,); mode (n_epoch,) of the nominal flight,
-    logged where the filter has an update.
+    """Return whether the outputs are corrected at the history times, (n_hist,).
+
+    mode : (n_epoch,). Mode of the filter on the nominal flight, logged at its update epochs.
     """
     epoch, every = last_epoch(prepared), prepared.model.every
     update = (epoch + 1) // every * every - 1
@@ -105,19 +111,36 @@ def corrects(prepared: Prepared, mode: Floats) -> Bools:
 
 
 def _with_outputs(prepared: Prepared, true: Components, tape: UpdateTape, passed: _Passed) -> PassResults:
-    """Return the record of a pass with the errors of the outputs: where they are not corrected, those of the INS."""
+    """Return the results of a pass with the errors of the outputs: those of the INS while they are not corrected."""
     if passed.watch is None or not has_uncorrected_outputs(prepared):
         return passed.out
-    own = ~corrects(prepared, passed.watch.mode)
-    alone, out = _pass(uncorrected(prepared), true, tape).out, passed.out
-    for to, source in zip(out[1:5], alone[1:5], strict=True):  # true, mean, budget, samples
+    is_inertial = ~corrects(prepared, passed.watch.mode)
+    inertial, out = _pass(uncorrected(prepared), true, tape).out, passed.out
+    for to, source in zip(out[1:5], inertial[1:5], strict=True):  # true, mean, budget, samples
         if len(to):
-            to[own] = source[own]
+            to[is_inertial] = source[is_inertial]
     return out
 
 
 def covariance(prepared: Prepared) -> CovHistory:
-    """Return the filter's own and the true covariance of a case over its nominal flight, the true one by source."""
+    """Return formal and true covariance of a case over its nominal flight.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+
+    Returns
+    -------
+    CovHistory
+        At the history times: formal sigma (filter model), true sigma and mean of the estimation error, error budget by
+        source, expected NEES and NIS.
+
+    Notes
+    -----
+    The gains of the filter follow from its own models. With these gains, the true covariance is the exact sum of the
+    contributions of independent error sources, and deterministic errors are propagated as the mean.
+    """
     true, nothing = components(prepared), new_tape(0, 0, n_joint(prepared), row_width(prepared))
     tape = nothing if prepared.plan is None else _whole_tape(prepared)
     passed = _pass(prepared, true, tape)
@@ -130,7 +153,7 @@ def covariance(prepared: Prepared) -> CovHistory:
         found = found._replace(decisions=decisions_of(*logs, prepared.t_epoch, 0))
     if prepared.options.backup is None:
         return found
-    # nothing of a strapdown that is never corrected depends on measurements: it is the same pass without them
+    # the backup strapdown does not depend on measurements, so its covariance is that of a pass without them
     alone, motion = _pass(prepared, true, nothing, aided=False).out, slice(0, N_MOTION)
     turn = turns(prepared)[:, motion, motion]
     formal, total = (turn @ P[:, motion, motion] @ np.swapaxes(turn, 1, 2) for P in (alone.formal, alone.true))
@@ -139,8 +162,9 @@ def covariance(prepared: Prepared) -> CovHistory:
 
 
 def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
-    """Return what a backward pass, or an observability analysis, needs of a forward one; not aided: of one without
-    measurements.
+    """Return the tape of a forward pass, for a backward pass or an observability analysis.
+
+    aided : whether measurements are processed
     """
     tape = _whole_tape(prepared)
     _pass(prepared, components(prepared), tape, aided)
@@ -148,7 +172,7 @@ def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
 
 
 def _whole_tape(prepared: Prepared) -> UpdateTape:
-    """Return an empty tape that a whole flight fits on."""
+    """Return an empty tape for a whole flight."""
     per_satellite = prepared.model.n_kind if prepared.model.tight else 0
     n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
     n_update = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used) + n_sensor + 6)) + 1
@@ -157,7 +181,7 @@ def _whole_tape(prepared: Prepared) -> UpdateTape:
 
 
 def _injection(prepared: Prepared, plan: Plan, tape: UpdateTape, out: PassResults) -> InjectionLaw:
-    """Return linear covariance of the injection of a guided ascent, with the tape and the results of a forward pass."""
+    """Return the linear covariance of the injection of a guided ascent, from tape and results of a forward pass."""
     if has_uncorrected_outputs(prepared):
         return InjectionLaw("a mode logic decides when the outputs of the open loop are corrected")
     known = steering_times(plan, prepared.t_hist)
@@ -171,23 +195,24 @@ def _injection(prepared: Prepared, plan: Plan, tape: UpdateTape, out: PassResult
 
 
 def _whole(prepared: Prepared) -> float:
-    """Return a length (s) of bins of which one holds the whole flight."""
+    """Return a bin length (s) with which one bin covers the whole flight."""
     return float(np.ptp(prepared.t_hist)) + 1.0
 
 
 def empty_tape(prepared: Prepared) -> UpdateTape:
-    """Return the tape of a flight without updates, in which nothing is recorded."""
+    """Return the tape of a flight without updates."""
     return new_tape(prepared.schedule.n_tick.size, 1, n_joint(prepared), row_width(prepared))
 
 
 def compile_backward(prepared: Prepared) -> None:
-    """Compile the backward pass (or load it from the cache): it goes back over the first window of an empty tape."""
+    """Compile the backward pass, or load it from the cache, by a pass over the first window of an empty tape."""
     adjoint(prepared, float(prepared.t_hist[0]), tape=empty_tape(prepared))
 
 
 def turns(prepared: Prepared) -> Floats:
-    """Return the matrices (n_hist, n, n) from the filter's error state, as far as it is reported, to the reporting axes
-    at the history times.
+    """Return the rotations (n_hist, n, n) of the reported error states to the reporting axes at the history times.
+
+    Attitude is reported in body axes, velocity and position in the reporting frame, other states as they are.
     """
     n, record = len(prepared.layout.reported), prepared.record
     turn = np.zeros((prepared.t_hist.size, n, n))
@@ -201,17 +226,23 @@ def turns(prepared: Prepared) -> Floats:
 def adjoint(
     prepared: Prepared, time: float, bin_seconds: float = 10.0, tape: UpdateTape | None = None
 ) -> AdjointBudget:
-    """Return what every source put into the navigation errors at a time, and when it did; those of a strapdown that is
-    never corrected stand behind, if there is one.
+    """Return the contribution of each error source to the navigation errors at a time, by the time of its origin.
 
     Parameters
     ----------
+    prepared
+        Prepared case.
     time
-        s since lift-off; the history time nearest to it is taken (events are history times).
+        s since lift-off. The nearest history time is used (events are history times).
     bin_seconds
-        Length of the bins of time (s) that contributions are summed over.
+        s. Length of the time bins over which contributions are summed.
     tape
-        The forward pass (`forward_tape`) where it is known already.
+        Tape of the forward pass, of `forward_tape`; None: computed here.
+
+    Returns
+    -------
+    AdjointBudget
+        Variance by output, source and time bin; the outputs of a backup strapdown, if the case has one, are the last.
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     rows, first = turns(prepared)[hist, :N_MOTION], prepared.options.backup
@@ -225,15 +256,27 @@ def adjoint(
 
 
 def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None = None) -> Floats:
-    """Return the true covariance of attitude, velocity and position at a time by source, (n_source, 3, 3, 3), in the
-    reporting axes; (n_source, 6, 3, 3) with those of a strapdown that is never corrected behind, if there is one.
+    """Return the true covariances of attitude, velocity and position at a time by source, in the reporting axes.
 
-    By the backward pass for each component and for each sum of two: Cov(x, y) = (Var(x + y) - Var x - Var y) / 2.
+    Parameters
+    ----------
+    prepared, time, tape
+        As in `adjoint`.
+
+    Returns
+    -------
+    ndarray
+        (n_source, 3, 3, 3) SI squared; (n_source, 6, 3, 3) with those of a backup strapdown as the last three.
+
+    Notes
+    -----
+    The backward pass gives variances. Covariances follow from those of sums: Cov(x, y) = (Var(x + y) - Var x - Var y)
+    / 2.
     """
-    found = _by_source(prepared, time, tape)
+    covariances = _by_source(prepared, time, tape)
     if prepared.options.backup is None:
-        return found
-    return np.concatenate([found, _by_source(prepared, time, forward_tape(prepared, aided=False))], axis=1)
+        return covariances
+    return np.concatenate([covariances, _by_source(prepared, time, forward_tape(prepared, aided=False))], axis=1)
 
 
 def _by_source(prepared: Prepared, time: float, tape: UpdateTape | None) -> Floats:
@@ -242,20 +285,20 @@ def _by_source(prepared: Prepared, time: float, tape: UpdateTape | None) -> Floa
     pairs = [(3 * q + i, 3 * q + j) for q in range(3) for i, j in ((0, 1), (0, 2), (1, 2))]
     rows = np.vstack([single, [single[i] + single[j] for i, j in pairs]])
     variance = _go_back(prepared, np.array([hist]), rows[None], _whole(prepared), tape)[1].sum(axis=2)
-    found = np.zeros((variance.shape[1], 9, 9))
-    found[:, range(9), range(9)] = variance[:9].T
+    P = np.zeros((variance.shape[1], 9, 9))
+    P[:, range(9), range(9)] = variance[:9].T
     for row, (i, j) in enumerate(pairs, start=9):
-        found[:, i, j] = found[:, j, i] = 0.5 * (variance[row] - variance[i] - variance[j])
-    return np.stack([found[:, at : at + 3, at : at + 3] for at in (ATT, VEL, POS)], axis=1)
+        P[:, i, j] = P[:, j, i] = 0.5 * (variance[row] - variance[i] - variance[j])
+    return np.stack([P[:, at : at + 3, at : at + 3] for at in (ATT, VEL, POS)], axis=1)
 
 
 def _go_back(
     prepared: Prepared, hist: Ints, rows: Floats, bin_seconds: float, tape: UpdateTape | None
 ) -> tuple[Floats, Floats]:
-    """Return the edges of the bins and the variance (n_row, n_source, n_bin) that sources put into sums of errors.
+    """Run a backward pass; return the bin edges (s) and the variance (n_row, n_source, n_bin) of linear sums of errors.
 
-    hist : (n_sum,). History times of the errors that are summed, growing.
-    rows : (n_sum, n_row, n) by the first n errors of the joint vector at each of them.
+    hist : (n_sum,). History times of the errors in the sums, ascending.
+    rows : (n_sum, n_row, n). Weights of the first n joint states at each of these times.
     """
     true, schedule = components(prepared), prepared.schedule
     if has_uncorrected_outputs(prepared):

@@ -1,4 +1,4 @@
-"""Further outputs of linear covariance, behind the states: samples of the IMU, the receiver's solution, a backup."""
+"""Additional outputs of linear covariance after the states: IMU samples, receiver solution, backup strapdown."""
 
 import numpy as np
 
@@ -15,8 +15,10 @@ N_SOLUTION = 8  # velocity, position, clock bias and drift of a receiver's solut
 
 
 def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, out: PassResults) -> CovHistory:
-    """Return the history with errors of the IMU's samples, raw and corrected by the estimated bias, behind the states;
-    as it is where they are not reported. The covariance between the two is not computed: it stands as zero.
+    """Append the errors of IMU samples, raw and corrected by the estimated bias, to a history.
+
+    Without reported samples the history is returned unchanged. Covariances with other outputs are not computed and are
+    zero.
     """
     samples = prepared.options.samples
     if samples is None:
@@ -34,8 +36,8 @@ def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, ou
 
 
 def _profiles(prepared: Prepared) -> Floats:
-    """Return the errors of samples (n_hist, 6) that are the same in every run at the history times."""
-    found, unit = np.zeros((prepared.t_hist.size, N_SAMPLE)), prepared.unit
+    """Return the deterministic errors (n_hist, 6) of IMU samples at the history times, rad/s and m/s^2."""
+    errors, unit = np.zeros((prepared.t_hist.size, N_SAMPLE)), prepared.unit
     units, ref = prepared.options.units, prepared.reference
     ticks = np.clip(prepared.hist_tick - 1, 0, len(unit.dtheta) - 1)
     for profile, code in enumerate(unit.profile_sensor.tolist()):
@@ -43,21 +45,24 @@ def _profiles(prepared: Prepared) -> Floats:
         solved = np.eye(3) if units is None else units.solved[units.stage[ticks], triad, sensor]
         value = np.array([[profile_value(unit, profile, axis, t) for axis in range(3)] for t in prepared.record.t])
         if unit.profile_driver[profile] != CONSTANT:
-            own = (ref.dtheta, ref.dvel)[sensor] if units is None else (units.dtheta, units.dvel)[sensor][triad]
-            value *= own[ticks] @ (np.eye(3) if units is None else units.frames[triad, :, 0]).T / unit.dt
-        found[:, 3 * sensor : 3 * sensor + 3] += np.einsum("...ij,...j->...i", solved, value)
-    lacking = (unit.dtheta - ref.dtheta)[ticks], (unit.dvel - ref.dvel)[ticks]
-    return found + np.hstack(lacking) / unit.dt
+            increments = (ref.dtheta, ref.dvel)[sensor] if units is None else (units.dtheta, units.dvel)[sensor][triad]
+            value *= increments[ticks] @ (np.eye(3) if units is None else units.frames[triad, :, 0]).T / unit.dt
+        errors[:, 3 * sensor : 3 * sensor + 3] += np.einsum("...ij,...j->...i", solved, value)
+    bandwidth = (unit.dtheta - ref.dtheta)[ticks], (unit.dvel - ref.dvel)[ticks]
+    return errors + np.hstack(bandwidth) / unit.dt
 
 
 def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResults) -> CovHistory:
-    """Return the history with the error of the receiver's last solution behind the rest; as it is where nothing of it
-    is reported. The covariance between the two is not computed: it stands as zero.
+    """Append the error of the receiver's last solution to a history.
+
+    Without a reported solution the history is returned unchanged. Covariances with other outputs are not computed and
+    are zero.
     """
     report, chain = prepared.options.report, prepared.chain
     if report is None or chain is None:
         return history
     turn = _turn(prepared)
+    # formal covariance of the last solution at each epoch
     own = chain.own[np.maximum.accumulate(np.where(chain.solved, np.arange(len(chain.solved)), 0))]
     last = last_epoch(prepared)
     formal = (
@@ -70,16 +75,16 @@ def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResult
 
 
 def last_epoch(prepared: Prepared) -> np.ndarray:
-    """Return the epoch (n_hist,) that was last at each history time; -1, an entry of zeros at the end, before any."""
+    """Return the last epoch before each history time, (n_hist,); -1 before the first epoch."""
     schedule = prepared.schedule
-    found = np.full(prepared.t_hist.size, -1, dtype=np.int64)
+    epochs = np.full(prepared.t_hist.size, -1, dtype=np.int64)
     at = schedule.hist >= 0
-    found[schedule.hist[at]] = np.maximum.accumulate(schedule.epoch)[at]
-    return found
+    epochs[schedule.hist[at]] = np.maximum.accumulate(schedule.epoch)[at]
+    return epochs
 
 
 def _turn(prepared: Prepared) -> Floats:
-    """Return the matrices (n_hist, 8, 11) from the error of a solution, frame i, to what is reported of it."""
+    """Return the matrices (n_hist, 8, 11) from the receiver-error states, frame i, to the reported outputs."""
     axes = prepared.record.axes
     turn = np.zeros((len(axes), N_SOLUTION, receiver.N_STATE))
     turn[:, 0:3, receiver.VEL : receiver.VEL + 3] = axes
@@ -93,8 +98,18 @@ def _diagonal(variance: Floats) -> Floats:
 
 
 def behind(history: CovHistory, budget: Floats, mean: Floats, formal: Floats, true: Floats) -> CovHistory:
-    """Return the history with further outputs behind: budget (n_hist, n_source, k), mean (n_hist, k), covariances
-    (n_hist, k, k).
+    """Append k outputs to a history, uncorrelated with the present outputs.
+
+    Parameters
+    ----------
+    history
+        History to extend.
+    budget
+        (n_hist, n_source, k) SI squared. Variance by source.
+    mean
+        (n_hist, k) SI. Mean error.
+    formal, true
+        (n_hist, k, k) SI squared. Covariance in the filter model, and true covariance.
     """
     k = range(mean.shape[1])
     return history._replace(
@@ -108,7 +123,7 @@ def behind(history: CovHistory, budget: Floats, mean: Floats, formal: Floats, tr
 
 
 def _bordered(inner: Floats, outer: Floats) -> Floats:
-    """Return matrices (n_hist, n + k, n + k) of two on the diagonal."""
+    """Return block-diagonal matrices (n_hist, n + k, n + k)."""
     n, k = inner.shape[1], outer.shape[1]
     full = np.zeros((len(inner), n + k, n + k))
     full[:, :n, :n], full[:, n:, n:] = inner, outer

@@ -32,12 +32,18 @@ N_NAV = 9
 
 
 @jit
-def nominal_window(nominal, reference, unit, first, n_tick, how, sensed, linearised=EVERY_WINDOW):
-    """Mechanise the ideal unit's increments over a window from the true state: the sums that the transition needs.
+def nominal_window(nominal, reference, unit, first, n_tick, algorithm, sensed, linearised=EVERY_WINDOW):
+    """Integrate the strapdown over a window from the true state, to get the integrals that the transition needs.
 
-    sensed : take those that the unit puts out (bandwidth) in place of the true ones where the strapdown's own error is
-        counted, for the algorithm sees no others; linearised : what the window does to the rates of
-        `transition.linearise`
+    Parameters
+    ----------
+    nominal : Nominal; its state, increments and integrals are set
+    reference, unit : Reference, Unit
+    first, n_tick : first tick, number of ticks
+    algorithm : Strapdown
+    sensed : whether the increments are those that the IMU outputs (bandwidth), if the error of the strapdown algorithm
+        is included; otherwise they are true increments
+    linearised : code of `transition.linearise`
     """
     dt = unit.dt
     place(nominal.nav, reference, first)
@@ -45,16 +51,26 @@ def nominal_window(nominal, reference, unit, first, n_tick, how, sensed, lineari
     for k in range(first, first + n_tick):
         for axis in range(3):
             turned, gained = reference.dtheta[k, axis], reference.dvel[k, axis]
-            if sensed and how.counted:
+            if sensed and algorithm.counted:
                 turned, gained = unit.dtheta[k, axis], unit.dvel[k, axis]
             nominal.increments[k - first, axis], nominal.increments[k - first, 3 + axis] = turned, gained
-    n_step, step = n_tick // how.subsamples, dt * how.subsamples
-    mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_step, step, how, dt * first)
+    n_step, step = n_tick // algorithm.subsamples, dt * algorithm.subsamples
+    mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_step, step, algorithm, dt * first)
 
 
 @jit
 def input_matrix(b, block, j, true, sums, seconds):
-    """Set b (9, 3): how the three components of block j enter attitude, velocity and position over a window."""
+    """Set the sensitivity of attitude, velocity and position to the components of a block over a window.
+
+    Parameters
+    ----------
+    b : (9, 3) set here, SI per unit of each component
+    block : (9,) scratch
+    j : block
+    true : Components
+    sums : (18,) integrals of the strapdown over the window
+    seconds : s, length of the window
+    """
     for i in range(N_NAV):
         for axis in range(3):
             b[i, axis] = 0.0
@@ -70,7 +86,7 @@ def input_matrix(b, block, j, true, sums, seconds):
                     b[at + i, axis] = sums[3 * i + axis] / seconds
     elif seconds > 0.0:
         first, last = (ATT_GYRO, VEL_GYRO) if sensor == GYRO else (VEL_ACCEL, VEL_ACCEL)
-        is_white = driven_by == WHITE  # variance per second: as a bias over the window
+        is_white = driven_by == WHITE  # PSD: acts like a bias of variance PSD / seconds over the window
         size = 1.0 / np.sqrt(seconds) if is_white else 1.0
         for kind in range(first, last + 1):
             parameter_block(block, kind, CONSTANT if is_white else driven_by, sums, seconds)
@@ -85,7 +101,7 @@ def input_matrix(b, block, j, true, sums, seconds):
 
 @jit
 def _block_input(scratch, j, true, units, sums, seconds, first, n_tick):
-    """Set scratch.input: how the three components of block j, of one unit or of a set (Units), enter over a window."""
+    """Set `scratch.input` to the sensitivity to block j over a window, for one IMU or an array (Units)."""
     if units is None or true.driver[j] == GRAVITY:
         input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
     else:
@@ -94,7 +110,7 @@ def _block_input(scratch, j, true, units, sums, seconds, first, n_tick):
 
 @jit
 def fill_inputs(scratch, true, units, sums, seconds, first, n_tick):
-    """Set how the components enter attitude, velocity and position over a window of some ticks, where they do."""
+    """Set `scratch.b`, the sensitivity of attitude, velocity and position to each component over a window."""
     for j in range(true.sensor.shape[0]):
         if true.profile[j] < 0 and true.moving[j]:
             _block_input(scratch, j, true, units, sums, seconds, first, n_tick)
@@ -106,9 +122,14 @@ def fill_inputs(scratch, true, units, sums, seconds, first, n_tick):
 
 @jit
 def _enter_over_window(P, y, b, variance, echo):
-    """Let components c of one group, a lane each, enter P and y = Cov(x, c) by b (9,), before c decays.
+    """Add the effect of components c, one per lane, over a window: x += b c, before c decays.
 
-    echo: variance of the part of c's driving noise that enters the states with the opposite sign of b.
+    Parameters
+    ----------
+    P, y : (N, N) covariance of x, and (N,) Cov(x, c); both updated in place
+    b : (9,) sensitivity of attitude, velocity and position
+    variance : variance of c
+    echo : variance of the driving noise of c that also enters the states, with the opposite sign of b
     """
     n = P.shape[0]
     half = 0.5 * (variance + echo)
@@ -128,7 +149,7 @@ def _enter_over_window(P, y, b, variance, echo):
 
 @jit
 def _advance_components(joint, scratch, true, length, g):
-    """Let the components of one group act over a window, then decay and be driven."""
+    """Add the effect of the components of a group over a window, then propagate the components themselves."""
     factors, noises = group(true.factor[length], g), group(true.noise[length], g)
     echoes, variances = group(true.echo[length], g), group(joint.variance, g)
     cross, b, P = group(joint.cross, g), group(scratch.b, g), group(joint.sources, g)
@@ -147,10 +168,10 @@ def _advance_components(joint, scratch, true, length, g):
 
 @jit
 def _enter_states(joint, true, b, decay, length):
-    """Let components enter the states that the filter has for them by the difference between true and modelled decay;
-    b (1,) work.
+    """Add to the error of modelled states the difference between true and modelled decay times the component.
 
-    The filter takes off its estimate by the same blocks, so only what the estimate misses remains: in e already.
+    The error of such a state is component minus estimate, and the filter compensates its estimate by the same blocks,
+    so propagating the error of the state covers all other effects. b (1,) is scratch.
     """
     for c in range(true.source.shape[0]):
         for p in range(true.state_from[c], true.state_from[c + 1]):
@@ -163,7 +184,7 @@ def _enter_states(joint, true, b, decay, length):
 
 @jit
 def _drive_states(joint, true, length):
-    """Let the driving noise of components enter the states that the filter has for them."""
+    """Add the driving noise of components to the error of the states that model them."""
     for c in range(true.source.shape[0]):
         source, k, first, last = true.source[c], true.slot[c], true.state_from[c], true.state_from[c + 1]
         g, lane = true.group[source], true.lane[source]
@@ -177,7 +198,17 @@ def _drive_states(joint, true, length):
 
 @jit
 def propagate_sources(joint, scratch, true, units, model, sums, schedule, w):
-    """Propagate what is true over window w, source by source, and the mean; scratch.D_true holds the transition."""
+    """Propagate the true covariance by source and the mean over window w, with the transition in `scratch.D_true`.
+
+    Parameters
+    ----------
+    joint : JointCovariance, updated in place
+    scratch, true : Scratch, Components
+    units : Units of an IMU array; None for one IMU
+    model, schedule : FilterModel, Schedule
+    sums : (18,) integrals of the strapdown over the window
+    w : window
+    """
     length, first, n_tick = schedule.length[w], schedule.first_tick[w], schedule.n_tick[w]
     seconds, decay, D = model.seconds[length], true.decay[length], scratch.D_true
     rows, columns = true.nav_rows, true.nav_columns
@@ -197,8 +228,10 @@ def propagate_sources(joint, scratch, true, units, model, sums, schedule, w):
 
 @jit
 def _advance_profiles(joint, unit, units, model, sums, schedule, w):
-    """Let biases that are the same in every run act over window w, in the mean. Where the filter has a state for the
-    bias only its change acts; where samples are measurements and there is no state, the samples hold it.
+    """Add the effect of deterministic profiles over window w to the mean.
+
+    If a filter state models the bias, only the change of the profile acts. If IMU samples are measurements and no state
+    models the bias, it enters by the samples.
     """
     state, scratch, true = joint.state, joint.scratch, joint.true
     length, first, n_tick = schedule.length[w], schedule.first_tick[w], schedule.n_tick[w]
@@ -218,7 +251,7 @@ def _advance_profiles(joint, unit, units, model, sums, schedule, w):
                 for i in range(g.shape[0]):
                     g[i] = 0.0
                 g[matched + axis] = 1.0
-                # the value is the window's mean, so a change acts from the window's start
+                # the value is the mean over the window, so a change acts from the start of the window
                 apply_phi(g, scratch.D_true, true.nav_rows, true.nav_columns, decay, model.clock, seconds)
                 extra = 1.0 - decay[matched + axis]
                 for i in range(g.shape[0]):
@@ -231,10 +264,17 @@ def _advance_profiles(joint, unit, units, model, sums, schedule, w):
 
 @jit
 def set_deviation(deviation, unit, nav, model, first, n_tick, reference):
-    """Set what a window holds in every run: error of the estimate by sensed minus true increments (bandwidth) in
-    attitude, velocity and position (9), inertial axes; error of the filter's gravity (3).
+    """Set the deterministic errors of a window: effect of sensed minus true increments, and error of the gravity model.
 
-    Increment by increment: a vehicle that spins or shakes turns far between the ends of a window.
+    Increments are rotated one by one, because a spinning or vibrating vehicle rotates far within a window.
+
+    Parameters
+    ----------
+    deviation : (12,) set here: error in attitude, velocity and position (9), frame i; true minus modelled gravitation
+        (3) m/s^2
+    unit, reference : Unit with sensed increments, Reference with true increments
+    nav, model : (10,) navigation state; FilterModel
+    first, n_tick : first tick, number of ticks
     """
     for i in range(12):
         deviation[i] = 0.0
@@ -255,14 +295,15 @@ def set_deviation(deviation, unit, nav, model, first, n_tick, reference):
     tx, ty, tz = gravity(J4, x, y, z)
     ox, oy, oz = gravity(model.strapdown.gravity, x, y, z)
     d[9], d[10], d[11] = tx - ox, ty - oy, tz - oz
-    if model.strapdown.counted:  # the strapdown's own error over the window has the gravity's in it
+    if model.strapdown.counted:  # the error of the strapdown over the window includes that of the gravity model
         d[9] = d[10] = d[11] = 0.0
 
 
 @inlined
 def _at_middle(c, a, x, y, z):
-    """Return inertial components of a body vector in the attitude of the middle of a tick: c (9,) at its start, a its
-    rotation.
+    """Return a body vector x, y, z in frame i, with the attitude at the middle of a tick.
+
+    c : (9,) rotation matrix at the start of the tick; a : (3,) rad, rotation over the tick
     """
     rx, ry, rz = cross(a[0], a[1], a[2], x, y, z)
     x, y, z = x + 0.5 * rx, y + 0.5 * ry, z + 0.5 * rz
@@ -275,9 +316,7 @@ def _at_middle(c, a, x, y, z):
 
 @jit
 def _add_deviation(mean, deviation, seconds, sensed):
-    """Add what is the same in every run to the mean: what sensed increments err by, where they are what is propagated,
-    and a gravity model that is not the truth's.
-    """
+    """Add deterministic errors to the mean: of sensed increments if these are propagated, and of the gravity model."""
     if sensed:
         for i in range(N_NAV):
             mean[i] -= deviation[i]
@@ -288,7 +327,7 @@ def _add_deviation(mean, deviation, seconds, sensed):
 
 @jit
 def _add_strapdown_error(mean, nav, reference, tick):
-    """Add to the mean what the strapdown misses over a window that it began at the true state."""
+    """Add to the mean the error of the strapdown over a window that it began at the true state."""
     q = reference.q_b_i[tick]
     x, y, z = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     mean[ATT], mean[ATT + 1], mean[ATT + 2] = mean[ATT] + x, mean[ATT + 1] + y, mean[ATT + 2] + z
@@ -299,7 +338,7 @@ def _add_strapdown_error(mean, nav, reference, tick):
 
 @jit
 def _propagate_formal(work, D, model, schedule, w):
-    """Propagate the filter's own covariance over window w, as `filters.ekf.predict_window` does; D: its blocks."""
+    """Propagate the formal covariance over window w as `filters.ekf.predict_window` does; D is set to its blocks."""
     length, nav = schedule.length[w], work.nav
     for i in range(work.sums.shape[0]):
         work.held[i] = work.sums[i]
@@ -312,10 +351,10 @@ def _propagate_formal(work, D, model, schedule, w):
 
 @jit
 def _add_deviations(nav, joint, flight, model, schedule, w):
-    """Add to the mean what window w holds in every run."""
+    """Add the deterministic errors of window w to the mean."""
     first, n_tick, deviation = schedule.first_tick[w], schedule.n_tick[w], joint.scratch.deviation
     set_deviation(deviation, flight.unit, nav, model, first, n_tick, flight.reference)
-    # the strapdown's own error over the window has that of the sensed increments in it
+    # the error of the strapdown over the window includes that of the sensed increments
     counted = not (joint.true.by_samples or model.strapdown.counted)
     _add_deviation(joint.state.mean, deviation, model.seconds[schedule.length[w]], counted)
     if model.strapdown.counted:
@@ -324,9 +363,15 @@ def _add_deviations(nav, joint, flight, model, schedule, w):
 
 @jit
 def propagate(work, case, joint, flight, units, w):
-    """Propagate everything over window w: the filter's own covariance by its model, each source's by the truth's.
+    """Propagate formal and true covariance over window w: the former by the filter model, the latter by the truth.
 
-    Where the samples of the IMU are measurements, what they propagate is propagated already, tick by tick.
+    If IMU samples are measurements, motion has already been propagated tick by tick; the remaining effects follow here.
+
+    Parameters
+    ----------
+    work, case, joint, flight : as in `forward.forward`
+    units : Units of an IMU array; None for one IMU
+    w : window
     """
     model, schedule, scratch, true, sums = case.model, case.schedule, joint.scratch, joint.true, work.sums
     x, y, z = work.nav[R], work.nav[R + 1], work.nav[R + 2]

@@ -1,9 +1,8 @@
-"""Joint states after the filter's error: error of the receiver's solution, clones of earlier states.
+"""Joint states after the estimation error: error of the receiver's solution, and clones of earlier states.
 
-The joint vector is [e, s, k]: e the filter's error, s that of the receiver's solution (see `solution.Chain`), k for
-each measurement that is still on its way the navigation error at the time that it is of and the velocity error a while
-before. What is copied or combined at an epoch is linear, so every source goes through it by itself, forwards and
-backwards.
+The joint vector is [e, s, k]: estimation error e, error s of the receiver's solution (see `solution.Chain`), and clones
+k. For each delayed measurement, a clone has the navigation error at its time of validity, and an earlier velocity
+error. Copies and combinations at an epoch are linear, so they apply to every source separately, forwards and backwards.
 """
 
 from lvnav_trade.engines.epoch.joint import N_CLONE, N_NAV
@@ -15,8 +14,8 @@ from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.transition import VEL
 
 N_SOLUTION_ENTRY = 12
-"""Measurements of a solution have entries, behind those of the filter, for its own error and for the velocities that an
-extrapolation takes."""
+"""Jacobian entries of a solution after those of the filter: its own error (6), and the velocities of an extrapolation
+(6)."""
 
 
 @jit
@@ -50,7 +49,15 @@ def _move_covariance(P, work, A, at):
 
 @jit
 def advance_solution(joint, scratch, chain, true, epoch):
-    """Advance the error of the receiver's solution to an epoch, in every source and in the mean."""
+    """Propagate the receiver-error states to an epoch, in every source and in the mean.
+
+    Parameters
+    ----------
+    joint : JointCovariance, updated in place
+    scratch, true : Scratch, Components
+    chain : Chain of a solution, or Successive
+    epoch : index
+    """
     A, at, m = chain.move[epoch], true.solution, chain.move.shape[1]
     for g in range(true.n_slot.shape[0]):
         work = whole(scratch.y)
@@ -77,7 +84,7 @@ def advance_solution(joint, scratch, chain, true, epoch):
 
 @jit
 def solution_back(back, work, chain, true, epoch, time_bin):
-    """Go back through `advance_solution`: what its noise put in, and the multipliers before it."""
+    """Propagate the adjoint backwards through `advance_solution`, and add the contribution of its noise."""
     A, at, m = chain.move[epoch], true.solution, chain.move.shape[1]
     for metric in range(back.e.shape[0]):
         y = back.e[metric]
@@ -123,7 +130,7 @@ def clone_states(joint, true, to, first, n):
 def clone_error(joint, true, late, window):
     """Clone the navigation error at the end of a window, as `filters.late.keep` stores the state.
 
-    The error of less than a tick's motion is left out: below a millimetre.
+    The error by motion within a tick is neglected; it is below a millimetre.
     """
     if late is not None:
         for line in range(late.n_ring.shape[0]):
@@ -149,7 +156,7 @@ def _line_back(y, true, late, line, window):
 
 @jit
 def clone_back(back, true, late, window):
-    """Go back through `clone_error`."""
+    """Propagate the adjoint backwards through `clone_error`."""
     if late is not None:
         for m in range(back.e.shape[0]):
             for line in range(late.n_ring.shape[0]):
@@ -158,7 +165,11 @@ def clone_back(back, true, late, window):
 
 @jit
 def complete_rows(H, late, epoch):
-    """Complete the Jacobian rows of a solution with what of its own error and of clones is in them."""
+    """Set the Jacobian entries of a solution for its own error, and for the clones of an extrapolation.
+
+    The innovation depends on the error of the solution with -1. An extrapolation over the delay d with the acceleration
+    from two velocities, b apart, depends on them with -d in position, and -d / b and d / b in velocity.
+    """
     solution = H.shape[1] - N_SOLUTION_ENTRY
     velocity = solution + 6
     for i in range(6):

@@ -10,7 +10,16 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 
 @jit
 def write(out, hist, formal, state, scratch, true, axes_att, axes):
-    """Write covariances and mean at a history time; the budget in reporting axes."""
+    """Write covariances, mean and error budget at a history time.
+
+    Parameters
+    ----------
+    out : PassResults, updated in place
+    hist : history time
+    formal : (n, n) covariance of the filter
+    state, scratch, true : JointCovariance, Scratch, Components
+    axes_att, axes : (3, 3) rotations from frame i to body axes and to the reporting axes, for the budget
+    """
     n = formal.shape[0]
     for i in range(n):
         out.mean[hist, i] = state.mean[i]
@@ -38,8 +47,9 @@ def write(out, hist, formal, state, scratch, true, axes_att, axes):
 
 @jit
 def write_samples(out, hist, state, true, units, samples, tick, dt):
-    """Write by source the variance of the errors of the IMU's samples beside their noise: raw, and corrected by the
-    estimated bias.
+    """Write the error variance of IMU samples without their noise by source: raw, and corrected by the estimated bias.
+
+    units : Units of an IMU array, or None; samples : Samples; tick, dt : last tick, s
     """
     _write_biases(out, hist, state, true, samples)
     if units is None:
@@ -79,7 +89,7 @@ def _write_components(out, hist, state, true, samples, tick):
 
 @jit
 def write_solution(out, hist):
-    """Write what is held of the receiver's solution at a history time."""
+    """Write mean and covariance of the receiver's last solution at a history time."""
     for i in range(out.held_mean.shape[0]):
         out.receiver_mean[hist, i] = out.held_mean[i]
         for j in range(out.held_mean.shape[0]):

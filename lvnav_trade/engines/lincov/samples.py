@@ -1,4 +1,4 @@
-"""Expected innovations of the IMU's samples, where they are measurements."""
+"""Expected innovations of IMU samples as measurements."""
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.vehicle import N_SAMPLE
@@ -6,7 +6,15 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 
 @jit
 def expected_of_samples(true, ticks, motion, vehicle):
-    """Return the expected sum of squares of the normalised innovations of the last tick's samples."""
+    """Return the expected sum of squares of the normalised innovations of the samples of the last tick.
+
+    Parameters
+    ----------
+    true : Components
+    ticks : SampleScratch, with mean innovation and innovation covariance by source
+    motion : Motion, with P h' and weights of the filter's sequential update
+    vehicle : VehicleModel
+    """
     S, T, h, columns, total = ticks.expected, ticks.turned, motion.h, vehicle.columns, 0.0
     for r in range(N_SAMPLE):
         for q in range(N_SAMPLE):
@@ -14,7 +22,7 @@ def expected_of_samples(true, ticks, motion, vehicle):
             S[r, q] = ticks.seen[r] * ticks.seen[q]
             for source in range(true.group.shape[0]):
                 S[r, q] += ticks.S[true.group[source], r, q, true.lane[source]]
-    # samples are processed one after the other: innovation r is T_r z with what those before it have taken off
+    # samples are processed in sequence: innovation r is T_r z, with T_r = e_r - sum over q < r of h_r K_q weight_q T_q
     for r in range(N_SAMPLE):
         for q in range(r):
             seen = 0.0

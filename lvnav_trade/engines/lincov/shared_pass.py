@@ -1,8 +1,8 @@
-"""Linear covariance of cases that differ in true sigmas alone, from a few passes that they share.
+"""Linear covariance of cases that differ in true sigmas only, from a few shared passes.
 
 The gains of a filter depend on its own models. With the same gains, the true covariance is a sum over independent
-sources, and each source enters by the square of its sigma. So the covariance of a case is that of the case with the
-smallest sigmas, plus a share of what each larger sigma adds.
+sources, and each source enters with the square of its sigma. The covariance of a case is therefore that of the case
+with the smallest sigmas, plus a fraction of the increase by each larger sigma.
 """
 
 from collections.abc import Sequence
@@ -14,24 +14,24 @@ from lvnav_trade.engines.lincov.expected import false_rejection
 from lvnav_trade.records import CovHistory, Floats, InjectionLaw
 
 TOLERANCE = 1e-9
-"""Largest difference of a predicted covariance, as a share of its sigmas, that still counts as the same."""
+"""Largest difference between predicted and computed covariance, relative to the sigmas, that counts as equal."""
 _LINEAR = ("true_cov", "budget", "expected_nees", "expected_nis", "row_ratio")
-"""Fields that are sums over the sources, beside a part that is the same in every case."""
+"""Fields that are sums over the sources, apart from a part that is the same in every case."""
 _SAME = ("formal_cov", "mean", "n_row", "t", "t_epoch", "decisions")
-"""Fields that true sigmas do not enter."""
+"""Fields that do not depend on true sigmas."""
 _OF_INJECTION = ("covariance", "knowledge", "execution")
 """Fields of the injection of a guided ascent that are sums over the sources."""
 
 
 class SharedPass(NamedTuple):
-    """The passes that cases share, each with one sigma of its own.
+    """Passes that cases share: one with the smallest sigmas, and the increase by each sigma at its largest.
 
     gate_squared : Limit of the filter's gate on a squared normalised innovation.
     least : Smallest value of each varied sigma, (n_axis,).
     largest : Largest value, (n_axis,).
     base : Linear covariance with all sigmas at their smallest value.
-    added : What each sigma adds at its largest value: for each axis the fields of `_LINEAR`.
-    injected : The same of the fields of `_OF_INJECTION`; empty for each axis without guidance.
+    added : Increase by each sigma at its largest value: for each axis the fields of `_LINEAR`.
+    injected : Likewise for the fields of `_OF_INJECTION`; empty for each axis without guidance.
     """
 
     gate_squared: float
@@ -49,23 +49,37 @@ def shared_pass(
     base: CovHistory,
     raised: Sequence[CovHistory],
 ) -> SharedPass:
-    """Return the shared passes from that of the smallest sigmas, and for each axis that with its sigma at its largest.
+    """Return the shared passes of cases that differ in true sigmas.
 
-    ValueError where a raised sigma changes what it cannot: the filter's own covariance, the mean.
+    Parameters
+    ----------
+    gate_squared
+        Limit of the filter's gate on a squared normalised innovation.
+    least, largest
+        (n_axis,). Smallest and largest value of each varied sigma.
+    base
+        Linear covariance with all sigmas at their smallest value.
+    raised
+        For each axis, linear covariance with its sigma at its largest value.
+
+    Raises
+    ------
+    ValueError
+        If a raised sigma changes the formal covariance or the mean, on which it can have no effect.
     """
-    for one in raised:
-        if not is_same_filter(base, one):
+    for history in raised:
+        if not is_same_filter(base, history):
             raise ValueError("the filter is not the same")
     added = tuple(
-        tuple(getattr(one, name) - getattr(base, name) for name in _LINEAR) for one in raised
+        tuple(getattr(history, name) - getattr(base, name) for name in _LINEAR) for history in raised
     )  # by axis, then by field
-    injected = tuple(_added_injection(base.injection, one.injection) for one in raised)
+    injected = tuple(_added_injection(base.injection, history.injection) for history in raised)
     first, last = np.asarray(least, dtype=float), np.asarray(largest, dtype=float)
     return SharedPass(gate_squared, first, last, base, added, injected)
 
 
 def _added_injection(base: InjectionLaw | None, raised: InjectionLaw | None) -> tuple[Floats, ...]:
-    """Return what a raised sigma adds to the fields of `_OF_INJECTION`; ValueError where the two have other sources."""
+    """Return the increase of the fields of `_OF_INJECTION` by a raised sigma; ValueError if the sources differ."""
     if base is None or raised is None:
         return ()
     if base.why != raised.why or base.sources != raised.sources:
@@ -74,40 +88,41 @@ def _added_injection(base: InjectionLaw | None, raised: InjectionLaw | None) -> 
 
 
 def is_same_filter(one: CovHistory, other: CovHistory) -> bool:
-    """Whether two passes have the same filter, mean and times, bit for bit."""
+    """Return whether two passes have the same filter, mean and times, bit for bit."""
     return all(np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True) for name in _SAME)
 
 
 def covariance_of(shared: SharedPass, sigmas: Sequence[float]) -> CovHistory:
-    """Return linear covariance of the case with these sigmas (n_axis,), in the units of `SharedPass.least`."""
+    """Return the linear covariance of the case with given sigmas (n_axis,), in the units of `SharedPass.least`."""
     sigma = np.asarray(sigmas, dtype=float)
-    part = (sigma**2 - shared.least**2) / (shared.largest**2 - shared.least**2)
-    found = {}
+    fractions = (sigma**2 - shared.least**2) / (shared.largest**2 - shared.least**2)
+    fields = {}
     for place, name in enumerate(_LINEAR):
         total = getattr(shared.base, name).copy()
-        for share, added in zip(part, shared.added, strict=True):
+        for share, added in zip(fractions, shared.added, strict=True):
             total += share * added[place]
-        found[name] = total
+        fields[name] = total
     law = shared.base.injection
     if law is not None:
         sums = {
             name: getattr(law, name)
-            + sum(share * added[place] for share, added in zip(part, shared.injected, strict=True))
+            + sum(share * added[place] for share, added in zip(fractions, shared.injected, strict=True))
             for place, name in enumerate(_OF_INJECTION)
         }
         law = law._replace(**sums)
-    diagonal = np.diagonal(found["true_cov"], axis1=1, axis2=2)
+    diagonal = np.diagonal(fields["true_cov"], axis1=1, axis2=2)
     return shared.base._replace(
-        **found,
+        **fields,
         true_sigma=np.sqrt(np.maximum(0.0, diagonal)),
-        false_rejection=false_rejection(shared.gate_squared, found["row_ratio"]),
+        false_rejection=false_rejection(shared.gate_squared, fields["row_ratio"]),
         injection=law,
     )
 
 
 def largest_difference(found: CovHistory, computed: CovHistory) -> float:
-    """Return how far two covariances are apart: of the true covariance as a share of the sigmas of its row and column,
-    of the other sums as a share of themselves.
+    """Return the largest relative difference of two linear covariances.
+
+    The true covariance is compared relative to the sigmas of its row and column, the other sums relative to themselves.
     """
     sigma = computed.true_sigma
     scale = np.maximum(sigma[:, :, None] * sigma[:, None, :], 1e-300)
@@ -119,7 +134,7 @@ def largest_difference(found: CovHistory, computed: CovHistory) -> float:
         if not np.array_equal(np.isnan(a), np.isnan(b)):
             return float("inf")
     if found.injection is not None and computed.injection is not None and not computed.injection.why:
-        totals = [np.diagonal(one.covariance.sum(axis=0)) for one in (found.injection, computed.injection)]
+        totals = [np.diagonal(law.covariance.sum(axis=0)) for law in (found.injection, computed.injection)]
         known = np.isfinite(totals[1]) & (totals[1] > 0.0)
         apart.append(float(np.max(np.abs(totals[0][known] / totals[1][known] - 1.0), initial=0.0)))
     return max(apart)

@@ -1,4 +1,4 @@
-"""Slots of the error components: a source owns a lane of a group and in it one slot for each of its components."""
+"""Slots of the error components: each source has a lane of a group, and in it one slot for each component."""
 
 from typing import Any, NamedTuple
 
@@ -34,7 +34,10 @@ class Component(NamedTuple):
 
 
 def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
-    """Return group and lane of every source and the slots of every group; sources of many components stand together."""
+    """Return group and lane of each source, and the number of slots of each group.
+
+    count : number of components of each source. Sources with many components share groups, so few slots are unused.
+    """
     place = np.empty(len(count), dtype=np.int64)
     place[np.argsort(-np.array(count), kind="stable")] = np.arange(len(count))
     group, lane = place // GROUP, place % GROUP
@@ -44,31 +47,31 @@ def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
 
 
 def as_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
-    """Return values of sources (n_source, ...) in groups, (n_group, ..., n_lane)."""
-    found = grouped_zeros((int(group.max()) + 1, *values.shape[1:]))
-    found[group, ..., lane] = values
-    return found
+    """Return values by source (n_source, ...) as groups of lanes, (n_group, ..., n_lane)."""
+    grouped = grouped_zeros((int(group.max()) + 1, *values.shape[1:]))
+    grouped[group, ..., lane] = values
+    return grouped
 
 
 def by_length(values: Floats, group: Ints, lane: Ints) -> Floats:
-    """Return values of sources by window length (n_source, n_length, ...) as (n_length, n_group, ..., n_lane), from the
-    start of a cache line on.
+    """Return values by source and window length (n_source, n_length, ...) as (n_length, n_group, ..., n_lane), aligned
+    to a cache line.
     """
     return aligned(np.swapaxes(as_lanes(values, group, lane), 0, 1))
 
 
 def slot_tables(components: list[Component], n_source: int, n_length: int) -> dict[str, Any]:
-    """Return places, flags, decay and noise of all components, by the names of Components' fields."""
+    """Return places, flags, decay and noise of all components, by name of the field of `Components`."""
     count, slot = [0] * n_source, list[int]()
-    for one in components:
-        slot.append(count[one.source])
-        count[one.source] += 1
+    for component in components:
+        slot.append(count[component.source])
+        count[component.source] += 1
     group, lane, n_slot = places_of(count)
     most = max(1, int(n_slot.max(initial=0)))
     flags, tables = np.zeros((3, n_slot.size, most), dtype=np.bool_), np.zeros((3, n_source, n_length, most, 1))
-    for one, k in zip(components, slot, strict=True):
-        tables[:, one.source, :, k, 0] = one.factor, one.noise, one.noise * one.echoes
-        flags[:, group[one.source], k] |= np.array([one.followed, one.moves, one.samples])
+    for item, k in zip(components, slot, strict=True):
+        tables[:, item.source, :, k, 0] = item.factor, item.noise, item.noise * item.echoes
+        flags[:, group[item.source], k] |= np.array([item.followed, item.moves, item.samples])
     factor, noise, echo = (by_length(table, group, lane) for table in tables)
     return {
         "group": group,
@@ -81,15 +84,15 @@ def slot_tables(components: list[Component], n_source: int, n_length: int) -> di
         "noise": noise,
         "echo": echo,
         "slot": np.array(slot, dtype=np.int64),
-        "source": np.array([one.source for one in components], dtype=np.int64),
-        "states": np.array([state for one in components for state in one.states], dtype=np.int64),
-        "state_from": np.cumsum([0, *(len(one.states) for one in components)], dtype=np.int64),
-        "start": np.array([one.start for one in components], dtype=float),
+        "source": np.array([item.source for item in components], dtype=np.int64),
+        "states": np.array([state for item in components for state in item.states], dtype=np.int64),
+        "state_from": np.cumsum([0, *(len(item.states) for item in components)], dtype=np.int64),
+        "start": np.array([item.start for item in components], dtype=float),
     }
 
 
 def aligned(values: Floats) -> Floats:
-    """Return the same values in an array that begins where a cache line does."""
-    found = grouped_zeros(values.shape[:-1])
-    found[:] = values
-    return found
+    """Return a copy of the values that is aligned to a cache line."""
+    copy = grouped_zeros(values.shape[:-1])
+    copy[:] = values
+    return copy

@@ -1,4 +1,4 @@
-"""Sources of a case, and the filter's measurements with respect to the joint vector."""
+"""Error sources of a case, and the Jacobians of its measurements with respect to the joint vector."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ from lvnav_trade.world.sensors.units import keyed, mounted
 
 
 def source_names(prepared: Prepared) -> list[str]:
-    """Return every physical source of error of a case, in the order of the budget."""
+    """Return the names of all error sources of a case, in the order of the budget."""
     scenario, model = prepared.scenario, prepared.model
     names, owners = ["initial attitude", "initial velocity", "initial position"], dict(mounted(scenario.imu)).items()
     names += [keyed(f"{label} random walk", number) for number, _ in owners for label in ("gyro", "accelerometer")]
@@ -40,7 +40,7 @@ def source_names(prepared: Prepared) -> list[str]:
 
 
 def source_labels(prepared: Prepared) -> tuple[str, ...]:
-    """Return the sources of a case as the report names them; of several units the first has a number too."""
+    """Return the error sources of a case as named in the report; in an IMU array the first IMU has a number too."""
     first = "unit 1 " if prepared.options.units is not None else ""
     return tuple(
         (first if name.startswith(("gyro ", "accelerometer ")) else "") + label_of(name)
@@ -49,13 +49,13 @@ def source_labels(prepared: Prepared) -> tuple[str, ...]:
 
 
 def n_joint(prepared: Prepared) -> int:
-    """Return how many states the joint vector has: the filter's, those of the receiver's error, those of clones."""
+    """Return the number of joint states: estimation error, receiver-error states, clones."""
     late = prepared.options.late
     return prepared.layout.n_state + n_receiver_error(prepared) + (0 if late is None else N_CLONE * late.buffered.size)
 
 
 def n_receiver_error(prepared: Prepared) -> int:
-    """Return how many states the receiver's error has: that of its solution, or of ranges and of those before."""
+    """Return the number of receiver-error states: of its solution, or of ranges at this and the previous epoch."""
     return 2 * len(difference_channels(prepared)) if prepared.chain is None else prepared.chain.move.shape[1]
 
 
@@ -71,7 +71,7 @@ _WHITE = (
 
 
 def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
-    """Return the measurements with respect to the whole joint vector, and where the states behind e stand."""
+    """Return Jacobian structure and offsets of the joint vector, by name of the field of `Components`."""
     model, chain, late, n = prepared.model, prepared.chain, prepared.options.late, prepared.layout.n_state
     n_error, differences = n_receiver_error(prepared), difference_channels(prepared)
     solution = n if n_error else -1
@@ -106,22 +106,22 @@ def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
 
 
 def _pairs(prepared: Prepared, channel: int, solution: int, clone: int, of_receiver: bool) -> list[tuple[int, int]]:
-    """List entry and state of a channel's Jacobian row; a late measurement is of the errors of a clone."""
+    """Return the pairs (Jacobian entry, joint state) of a channel; a buffered measurement depends on its clone."""
     model, chain, late = prepared.model, prepared.chain, prepared.options.late
     n, line = model.n_entry[channel], -1 if late is None else late.line[channel]
     extrapolated = late is not None and late.extrapolated and of_receiver
     buffered = line >= 0 and not extrapolated
-    stated = zip(model.entry[channel, :n].tolist(), model.column[channel, :n].tolist(), strict=True)
-    pairs = [(e, clone + c if buffered and c < N_NAV else c) for e, c in stated]
+    filter_pairs = zip(model.entry[channel, :n].tolist(), model.column[channel, :n].tolist(), strict=True)
+    pairs = [(e, clone + c if buffered and c < N_NAV else c) for e, c in filter_pairs]
+    first = model.entry.shape[1]  # entries of receiver-error states follow those of the filter
     if channel in (differences := difference_channels(prepared)):
-        own, at = model.entry.shape[1], solution + differences.index(channel)
-        pairs += [(own, at), (own + 1, at + len(differences))]
+        at = solution + differences.index(channel)
+        pairs += [(first, at), (first + 1, at + len(differences))]
     if chain is not None and of_receiver:
-        own = model.entry.shape[1]
-        pairs += [(own + i, solution + int(chain.pick[i])) for i in range(6)]
+        pairs += [(first + i, solution + int(chain.pick[i])) for i in range(6)]
         if extrapolated:
-            pairs += [(own + 6 + i, clone + VEL + i) for i in range(3)]
-            pairs += [(own + 9 + i, clone + N_NAV + i) for i in range(3)]
+            pairs += [(first + 6 + i, clone + VEL + i) for i in range(3)]
+            pairs += [(first + 9 + i, clone + N_NAV + i) for i in range(3)]
     return pairs
 
 
@@ -135,14 +135,15 @@ _ROWS = {
 
 
 def noise_sources(prepared: Prepared, names: list[str]) -> Ints:
-    """Return the source of the noise of each channel, (n_channel,), -1 none: that of a difference is in the error of
-    what it is the difference of.
+    """Return the source of the white measurement noise of each channel, (n_channel,).
+
+    It is -1 for a difference of two epochs, whose noise is in the receiver-error states.
     """
-    found = [
+    sources = [
         names.index(_ROWS[kind]) if kind in _ROWS and _ROWS[kind] in names else -1
         for kind in prepared.model.row_type.tolist()
     ]
     for first, device in zip(prepared.channels.first, prepared.devices, strict=True):
         for scalar in range(len(device.channels.labels)):
-            found[first + scalar] = names.index(device.noise)
-    return np.array(found, dtype=np.int64)
+            sources[first + scalar] = names.index(device.noise)
+    return np.array(sources, dtype=np.int64)

@@ -1,9 +1,9 @@
-"""Differences of two epochs in the joint covariance: the error of a measurement is a state until the next epoch.
+"""Differences of two epochs in the joint covariance: measurement errors are states until the next epoch.
 
-The error of a measured range, apart from what the filter has states for, is a state of the joint vector, and so is that
-of the epoch before; a difference measures the first less the second. So its noise is the moving average that it is, in
-every source, forwards and backwards. The filter's clones are states of its error already: after an epoch they are those
-that they are of.
+The error of a range that no filter state models is a state of the joint vector, and so is that of the previous epoch. A
+difference measures the first minus the second. Its noise is thus a moving average, in every source, in the forward and
+in the backward pass. The clones of the filter are joint states already; after an epoch they are set to the present
+states.
 """
 
 from typing import NamedTuple
@@ -22,15 +22,20 @@ from lvnav_trade.observables.partials import DIFFERENCES, OF_ONE, PHASES
 from lvnav_trade.records import Floats, Ints
 
 N_ENTRIES = 2
-"""Entries of a row for the error of a measurement and of that before."""
+"""Jacobian entries for the measurement error at this epoch and at the previous one."""
 
 
 class Successive(NamedTuple):
-    """Errors of measurements by epochs; m states, of n channels (the first half) and of the same an epoch before.
+    """Measurement errors of n channels as m = 2 n joint states: at this epoch, and at the previous epoch.
 
-    move (n_epoch, m, m), white (n_epoch, m, n), variance (n_epoch, n), shared (n_epoch, m, n_component), push (n_epoch,
-    m): as of `solution.Chain`; kind (n,) is the number of a channel. source: names (n,) of the noise; renewed (n_epoch,
-    n_extra) true variance that a state of the filter begins anew with, -1 where it does not, renewed_source (n_extra,).
+    move : (n_epoch, m, m). Transition from the previous epoch, as in `solution.Chain`.
+    white : (n_epoch, m, n). Effect of the noise of each channel on the states.
+    variance : (n_epoch, n) SI squared. Variance of that noise.
+    kind : (n,). Channel.
+    shared : (n_epoch, m, n_component). Effect of the correlated measurement errors.
+    push : (n_epoch, m). Deterministic change; zero here.
+    renewed : (n_epoch, n_extra) SI squared. True variance to which an extra state is reset, -1: no reset.
+    renewed_source : (n_extra,). Source of that variance.
     """
 
     move: Floats
@@ -44,14 +49,14 @@ class Successive(NamedTuple):
 
 
 def noise_of(observable: str) -> str:
-    """Return the source of the noise of an observable, of a difference that of what it is of."""
+    """Return the noise source of an observable; for a difference, that of the differenced observable."""
     if observable in PHASES:
         return "carrier-phase noise"
     return "range-rate noise" if observable == "range_rate" else "pseudorange noise"
 
 
 def difference_channels(prepared: Prepared) -> list[int]:
-    """Return the channels that are differences, of satellites that are ever tracked."""
+    """Return the channels that are differences of two epochs, for satellites that are tracked at any time."""
     channels = prepared.channels
     if prepared.options.delayed is None:
         return []
@@ -65,9 +70,16 @@ def difference_channels(prepared: Prepared) -> list[int]:
 
 
 def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> Successive | None:
-    """Return the errors of successive measurements, None where no further observables are measured.
+    """Return the errors of successive measurements; None without further observables.
 
-    names of the sources; families: by family of shared errors that of the filter's extra states, -1 none.
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    names
+        Names of the error sources.
+    families
+        For each family of correlated errors, the block of extra states that models it, -1 none.
     """
     if prepared.options.delayed is None:
         return None
@@ -107,7 +119,7 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
 
 
 def _renewed(prepared: Prepared, names: list[str]) -> tuple[Floats, Ints]:
-    """Return the true variances of what begins anew, and their sources; see `Successive`."""
+    """Return `renewed` and `renewed_source` of `Successive`."""
     delayed, signals, n_kind = prepared.options.delayed, prepared.signals, prepared.model.n_kind
     renewed, source = np.full(delayed.renewed.shape, -1.0), np.zeros(delayed.renewed.shape[1], dtype=np.int64)
     first = 0
@@ -128,7 +140,7 @@ def _renewed(prepared: Prepared, names: list[str]) -> tuple[Floats, Ints]:
 
 @jit
 def measure_further(nominal, further, signals, epoch):
-    """Set what is measured, on the nominal flight, of satellites beside pseudorange and range rate."""
+    """Set the further observables (phases, differences) of the nominal flight at an epoch; further : or None."""
     if further is not None:
         for slot in range(signals.n_used[epoch]):
             s = signals.used[epoch, slot]
@@ -141,13 +153,14 @@ def measure_further(nominal, further, signals, epoch):
 
 @jit
 def _forget(P, at):
+    """Set the row and the column of a state in a covariance to zero."""
     for i in range(P.shape[0]):
         P[at, i], P[i, at] = like(P[0, 0], 0.0), like(P[0, 0], 0.0)
 
 
 @inlined
 def _renew_joint(joint, successive, true, model, epoch):
-    """Let states of the filter's error begin anew at an epoch, in every source and in the mean."""
+    """Reset the error of extra states that are renewed at an epoch, in every source and in the mean."""
     if successive is not None:
         for e in range(successive.renewed.shape[1]):
             if successive.renewed[epoch, e] >= 0.0:
@@ -165,8 +178,8 @@ def _renew_joint(joint, successive, true, model, epoch):
 
 @inlined
 def begin_successive(joint, successive, model, epoch):
-    """Begin an epoch in every source (Successive, or None): errors of measurements become those before, and what begins
-    anew does.
+    """Begin an epoch in every source (Successive, or None): present measurement errors become those of the previous
+    epoch, and renewed states are reset.
     """
     if successive is not None:
         advance_solution(joint.state, joint.scratch, successive, joint.true, epoch)
@@ -175,7 +188,7 @@ def begin_successive(joint, successive, model, epoch):
 
 @inlined
 def renew_back(back, successive, model, epoch, time_bin):
-    """Go back through `begin_successive` for what begins anew."""
+    """Propagate the adjoint backwards through the reset of states, and add the contribution of their new variance."""
     if successive is not None:
         for e in range(successive.renewed.shape[1]):
             if successive.renewed[epoch, e] >= 0.0:
@@ -188,7 +201,7 @@ def renew_back(back, successive, model, epoch, time_bin):
 
 @jit
 def _origin(true, late, delayed, epoch, c):
-    """Return the state that a clone of the filter is of after an epoch: of a late receiver that of its validity."""
+    """Return the joint state that a clone of the filter copies; with a late receiver that of the time of validity."""
     state = delayed.cloned[c]
     if late is not None and late.receiver >= 0 and state < 9:
         return true.clone + N_CLONE * place_of(late, late.receiver, epoch) + state
@@ -197,8 +210,8 @@ def _origin(true, late, delayed, epoch, c):
 
 @inlined
 def clone_joint(joint, late, delayed, epoch):
-    """Let the filter's clones (Delayed, or None) be what the states are at the end of an epoch, in every source and in
-    the mean.
+    """Set the clones of the filter (Delayed, or None) to the states at the end of an epoch, in every source and in the
+    mean.
     """
     if delayed is not None:
         for c in range(delayed.cloned.shape[0]):
@@ -208,7 +221,7 @@ def clone_joint(joint, late, delayed, epoch):
 
 @inlined
 def joint_back(back, true, late, delayed, epoch):
-    """Go back through `clone_joint`."""
+    """Propagate the adjoint backwards through `clone_joint`."""
     if delayed is not None:
         for m in range(back.e.shape[0]):
             y = back.e[m]

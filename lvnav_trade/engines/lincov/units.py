@@ -1,7 +1,7 @@
-"""Errors of several IMUs in the joint covariance: how each enters through the array's least squares.
+"""Errors of an IMU array in the joint covariance: effect of each IMU through the least squares of the array.
 
-A filter state such as a gyro bias stands for a sum of errors of all units. So no component is that of a state: in the
-joint vector the error of such a state is minus its estimate, and the sum is added where covariances are written.
+A filter state such as a gyro bias models a sum of errors of all IMUs, so no component belongs to one state. In the
+joint vector the error of such a state is minus its estimate; the sum of the components is added to the results.
 """
 
 from typing import NamedTuple
@@ -20,13 +20,13 @@ from lvnav_trade.kernels.transition import ATT, CONSTANT, GYRO, OTHER_0, OTHER_2
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.records import Floats, Ints
 
-# What no increment multiplies: what quantisation holds back, and white noise, new in every window.
+# Drivers that no increment multiplies: the quantisation remainder, and white noise, new in every window.
 REMAINDER, WHITE = -1, -3
 
 
 @jit
 def _means(mean, units, triad, sensor, first, n_tick, seconds):
-    """Set the mean inputs over a window, body axes: mean (2, 3) of the sensor itself and of the other one."""
+    """Set the mean inputs of a triad over a window, (2, 3) body axes: of the sensor itself, of the other sensor."""
     for i in range(3):
         angle, speed = 0.0, 0.0
         for tick in range(first, first + n_tick):
@@ -37,8 +37,9 @@ def _means(mean, units, triad, sensor, first, n_tick, seconds):
 
 @jit
 def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
-    """Set scratch.input (9, 3): how the three components of block j of a set enter attitude, velocity and position over
-    a window.
+    """Set `scratch.input` (9, 3), the sensitivity of attitude, velocity and position to block j of an IMU array.
+
+    The parameters are those of `propagate.input_matrix`; first, n_tick : ticks of the window.
     """
     b, mean = scratch.input, scratch.mean_input
     for i in range(9):
@@ -49,11 +50,11 @@ def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
     sensor, driver, triad = true.sensor[j], true.driver[j], true.triad[j]
     _means(mean, units, triad, sensor, first, n_tick, seconds)
     size, stage = 1.0, units.stage[first]
-    kx, ky, kz = 1.0, 1.0, 1.0  # a known error enters by the gain alone
+    kx, ky, kz = 1.0, 1.0, 1.0  # factors by which the selection of IMUs changes random errors; 1 for profiles
     if true.profile[j] < 0:
         noisy = units.noisy[stage, sensor, 1 if driver == WHITE else 0]
         kx, ky, kz = noisy[0], noisy[1], noisy[2]
-    if driver == WHITE:  # variance per second: as a bias over the window
+    if driver == WHITE:  # PSD: acts like a bias of variance PSD / seconds over the window
         size = 1.0 / np.sqrt(seconds)
     elif driver == REMAINDER:
         size = -1.0 / seconds
@@ -77,7 +78,7 @@ def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
 
 @jit
 def inform_nominal(formal, units, model, first, n_tick, seconds):
-    """Inform the filter of units that are excluded on the nominal flight, as a run does: over a window of ticks."""
+    """Inflate the formal covariance for IMUs that are excluded on the nominal flight, as in a run, over a window."""
     if units is not None:
         _inform(formal, units, units.redundant, model, first, n_tick, seconds)
 
@@ -95,7 +96,7 @@ def _inform(formal, units, vote, model, first, n_tick, seconds):
 
 @jit
 def samples_of_units(out, hist, state, true, units, samples, tick, dt):
-    """Write by source the variance of the errors of the fused samples beside their noise: raw, and corrected by the
+    """Write the error variance of the combined samples without their noise by source: raw, and corrected by the
     estimated bias.
     """
     for j in range(true.sensor.shape[0]):
@@ -117,7 +118,7 @@ def samples_of_units(out, hist, state, true, units, samples, tick, dt):
 
 @jit
 def _add_component(out, hist, state, true, weights, component):
-    """Add a component to the covariances of the states that stand for it among others: weights (n_state,)."""
+    """Add a component to the covariances of the states that model it: weights (n_state,) of the component in them."""
     source, k = true.source[component], true.slot[component]
     g, lane = true.group[source], true.lane[source]
     variance, n = state.variance[g, k, 0, lane], weights.shape[0]
@@ -132,7 +133,7 @@ def _add_component(out, hist, state, true, weights, component):
 
 @jit
 def add_sums(out, hist, state, true, units, tick):
-    """Add to what is written at a history time, after a tick, the sums of errors that states of the filter are for."""
+    """Add the sums of components that filter states model to the results at a history time (Units, or None)."""
     if units is not None:
         for j in range(true.sensor.shape[0]):
             for c in range(3):
@@ -145,11 +146,22 @@ def add_sums(out, hist, state, true, units, tick):
 
 
 def stands_for(layout: StateLayout, units: Units, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
-    """Return how much of each component of a block stands in each state of the filter, (n_stage, n_block, 3, n_state):
-    the error of an axis enters the fused triad by its column of A, and multiplies what its frame projects.
+    """Return the weight of each component in each filter state that models it, (n_stage, n_block, 3, n_state).
+
+    The error of a sensing axis enters the combined triad by its column of the least-squares solution, and multiplies
+    the input projected on its frame.
+
+    Parameters
+    ----------
+    layout
+        States of the filter.
+    units
+        IMU array.
+    sensor, driver, triad
+        (n_block,). Sensor, driver and triad of each block of components.
     """
-    found = np.zeros((len(units.solved), sensor.size, 3, layout.n_state))
-    for stage, j in np.ndindex(found.shape[:2]):
+    weights = np.zeros((len(units.solved), sensor.size, 3, layout.n_state))
+    for stage, j in np.ndindex(weights.shape[:2]):
         if driver[j] < CONSTANT or driver[j] == SQUARE:
             continue
         frames, solved = units.frames[triad[j]], units.solved[stage, triad[j], sensor[j]]
@@ -157,17 +169,20 @@ def stands_for(layout: StateLayout, units: Units, sensor: Ints, driver: Ints, tr
             for block in layout.parameters:
                 if block.sensor != sensor[j]:
                     continue
-                found[stage, j, c, block.offset : block.offset + 3] += solved[:, c] * _share(
+                weights[stage, j, c, block.offset : block.offset + 3] += solved[:, c] * _share(
                     frames[c], c, int(driver[j]), block.driver
                 )
         for p, at in enumerate(units.pair_state.tolist()):
             if at >= 0 and units.pair_sensor[p] == sensor[j] and driver[j] == CONSTANT:
-                found[stage, j, :, at : at + 3] += units.pair_solved[p, triad[j]].T
-    return found
+                weights[stage, j, :, at : at + 3] += units.pair_solved[p, triad[j]].T
+    return weights
 
 
 def _share(frame: Floats, c: int, driver: int, wanted: int) -> Floats:
-    """Return what of a parameter of axis c goes with what each axis (3,) of a state's block multiplies."""
+    """Return the part of a parameter of sensing axis c that each axis (3,) of a block of states models.
+
+    frame : (3, 3) directions of the axis, body axes; driver, wanted : driver of the parameter, driver of the block
+    """
     own, other = range(OWN_0, OWN_2 + 1), range(OTHER_0, OTHER_2 + 1)
     if driver == CONSTANT or wanted == CONSTANT:
         return np.full(3, float(driver == wanted))
@@ -180,9 +195,12 @@ def _share(frame: Floats, c: int, driver: int, wanted: int) -> Floats:
 
 
 class Differences(NamedTuple):
-    """Differences of two units as measurements: of (n_channel,) the row of each channel, -1 none; reach (n_row,
-    n_epoch, n_component) of it with respect to the components of blocks; pair_of (n_device,) difference of each sensor,
-    -1 none; nominal (n_pair, n_epoch, 3) what it is in every run.
+    """Differences of two IMUs as measurements.
+
+    of : (n_channel,). Row of the channel in `reach`, -1 none.
+    reach : (n_row, n_epoch, n_component). Derivative of the measurement with respect to each IMU error component.
+    pair_of : (n_device,). Pair of IMUs that a sensor measures, -1 none.
+    nominal : (n_pair, n_epoch, 3). Difference on the nominal flight, the same in every run.
     """
 
     of: Ints
@@ -192,7 +210,7 @@ class Differences(NamedTuple):
 
 
 def no_differences(n_channel: int, n_device: int) -> Differences:
-    """Return the differences of a case that measures none."""
+    """Return the empty record of a case without measured differences."""
     none = np.full(max(1, n_device), -1, dtype=np.int64)
     return Differences(np.full(n_channel, -1, dtype=np.int64), np.zeros((0, 0, 0)), none, np.zeros((0, 0, 3)))
 
@@ -200,20 +218,31 @@ def no_differences(n_channel: int, n_device: int) -> Differences:
 def differences(
     prepared: Prepared, sensor: Ints, driver: Ints, triad: Ints, profile: Ints, first: Ints, n_component: int
 ) -> Differences:
-    """Return how blocks of error components enter the differences that a case measures: by what each multiplies, summed
-    since the measurement before. A component is taken for constant over that time.
+    """Return the measured differences of two IMUs of a case.
+
+    A difference is the sum of increments since the previous measurement. Its derivative is thus the sum of the driver
+    of each component, which is approximated as constant over that time.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    sensor, driver, triad, profile, first
+        (n_block,). As in `Components`.
+    n_component
+        Number of IMU error components.
     """
     units, channels, dt = prepared.options.units, prepared.channels, prepared.unit.dt
-    found = no_differences(channels.n_channel, len(prepared.devices))
+    empty = no_differences(channels.n_channel, len(prepared.devices))
     if units is None or not units.pair_sensor.size:
-        return found
+        return empty
     n_epoch, along = prepared.t_epoch.size, along_axes(units, dt)
     reach = np.zeros((3 * units.pair_sensor.size, n_epoch, n_component))
     nominal = np.zeros((units.pair_sensor.size, n_epoch, 3))
     for at, device, p in zip(channels.first, prepared.devices, units.pair_of.tolist(), strict=True):
         if p < 0:
             continue
-        found.of[at : at + 3] = range(3 * p, 3 * p + 3)
+        empty.of[at : at + 3] = range(3 * p, 3 * p + 3)
         s, solved = int(units.pair_sensor[p]), units.pair_solved[p]
         ticks = np.rint((np.stack([prepared.t_epoch - device.since, prepared.t_epoch]) - prepared.unit.start) / dt)
         nominal[p] = _summed(np.einsum("tic,tnc->ni", solved, along[s]), ticks)
@@ -221,23 +250,23 @@ def differences(
             entering = inputs_of(units, dt, int(driver[j]), int(triad[j]), s)
             inputs = _summed(entering, ticks)
             if profile[j] >= 0:
-                held = _profile(prepared, int(profile[j])) * (entering / dt)
-                nominal[p] += _summed(held, ticks) @ solved[triad[j]].T
+                errors = _profile(prepared, int(profile[j])) * (entering / dt)
+                nominal[p] += _summed(errors, ticks) @ solved[triad[j]].T
             else:
-                here = slice(int(first[j]), int(first[j]) + 3)
-                reach[3 * p : 3 * p + 3, :, here] = np.einsum("ic,ec->iec", solved[triad[j]], inputs)
-    return Differences(found.of, reach, units.pair_of, nominal)
+                axes = slice(int(first[j]), int(first[j]) + 3)
+                reach[3 * p : 3 * p + 3, :, axes] = np.einsum("ic,ec->iec", solved[triad[j]], inputs)
+    return Differences(empty.of, reach, units.pair_of, nominal)
 
 
 def _summed(increments: Floats, ticks: Floats) -> Floats:
-    """Return sums (n_epoch, k) of increments (n_tick, k) from the first to the second of ticks (2, n_epoch)."""
+    """Return sums (n_epoch, k) of increments (n_tick, k) between two ticks (2, n_epoch) for each epoch."""
     total = np.vstack([np.zeros((1, increments.shape[1])), np.cumsum(increments, axis=0)])
     first, last = ticks.astype(np.int64)
     return np.asarray(total[last] - total[first])
 
 
 def _profile(prepared: Prepared, profile: int) -> Floats:
-    """Return an error that is the same in every run, times the tick, (n_tick, 3)."""
+    """Return the error of a deterministic profile times the tick, (n_tick, 3)."""
     unit = prepared.unit
     middle = unit.start + unit.dt * (np.arange(unit.dtheta.shape[0]) + 0.5)
     first, last = unit.profile_start[profile], unit.profile_end[profile]

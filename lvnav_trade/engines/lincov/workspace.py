@@ -22,11 +22,15 @@ from lvnav_trade.records import Floats, Ints
 
 
 class JointCovariance(NamedTuple):
-    """True covariance of a pass, updated. N states: the filter's error e (n), the receiver's solution error, clones.
+    """True covariance of the joint vector in a pass, updated in place.
 
-    mean (N,); sources (n_group, N, N, n_lane) the true covariance, a source a
-    lane; cross (n_group, n_slot, N, n_lane) covariance of the N states with each error component and variance
-    (n_group, n_slot, 1, n_lane) of it; profile (n_profile, 3) present value of biases that are the same in every run.
+    The N joint states are the estimation error (n), the error of the receiver's solution, and clones.
+
+    mean : (N,). Mean of the joint states.
+    sources : (n_group, N, N, n_lane). Covariance by source, one lane each.
+    cross : (n_group, n_slot, N, n_lane). Covariance of the joint states with each error component.
+    variance : (n_group, n_slot, 1, n_lane). Variance of each error component.
+    profile : (n_profile, 3). Present value of the deterministic biases.
     """
 
     mean: Floats
@@ -62,13 +66,13 @@ class UpdateTape(NamedTuple):
 
 
 class Reported(NamedTuple):
-    """The receiver on the nominal flight, as far as the filter sees it: covariance (6, 6) that it reports, frame i."""
+    """Covariance (6, 6) that the receiver reports with its solution on the nominal flight, frame i."""
 
     covariance: Floats
 
 
 class Axes(NamedTuple):
-    """Axes at the history times: matrices (n_hist, 3, 3) from frame i to body axes, and to the reporting axes."""
+    """Rotations (n_hist, 3, 3) at the history times from frame i: to body axes (attitude), to the reporting axes."""
 
     attitude: Floats
     axes: Floats
@@ -196,22 +200,22 @@ a : (n_group, n_slot, 6) in lanes. Derivative of an IMU sample with respect to e
 
 
 def _record(kind: Any, alone: dict[str, tuple[int, ...]], grouped: dict[str, tuple[int, ...]]) -> Any:
-    """Return a record of zeros: arrays of the given shapes, and arrays with the lanes of a group behind theirs."""
-    found = {name: np.zeros(shape) for name, shape in alone.items()}
-    return kind(**found, **{name: grouped_zeros(shape) for name, shape in grouped.items()})
+    """Return a record of zeros: arrays of given shapes, and arrays with the lanes of a group as an additional axis."""
+    arrays = {name: np.zeros(shape) for name, shape in alone.items()}
+    return kind(**arrays, **{name: grouped_zeros(shape) for name, shape in grouped.items()})
 
 
 def row_width(prepared: Prepared) -> int:
-    """Return how many entries a Jacobian row has."""
+    """Return the number of entries of a Jacobian row, receiver-error states included."""
     if prepared.options.delayed is not None:
         return prepared.model.entry.shape[1] + N_ENTRIES
     return prepared.model.entry.shape[1] + (0 if prepared.chain is None else N_SOLUTION_ENTRY)
 
 
 def new_nominal(prepared: Prepared) -> Nominal:
-    """Return the work arrays of the nominal run, empty."""
+    """Return the work arrays of the nominal run, zero except for the initial covariance."""
     model, signals, n, n_epoch = prepared.model, prepared.signals, prepared.layout.n_state, prepared.t_epoch.size
-    found = Nominal(
+    nominal = Nominal(
         **zeros_of(
             {
                 "nav": (10,),
@@ -241,14 +245,14 @@ def new_nominal(prepared: Prepared) -> Nominal:
             }
         )
     )
-    found.P[:] = prepared.start.P
-    if prepared.options.delayed is not None:  # the error of a measurement, and that of the epoch before
-        found.H[:, -N_ENTRIES:] = 1.0, -1.0
-    return found
+    nominal.P[:] = prepared.start.P
+    if prepared.options.delayed is not None:  # error of the measurement minus that of the previous epoch
+        nominal.H[:, -N_ENTRIES:] = 1.0, -1.0
+    return nominal
 
 
 def new_nominal_earlier(prepared: Prepared) -> Earlier | None:
-    """Return what the nominal run stores of the epoch before, empty; None where no difference is measured."""
+    """Return the arrays for the previous epoch of the nominal run; None without differences of two epochs."""
     delayed, model = prepared.options.delayed, prepared.model
     if delayed is None:
         return None
@@ -265,10 +269,7 @@ def _new_covariance(prepared: Prepared, true: Components) -> JointCovariance:
 
 
 def new_scratch(prepared: Prepared, true: Components) -> Scratch:
-    """Return the work arrays of the forward pass: D, D_true blocks of the transition, block and input (9, 3) of the
-    components of a block; in lanes b how components enter attitude, velocity and position, seen what a measurement has
-    of each, noise of a measurement.
-    """
+    """Return the work arrays of the forward pass, zero."""
     n, n_state, (n_group, n_slot) = n_joint(prepared), prepared.layout.n_state, true.followed.shape
     return _record(
         Scratch,
@@ -295,11 +296,11 @@ def new_scratch(prepared: Prepared, true: Components) -> Scratch:
 
 
 def new_sample_scratch(prepared: Prepared, true: Components) -> SampleScratch | None:
-    """Return work arrays for the samples of the IMU, None where they are no measurements."""
+    """Return the work arrays for IMU samples as measurements; None without."""
     if prepared.options.vehicle is None:
         return None
     n, (n_group, n_slot), six = n_joint(prepared), true.followed.shape, N_SAMPLE
-    found: SampleScratch = _record(
+    scratch: SampleScratch = _record(
         SampleScratch,
         {
             "gain": (six, n),
@@ -318,12 +319,12 @@ def new_sample_scratch(prepared: Prepared, true: Components) -> SampleScratch | 
             "through": (n,),
         },
     )
-    found.noise[:] = as_lanes(true.sample_noise, true.group, true.lane)
-    return found
+    scratch.noise[:] = as_lanes(true.sample_noise, true.group, true.lane)
+    return scratch
 
 
 def new_joint(prepared: Prepared, true: Components, tape: UpdateTape) -> Joint:
-    """Return the joint covariance at the start of the flight, with what a pass fills."""
+    """Return the joint covariance at the start of the flight, with empty results and tape."""
     out = new_record(prepared, true.group.size)
     return Joint(_new_covariance(prepared, true), new_scratch(prepared, true), tape, out, true)
 
@@ -334,7 +335,7 @@ def new_flight(prepared: Prepared, true: Components) -> NominalFlight:
 
 
 def new_backward_scratch(prepared: Prepared, true: Components) -> BackwardScratch:
-    """Return the work arrays of the backward pass; b, a as of `new_scratch` and `new_sample_scratch`."""
+    """Return the work arrays of the backward pass, zero."""
     vehicle = prepared.options.vehicle
     n_entry = 1 if vehicle is None else vehicle.columns.shape[1]
     alone = {
@@ -350,9 +351,9 @@ def new_backward_scratch(prepared: Prepared, true: Components) -> BackwardScratc
 
 
 def new_record(prepared: Prepared, n_source: int) -> PassResults:
-    """Return what the pass fills, empty."""
+    """Return the results of a forward pass, zero."""
     n, n_hist, n_epoch, options = prepared.layout.n_state, prepared.t_hist.size, prepared.t_epoch.size, prepared.options
-    n_sampled, n_reported = (0 if one is None else n_hist for one in (options.samples, options.report))
+    n_sampled, n_reported = (0 if option is None else n_hist for option in (options.samples, options.report))
     return PassResults(
         **zeros_of(
             {

@@ -1,4 +1,4 @@
-"""Attitude and gyro bias of a vehicle from its own log: level from the rest, heading as stated or from the motion."""
+"""Alignment from a recorded log: level and gyro bias from the rest, heading as given or from the motion."""
 
 import math
 from typing import NamedTuple
@@ -12,15 +12,20 @@ from lvnav_trade.kernels.earth import OMEGA, gravity_along
 from lvnav_trade.records import Floats
 from lvnav_trade.world.user_file.navigation_log import NavigationLog, Recording
 
-_UPRIGHT = math.cos(math.radians(30.0))  # of the x axis against the vertical: its heading means little beyond
-_WRONG_FORCE = 0.03  # part of gravity by which the mean force of a rest may be off
-_FASTEST = 0.5  # m/s of a vehicle at rest
-_SLOWEST = 0.5  # m/s rms that a heading can be found from
+_UPRIGHT = math.cos(math.radians(30.0))  # x axis within 30 degrees of the vertical: its heading is ill-defined
+_WRONG_FORCE = 0.03  # largest error of the mean specific force at rest, as a fraction of gravity
+_FASTEST = 0.5  # m/s, largest speed of a vehicle at rest
+_SLOWEST = 0.5  # m/s rms, smallest speed from which a heading is determined
 
 
 class Alignment(NamedTuple):
-    """At t s (the end of the rest): C_b_n (3, 3) body to north, east, down; gyro_bias (3,) rad/s that is taken off;
-    heading, and how far the motion leaves it open (one sigma; 0 where it was stated), rad.
+    """Initial attitude and gyro bias of a recorded log.
+
+    t : s. Time of the alignment, the end of the rest.
+    C_b_n : (3, 3). Rotation from body axes to north, east, down.
+    gyro_bias : (3,) rad/s. Bias that is subtracted from the rates, body axes.
+    heading : rad.
+    heading_sigma : rad. One-sigma of a heading from the motion; 0 if it was given.
     """
 
     t: float
@@ -31,7 +36,13 @@ class Alignment(NamedTuple):
 
 
 def align(log: Recording, card: NavigationLog) -> Alignment:
-    """Return the attitude at the end of the rest; InputError where it is none, or the motion shows no heading."""
+    """Return the alignment at the end of the rest.
+
+    Raises
+    ------
+    InputError
+        If the vehicle is not at rest, the specific force at rest is not gravity, or the motion does not show a heading.
+    """
     begin, end = card.still
     rest = (log.t_fix >= begin) & (log.t_fix <= end)
     if not rest.any() or end >= log.t_fix[-1]:
@@ -52,7 +63,7 @@ def align(log: Recording, card: NavigationLog) -> Alignment:
     if card.heading is not None:
         heading, sigma = card.heading, 0.0
     else:
-        # the turn of the Earth is left in the rate at rest: a twelfth of a degree in 20 s
+        # the mean rate at rest includes the Earth rate, which is thus removed too: a twelfth of a degree in 20 s
         heading, sigma = _heading_of_motion(log, card, level, rate, weight)
     C_b_n = Rotation.from_rotvec([0.0, 0.0, heading]).as_matrix() @ level
     turning = C_b_n.T @ axes_n @ np.array([0.0, 0.0, OMEGA])
@@ -61,19 +72,19 @@ def align(log: Recording, card: NavigationLog) -> Alignment:
 
 
 def increments_to(log: Recording, t: Floats, sums: Floats) -> Floats:
-    """Return the sums (n, 3) of increments of a log at times t (n,), straight between its rows."""
-    return np.column_stack([np.interp(t, log.t, part) for part in sums.T])
+    """Return the summed increments (n, 3) of a log at times t (n,) s, interpolated linearly between its rows."""
+    return np.column_stack([np.interp(t, log.t, axis) for axis in sums.T])
 
 
 def _weight(place: Floats) -> float:
-    """Return gravity (m/s^2) less the centrifugal acceleration at latitude, longitude and height."""
+    """Return gravity (m/s^2), gravitation plus centrifugal acceleration, at latitude, longitude (rad), height (m)."""
     r_e = ecef_from_geodetic(*place)
     outward = OMEGA**2 * r_e * np.array([1.0, 1.0, 0.0])
     return float(np.linalg.norm(gravity_along(r_e[None, :])[0] + outward))
 
 
 def _levelled(down: Floats) -> Floats:
-    """Return C_b_n (3, 3) of a body whose heading is zero; down (3,): the vertical in body axes."""
+    """Return the attitude C_b_n (3, 3) with zero heading; down (3,): direction of the vertical, body axes."""
     ahead = np.array([1.0, 0.0, 0.0] if abs(down[0]) < _UPRIGHT else [0.0, 0.0, 1.0])
     north = ahead - (ahead @ down) * down
     north /= np.linalg.norm(north)
@@ -83,8 +94,9 @@ def _levelled(down: Floats) -> Floats:
 def _heading_of_motion(
     log: Recording, card: NavigationLog, level: Floats, rate: Floats, weight: float
 ) -> tuple[float, float]:
-    """Return the heading by which the horizontal velocity that the unit gains fits that of the receiver best, and its
-    one-sigma, rad: both as complex numbers, the heading is the phase between them.
+    """Return the heading that best fits the horizontal velocity of the IMU to that of the receiver, and its sigma, rad.
+
+    With both velocities as complex numbers, the heading is the phase between them.
     """
     end = card.still[1]
     fixes = (log.t_fix > end) & (log.t_fix <= end + card.heading_within)

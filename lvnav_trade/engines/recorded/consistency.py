@@ -1,8 +1,9 @@
-"""A log's inertial unit held against the velocities of its receiver, whatever the attitude and before any filter.
+"""Consistency of a log's IMU with the velocities of its receiver, for any attitude and before any filter.
 
-Between solutions the unit's increments, turned by its own rates into the axes at the start of a window, are what the
-receiver's velocity gains beyond gravitation, turned by one unknown attitude. That attitude is fitted window by window
-(Wahba's problem); what is left are errors of both. Rows that cannot be true are left out, units that cannot be refused.
+Between two solutions, the velocity increments of the IMU, rotated by its rates to the axes at the start of a window,
+equal the velocity gained by the receiver beyond gravitation, apart from one unknown attitude per window. That attitude
+is fitted window by window (Wahba's problem); the residuals are errors of IMU and receiver. Solutions with impossible
+residuals are omitted, and logs with impossible units of measure are refused.
 """
 
 from typing import NamedTuple
@@ -17,14 +18,14 @@ from lvnav_trade.kernels.earth import OMEGA, gravity_along
 from lvnav_trade.records import Bools, Floats, Ints
 from lvnav_trade.world.user_file.navigation_log import NavigationLog, Recording
 
-_LONGEST = 2.0  # s between solutions that are compared
-_WINDOW, _FEWEST = 10.0, 6  # s and intervals of one attitude
-_FINEST = 100.0  # 1/s, of the unit's increments
-_JUMP, _SCATTERS = 1.0, 15.0  # m/s, and median misses, beyond which a velocity is wild
-_MOST_WILD = 0.1
-_STEP, _SEARCHED = 1.0, 600.0  # s between solutions, and from the rest on, where units are compared
-_UNFIT, _BETTER = 0.3, 1.0 / 3.0  # m/s over a step; part of it that another unit leaves
-_IMPOSSIBLE = 5.0  # m/s over a step, a median, that no error of a unit makes
+_LONGEST = 2.0  # s, largest interval between solutions that are compared
+_WINDOW, _FEWEST = 10.0, 6  # length (s) and smallest number of intervals of a window with one attitude
+_FINEST = 100.0  # Hz, largest rate at which increments are integrated
+_JUMP, _SCATTERS = 1.0, 15.0  # limit of a residual: m/s, and multiple of the median residual
+_MOST_WILD = 0.1  # largest fraction of solutions that may be omitted
+_STEP, _SEARCHED = 1.0, 600.0  # s between solutions, and s from the rest on, for the check of units of measure
+_UNFIT, _BETTER = 0.3, 1.0 / 3.0  # m/s, median residual that needs an explanation; fraction left by a better unit
+_IMPOSSIBLE = 5.0  # m/s, median residual that no error of an IMU explains
 _PASSES = 4
 _UNITS = (
     (np.full(3, np.pi / 180.0), "if the rates were deg/s (rad/s are stated)"),
@@ -47,8 +48,13 @@ _SIGNS = tuple(
 
 
 class _Intervals(NamedTuple):
-    """Between solutions first and last (n,): gained (n, 3) m/s beyond gravitation, frame i; pushed (n, 3) m/s the
-    unit's increments in body axes at the first; turn (n, 3, 3) from body axes at the last to those.
+    """Intervals between solutions.
+
+    first : (n,). Solution at the start.
+    last : (n,). Solution at the end.
+    gained : (n, 3) m/s. Velocity gained by the receiver beyond gravitation, frame i.
+    pushed : (n, 3) m/s. Velocity increments of the IMU, body axes at the start.
+    turn : (n, 3, 3). Rotation from body axes at the end to those at the start.
     """
 
     first: Ints
@@ -59,7 +65,22 @@ class _Intervals(NamedTuple):
 
 
 def inertial_fixes(log: Recording, start: float, theta0: float) -> tuple[Floats, Floats, Floats]:
-    """Return times (m,) s since the start, positions and velocities (m, 3), frame i, of a log's solutions."""
+    """Return the solutions of a log in the inertial frame.
+
+    Parameters
+    ----------
+    log
+        Recorded log.
+    start
+        s. Time in the log from which times count.
+    theta0
+        rad. Earth rotation angle at that time.
+
+    Returns
+    -------
+    t, r_i, v_i
+        (m,) s, (m, 3) m and (m, 3) m/s. Times, positions and velocities, frame i.
+    """
     t = log.t_fix - start
     theta = earth_angle(theta0, t)
     r_i = eci_from_ecef(ecef_from_geodetic(*log.place.T), theta)
@@ -68,9 +89,19 @@ def inertial_fixes(log: Recording, start: float, theta0: float) -> tuple[Floats,
 
 
 def consistent(log: Recording, card: NavigationLog, lever: Floats) -> Recording:
-    """Return a log without the solutions whose velocities the unit contradicts; lever (3,) m, antenna in body axes.
+    """Return a log without the solutions whose velocities contradict the IMU.
 
-    InputError where unit and receiver contradict each other over all the log, or in more than single rows.
+    Parameters
+    ----------
+    log, card
+        Recorded log, and its card.
+    lever
+        (3,) m. Antenna relative to the IMU, body axes.
+
+    Raises
+    ------
+    InputError
+        If IMU and receiver contradict each other throughout the log, or in more than single solutions.
     """
     bias = _rest_rate(log, card.still)
     _refuse_units(log, card, lever, bias)
@@ -104,7 +135,7 @@ def consistent(log: Recording, card: NavigationLog, lever: Floats) -> Recording:
 
 
 def _both_sides(found: _Intervals, bad: Bools, n: int) -> Bools:
-    """Return which solutions (n,) have a contradiction before and after them, or at the only side that is compared."""
+    """Return whether solutions (n,) have a contradiction on both sides, or on the only side that is compared."""
     sides, wrong = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
     for ends in (found.first, found.last):
         np.add.at(sides, ends, 1)
@@ -113,7 +144,7 @@ def _both_sides(found: _Intervals, bad: Bools, n: int) -> Bools:
 
 
 def _kept(log: Recording, kept: Bools) -> Recording:
-    lines = tuple(line for line, one in zip(log.lines, kept, strict=False) if one)
+    lines = tuple(line for line, is_kept in zip(log.lines, kept, strict=False) if is_kept)
     return log._replace(
         t_fix=log.t_fix[kept], place=log.place[kept], moving=log.moving[kept], sigma=log.sigma[kept], lines=lines
     )
@@ -125,7 +156,7 @@ def _rest_rate(log: Recording, still: tuple[float, float]) -> Floats:
 
 
 def _refuse_units(log: Recording, card: NavigationLog, lever: Floats, bias: Floats) -> None:
-    """InputError where rates of another unit or sign fit the receiver's velocities, and those of the log do not."""
+    """Raise InputError if rates in another unit or with another sign fit the receiver, and those of the log do not."""
     part = _kept(log, np.asarray(log.t_fix <= card.still[1] + _SEARCHED))
     stated = _typical(part, lever, bias, np.ones(3))
     if stated <= _UNFIT:
@@ -145,15 +176,15 @@ def _refuse_units(log: Recording, card: NavigationLog, lever: Floats, bias: Floa
 
 
 def _typical(log: Recording, lever: Floats, bias: Floats, factor: Floats) -> float:
-    """Return the median of what the unit leaves unexplained between solutions a step or more apart, m/s."""
-    other = log._replace(turned=log.turned * factor)
-    found = _intervals(other, lever, bias * factor, _STEP)
-    left, _ = _unexplained(found, log.t_fix)
-    return float(np.median(left)) if left.size else 0.0
+    """Return the median residual (m/s) between solutions a step or more apart, with rates multiplied by a factor."""
+    scaled = log._replace(turned=log.turned * factor)
+    intervals = _intervals(scaled, lever, bias * factor, _STEP)
+    residuals, _ = _unexplained(intervals, log.t_fix)
+    return float(np.median(residuals)) if residuals.size else 0.0
 
 
 def _intervals(log: Recording, lever: Floats, bias: Floats, step: float) -> _Intervals:
-    """Return the intervals between solutions that are a step (s) or more, and not too far, apart."""
+    """Return the intervals between solutions that are at least a step (s), and not too far, apart."""
     inside = np.flatnonzero((log.t_fix >= log.t[0]) & (log.t_fix <= log.t[-1]))
     picked = inside[:1].tolist()
     for k in inside[1:].tolist():
@@ -166,8 +197,8 @@ def _intervals(log: Recording, lever: Floats, bias: Floats, step: float) -> _Int
     if not dt.size:
         none = np.zeros((0, 3))
         return _Intervals(first, last, none, none, np.zeros((0, 3, 3)))
-    own = (log.t.size - 1) / float(log.t[-1] - log.t[0])
-    count = max(2, int(np.ceil(float(dt.max()) * min(own, _FINEST))))
+    log_rate = (log.t.size - 1) / float(log.t[-1] - log.t[0])
+    count = max(2, int(np.ceil(float(dt.max()) * min(log_rate, _FINEST))))
     grid = log.t_fix[first][:, None] + dt[:, None] * np.arange(count + 1) / count
     turned, pushed = (
         np.diff(increments_to(log, grid.ravel(), part).reshape(*grid.shape, 3), axis=1)
@@ -187,7 +218,7 @@ def _intervals(log: Recording, lever: Floats, bias: Floats, step: float) -> _Int
 
 
 def _unexplained(found: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
-    """Return the size (n,) m/s of what the unit does not explain, and of which intervals (n,): those in windows."""
+    """Return the residuals (n,) m/s of the intervals that lie in windows, and their indices (n,)."""
     blocks = _blocks(found, t_fix)
     if not blocks.size:
         return np.zeros(0), np.zeros(0, dtype=np.int64)
@@ -197,7 +228,7 @@ def _unexplained(found: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
         C = C @ found.turn[blocks[:, k]]
     gained, weight = found.gained[blocks], np.ones(blocks.shape)
     size = weight
-    for _ in range(_PASSES):  # so that a wild row does not turn the attitude
+    for _ in range(_PASSES):  # reweighting, so that a wild solution does not bias the attitude
         U, _s, Vt = np.linalg.svd(np.einsum("nk,nki,nkj->nij", weight, gained, turned))
         U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
         size = np.linalg.norm(gained - np.einsum("nij,nkj->nki", U @ Vt, turned), axis=2)
@@ -208,7 +239,7 @@ def _unexplained(found: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
 
 
 def _blocks(found: _Intervals, t_fix: Floats) -> Ints:
-    """Return the intervals (n_block, n) of each window: runs without a gap, the last window of a run ends with it."""
+    """Return the intervals (n_block, n) of each window; no window spans a gap, and the last before a gap ends there."""
     if not found.first.size:
         return np.zeros((0, 0), dtype=np.int64)
     typical = float(np.median(t_fix[found.last] - t_fix[found.first]))

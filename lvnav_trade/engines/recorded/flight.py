@@ -1,4 +1,4 @@
-"""A recorded log in place of a simulated flight: the filter of a case runs on it as on any flight of the engines."""
+"""Replay of a recorded log: the filter of a case processes it in place of a simulated flight."""
 
 from typing import Any, NamedTuple
 
@@ -22,13 +22,13 @@ from lvnav_trade.world.truth import Phase, Trajectory, attitude_spline
 from lvnav_trade.world.user_file.navigation_log import NavigationLog, Recording
 
 _SOLUTION, _RANGES = {"position", "velocity"}, {"pseudorange", "range_rate"}
-_FEWEST = 10  # solutions that a filter gets at least
-_KNOTS = 0.1  # s between knots of the attitude that a reference is drawn with
-_SATELLITES = 4  # that stand for a solution
+_FEWEST = 10  # smallest number of solutions for a replay
+_KNOTS = 0.1  # s between knots of the reference attitude
+_SATELLITES = 4  # number of satellites that marks an epoch with a solution
 
 
 def refuse_unable(scenario: Scenario, card: NavigationLog) -> None:
-    """InputError where the filter of a case needs what a log has not."""
+    """Raise InputError if the filter of a case needs measurements that a log lacks."""
     has = _SOLUTION | (_RANGES if card.ranges is not None else set())
     others = [name for name in measured(scenario) if name not in has]
     if others or not measured(scenario):
@@ -43,27 +43,39 @@ def refuse_unable(scenario: Scenario, card: NavigationLog) -> None:
 
 
 class Replay(NamedTuple):
-    """A case made ready to run on a log, and notes on what of the log it leaves out."""
+    """Case prepared for a replay of a log, and notes on omitted parts of the log."""
 
     prepared: Prepared
     notes: tuple[str, ...] = ()
 
 
 def replayed(scenario: Scenario, log: Recording, card: NavigationLog, aligned: Alignment) -> Replay:
-    """Return a case made ready to run on a log from the end of its rest on.
+    """Return a case prepared for a replay of a log, from the end of its rest on.
 
-    The truth of the engines is what the log says: increments without further errors, the receiver's solutions, and as
-    reference the path through them. Nothing is drawn. Time counts from the first solution after the rest.
+    The truth side is the log: its increments without further errors, the receiver's solutions, and the path through
+    them as reference. Nothing is drawn. Time counts from the first solution after the rest.
 
-    InputError where the unit's rows do not carry the case's rate, or its epochs meet no solutions.
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    log, card
+        Recorded log, and its card.
+    aligned
+        Alignment at the end of the rest.
+
+    Raises
+    ------
+    InputError
+        If the log has fewer IMU rows per second than the case, or if its solutions are not at epochs of the case.
     """
     refuse_unable(scenario, card)
     rate = scenario.imu.rate
     first = int(np.argmax(log.t_fix >= aligned.t))
     start, end = float(log.t_fix[first]), float(min(log.t_fix[-1], log.t[-1]))
-    own = (log.t.size - 1) / float(log.t[-1] - log.t[0])
-    if rate > 1.5 * own:
-        raise InputError(f"imu.rate: {rate:g} Hz; the log has {own:.4g} rows a second")
+    log_rate = (log.t.size - 1) / float(log.t[-1] - log.t[0])
+    if rate > 1.5 * log_rate:
+        raise InputError(f"imu.rate: {rate:g} Hz; the log has {log_rate:.4g} rows a second")
     epoch = utc_after(log.epoch, start)
     flown = scenario.trajectory.model_copy(update={"epoch": epoch})
     scenario = scenario.model_copy(update={"trajectory": flown, "faults": ()})
@@ -86,7 +98,7 @@ def _reference(
     span: tuple[float, float],
     epoch: str,
 ) -> tuple[Trajectory, Reference]:
-    """Return the path of the unit through the solutions, and the unit's increments on ticks of the case's rate."""
+    """Return the path of the IMU through the solutions, and its increments on the ticks of the case."""
     rate, (start, end) = scenario.imu.rate, span
     n = int(np.floor((end - start) * rate + 1e-6))
     t = np.arange(n + 1) / rate
@@ -95,7 +107,7 @@ def _reference(
     theta0 = gmst(epoch)
     at = int(np.argmax(log.t_fix >= start))
     C_i_n = rotation_e_n(log.place[at, 0], log.place[at, 1]) @ _turned(theta0)
-    # between the end of the rest and the first solution, a fraction of a second, the body stands still
+    # the body is assumed at rest between the end of the rest and the first solution, a fraction of a second
     C = _accumulated(C_i_n.T @ aligned.C_b_n, dtheta)
     q = quaternions(C)
     w_b = np.vstack([dtheta[:1], dtheta]) * rate
@@ -115,22 +127,23 @@ def _reference(
 
 
 def _turned(theta0: float) -> Floats:
+    """Return the rotation C_i_e (3, 3) for an Earth rotation angle (rad)."""
     c, s = np.cos(theta0), np.sin(theta0)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _accumulated(C: Floats, dtheta: Floats) -> Floats:
-    """Return the attitudes C_b_i (n + 1, 3, 3) that start at C (3, 3) and turn by increments (n, 3)."""
-    steps, found = Rotation.from_rotvec(dtheta).as_matrix(), np.empty((len(dtheta) + 1, 3, 3))
-    found[0] = C
+    """Return the attitudes C_b_i (n + 1, 3, 3) from the initial attitude C (3, 3) and angle increments (n, 3) rad."""
+    steps, attitudes = Rotation.from_rotvec(dtheta).as_matrix(), np.empty((len(dtheta) + 1, 3, 3))
+    attitudes[0] = C
     for k, step in enumerate(steps):
-        found[k + 1] = found[k] @ step
-    return matrices_of(quaternions(found))
+        attitudes[k + 1] = attitudes[k] @ step
+    return matrices_of(quaternions(attitudes))
 
 
 def _on_log(prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: Recording, card: NavigationLog) -> Prepared:
-    """Return a prepared case whose unit and receiver put out what the log has, and which draws nothing."""
-    rate, epochs = prepared.scenario.imu.rate, prepared.sky.t  # when what arrives at an epoch was valid
+    """Return a prepared case whose IMU and receiver output the contents of the log, without draws."""
+    rate, epochs = prepared.scenario.imu.rate, prepared.sky.t  # times of validity of the measurements
     at = _nearest(fixes[0], epochs)
     met = np.abs(fixes[0][at] - epochs) < 0.5 / rate
     if np.count_nonzero(met) < _FEWEST:
@@ -172,13 +185,13 @@ def _on_log(prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: Recor
 
 
 def _nearest(t: Floats, wanted: Floats) -> Ints:
-    """Return the index of the time of t (n,) nearest to each wanted (m,)."""
+    """Return the index of the time in t (n,) that is nearest to each wanted time (m,)."""
     after = np.clip(np.searchsorted(t, wanted), 1, t.size - 1)
     return np.where(wanted - t[after - 1] < t[after] - wanted, after - 1, after)
 
 
 def _variances(log: Recording, fixes: tuple[Floats, Floats, Floats], at: Ints, theta0: float) -> Floats:
-    """Return the variances (n_epoch, 6) along the axes of frame i that the log states of its solutions."""
+    """Return the variances (n_epoch, 6) of the log's solutions along the axes of frame i, SI squared."""
     place, sigma = log.place[at], log.sigma[at]
     C_n_e = np.swapaxes(rotation_e_n(place[:, 0], place[:, 1]), 1, 2)
     C_n_i = np.stack([_turned(theta).T @ C for theta, C in zip(earth_angle(theta0, fixes[0][at]), C_n_e, strict=True)])

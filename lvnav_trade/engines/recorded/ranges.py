@@ -1,4 +1,4 @@
-"""Recorded pseudoranges and range rates in place of simulated ones, for filters that take ranges."""
+"""Recorded pseudoranges and range rates in place of simulated measurements, for tightly coupled filters."""
 
 from collections import Counter
 
@@ -15,28 +15,40 @@ from lvnav_trade.records import Bools, Floats
 from lvnav_trade.world.sky.satellites import satellites
 from lvnav_trade.world.user_file.ranges_file import Ranges, satellite_name
 
-_FLIGHT_TIME = 0.075  # s of a signal, where none was received: for a clock that is not used
+_FLIGHT_TIME = 0.075  # s, signal travel time of a missing range, for a clock correction that is not used
 _OBSERVABLES = ("pseudorange", "range_rate")
-_NAMED = 6  # satellites that a note names
-_START = 4  # satellites at which the receiver's clock is taken off
+_NAMED = 6  # largest number of satellites that a note names
+_START = 4  # number of satellites of the first epoch, at which the receiver clock is removed
 
 
 def with_ranges(
     prepared: Prepared, ranges: Ranges, start: float, fixes: tuple[Floats, Floats, Floats]
 ) -> tuple[Prepared, tuple[str, ...]]:
-    """Return a prepared case whose receiver measures what a log has, and notes on ranges that are left out; start: s of
-    its first solution in the log.
+    """Return a prepared case with the ranges of a log as measurements, and notes on omitted ranges.
 
-    The clocks of the satellites (their ephemerides) and the delays that the filter models are taken off, as a receiver
-    does; so are bias and drift that its own clock has at the first epoch, against the solution there. What is not
-    tracked by the case, below the mask, is left out.
+    Satellite clocks (from the ephemerides) and the delays in the filter's correction are removed, as in a receiver. So
+    are bias and drift of the receiver clock at the first epoch, relative to the solution there. Satellites that the
+    case does not track, below the mask, are omitted.
 
-    fixes: times (s since the start), positions and velocities (frame i) of solutions.
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    ranges
+        Recorded ranges.
+    start
+        s. Time of the first solution in the log.
+    fixes
+        Times (s since the start), positions and velocities (frame i) of the solutions.
 
-    InputError where the ranges contradict the solutions as a whole.
+    Raises
+    ------
+    InputError
+        If the ranges contradict the solutions throughout, or if no epoch has enough satellites.
     """
     observed = _by_epoch(prepared, ranges, start)
-    sky, needed = prepared.sky, [_OBSERVABLES.index(one) for one in _OBSERVABLES if one in measured(prepared.scenario)]
+    taken = measured(prepared.scenario)
+    sky, needed = prepared.sky, [column for column, name in enumerate(_OBSERVABLES) if name in taken]
     tracked = np.isfinite(observed[:, :, needed]).all(axis=2) & sky.tracked
     added = _corrections(prepared, observed[:, :, 0])
     if not (tracked.sum(axis=1) >= _START).any():
@@ -61,7 +73,7 @@ def with_ranges(
 
 
 def _strangers(prepared: Prepared, ranges: Ranges) -> tuple[str, ...]:
-    """Return a note on the satellites of a log that the case's constellation lacks, where there are any."""
+    """Return a note on satellites of the log that the constellation of the case lacks; empty if there are none."""
     known = set(map(satellite_name, prepared.sky.names))
     counts = Counter(name for name in ranges.satellites if name not in known)
     if not counts:
@@ -72,24 +84,24 @@ def _strangers(prepared: Prepared, ranges: Ranges) -> tuple[str, ...]:
 
 
 def _by_epoch(prepared: Prepared, ranges: Ranges, start: float) -> Floats:
-    """Return the rows of a log by epoch and satellite of the case, (n_epoch, n_sat, 2) m and m/s, NaN where none."""
+    """Return the ranges of a log by epoch and satellite of the case, (n_epoch, n_sat, 2) m and m/s; NaN if missing."""
     number = {satellite_name(name): k for k, name in enumerate(prepared.sky.names)}
-    t = prepared.sky.t  # when what arrives at an epoch was valid
-    found = np.full((t.size, len(prepared.sky.names), 2), np.nan)
+    t = prepared.sky.t  # times of validity of the measurements
+    observed = np.full((t.size, len(prepared.sky.names), 2), np.nan)
     at = np.clip(np.rint((ranges.t - start - t[0]) / prepared.signals.interval).astype(int), 0, t.size - 1)
     met = np.abs(ranges.t - start - t[at]) < 0.5 * prepared.unit.dt
     for row in np.flatnonzero(met).tolist():
         if ranges.satellites[row] in number:
-            found[at[row], number[ranges.satellites[row]]] = ranges.values[row]
-    return found
+            observed[at[row], number[ranges.satellites[row]]] = ranges.values[row]
+    return observed
 
 
 def _corrections(prepared: Prepared, pseudorange: Floats) -> Floats:
-    """Return what is added to ranges and rates (n_epoch, n_sat, 2): satellite clocks, less delays that are modelled."""
+    """Return the corrections added to ranges and rates (n_epoch, n_sat, 2): satellite clocks minus modelled delays."""
     scenario = prepared.scenario
     above = satellites(scenario.constellation, scenario.trajectory.epoch)
-    flown = np.where(np.isfinite(pseudorange), pseudorange / SPEED_OF_LIGHT, _FLIGHT_TIME)
-    sent = prepared.sky.t[:, None] - flown
+    travel_time = np.where(np.isfinite(pseudorange), pseudorange / SPEED_OF_LIGHT, _FLIGHT_TIME)
+    sent = prepared.sky.t[:, None] - travel_time
     ahead, later = (above.clock(t) + above.relativity(t) for t in (sent, sent + 1.0))
     modelled = prepared.delays.modelled_troposphere + prepared.delays.modelled_ionosphere
     return np.stack([SPEED_OF_LIGHT * ahead, SPEED_OF_LIGHT * (later - ahead)], axis=2) - modelled
@@ -98,7 +110,7 @@ def _corrections(prepared: Prepared, pseudorange: Floats) -> Floats:
 def _clock(
     prepared: Prepared, corrected: Floats, tracked: Bools, epoch: int, fixes: tuple[Floats, Floats, Floats]
 ) -> Floats:
-    """Return bias (m) and drift (m/s) of the receiver's clock at an epoch: medians over its satellites."""
+    """Return bias (m) and drift (m/s) of the receiver clock at an epoch: medians over the satellites."""
     at = int(np.argmin(np.abs(fixes[0] - prepared.sky.t[epoch])))
     on = tracked[epoch]
     seen = sight(prepared.sky.r_i[epoch, on] - fixes[1][at], prepared.sky.v_i[epoch, on] - fixes[2][at])

@@ -1,4 +1,4 @@
-"""Recorded ranges held against the recorded solutions, free of the receiver's clock: what cannot be true is named."""
+"""Consistency of recorded ranges with the recorded solutions, independent of the receiver clock."""
 
 from collections import Counter
 from typing import NamedTuple
@@ -11,11 +11,11 @@ from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.line_of_sight import sight
 from lvnav_trade.records import Bools, Floats
 
-_FEWEST = 4  # satellites of an epoch whose median is taken as the receiver's clock
-_CONTRADICTED = (300.0, 10.0)  # m and m/s, medians: almanacs and delays make less, a wrong time or sign more
-_WILD, _SCATTERS = (500.0, 10.0), 15.0  # m and m/s, and medians, beyond which a single measurement is left out
-_MOST_WILD = 0.1
-_FITS = 0.1  # of the contradiction, by which another reading of the column fits
+_FEWEST = 4  # smallest number of satellites of an epoch for the median that removes the receiver clock
+_CONTRADICTED = (300.0, 10.0)  # m and m/s, limits of the median: above almanac and delay errors, below a wrong time
+_WILD, _SCATTERS = (500.0, 10.0), 15.0  # limit of a single residual: m and m/s, and multiple of the median
+_MOST_WILD = 0.1  # largest fraction of measurements that may be omitted
+_FITS = 0.1  # fraction of the median residual that a fitting interpretation of the column may leave
 _NAMED = 6
 _WAVELENGTH = SPEED_OF_LIGHT / 1575.42e6
 _READINGS = (
@@ -28,8 +28,12 @@ _READINGS = (
 
 
 class Measured(NamedTuple):
-    """Ranges and rates (n_epoch, n_sat, 2) m and m/s as measured, what is added to correct them, which of them are used
-    (n_epoch, n_sat), and the columns of them that the filter takes.
+    """Recorded ranges and range rates.
+
+    observed : (n_epoch, n_sat, 2) m, m/s. As measured.
+    added : (n_epoch, n_sat, 2) m, m/s. Corrections to be added.
+    tracked : (n_epoch, n_sat). Whether they are used.
+    needed : Columns that the filter processes.
     """
 
     observed: Floats
@@ -39,8 +43,12 @@ class Measured(NamedTuple):
 
 
 def compared(prepared: Prepared, log: Measured, file: str) -> tuple[Bools, tuple[str, ...]]:
-    """Return which measurements are used (n_epoch, n_sat), and a note on those that are left out because they
-    contradict the solutions; InputError where they do so as a whole.
+    """Return whether measurements are used (n_epoch, n_sat), and notes on those that contradict the solutions.
+
+    Raises
+    ------
+    InputError
+        If the measurements contradict the solutions throughout.
     """
     expected = _expected(prepared)
     near = _near_solution(prepared)[:, None] & log.tracked
@@ -80,19 +88,19 @@ def _sized(size: float, at: int) -> str:
 
 
 def _expected(prepared: Prepared) -> Floats:
-    """Return ranges and range rates (n_epoch, n_sat, 2) from the solutions, m and m/s, without clocks."""
+    """Return the ranges and range rates (n_epoch, n_sat, 2) m and m/s by the solutions, without clocks."""
     sky, signals = prepared.sky, prepared.signals
     seen = sight(sky.r_i - signals.position[:, None, :], sky.v_i - signals.velocity[:, None, :])
     return np.stack([seen.distance, seen.rate], axis=2)
 
 
 def _near_solution(prepared: Prepared) -> Bools:
-    """Return which epochs (n_epoch,) have a solution of the log."""
+    """Return whether the epochs (n_epoch,) have a solution of the log."""
     return np.asarray(prepared.signals.n_used > 0)
 
 
 def _left(difference: Floats, used: Bools) -> Floats:
-    """Return differences (n_epoch, n_sat) less the median of their epoch; NaN where unused or the epoch has too few."""
+    """Return differences (n_epoch, n_sat) minus the median of their epoch; NaN if unused or with too few satellites."""
     found = np.where(used & np.isfinite(difference), difference, np.nan)
     few = np.isfinite(found).sum(axis=1) < _FEWEST
     found[few] = np.nan
@@ -102,7 +110,7 @@ def _left(difference: Floats, used: Bools) -> Floats:
 
 
 def _range_hint(left: Floats, rate: Floats) -> str:
-    """Return the time by which the satellites are displaced, where that explains the differences."""
+    """Return a hint on the cause of range residuals: a time offset of the satellites if it explains them."""
     motion = _left(rate, np.isfinite(left))
     on = np.isfinite(left) & np.isfinite(motion)
     shift = float(np.sum(left[on] * motion[on]) / max(np.sum(motion[on] ** 2), 1e-9))
@@ -116,7 +124,7 @@ def _range_hint(left: Floats, rate: Floats) -> str:
 
 
 def _rate_hint(log: Measured, rate: Floats, near: Bools, typical: float) -> str:
-    """Return the reading of the column of rates that fits, where there is one."""
+    """Return a hint on the interpretation of the range-rate column that fits, if there is one."""
     for factor, said in _READINGS:
         left = _left(factor * log.observed[:, :, 1] + log.added[:, :, 1] - rate, near)
         if np.nanmedian(np.abs(left)) <= min(_CONTRADICTED[1], _FITS * typical):

@@ -1,4 +1,4 @@
-"""Correlated measurement errors of a case: their causes on the cards of the truth, and how each enters every row."""
+"""Correlated measurement errors of a case: causes by the cards of the truth, and the measurements they enter."""
 
 import math
 from collections.abc import Sequence
@@ -20,16 +20,16 @@ from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.receiver.receiver import DirectSolution, ReceiverCard
 from lvnav_trade.world.sky.constellation import LETTERS, Part, PreciseConstellation, RinexConstellation, parts_of
 
-RECORDED = "recorded"  # kind of an error that is not drawn: the run's start in a recording sets it
-MULTIPATH = "multipath"  # source that is in the code and not in the carrier
+RECORDED = "recorded"  # kind of an error that is not drawn but read, from a start in a recording
+MULTIPATH = "multipath"  # source that enters the code and not the carrier
 
 
 class EnteringError(NamedTuple):
-    """A correlated error and the measurements of a case that it enters.
+    """Correlated error, and the measurements of a case that it enters.
 
-    error : The error; its components are its labels.
+    error : The error, with one component per label.
     member : (n_channel,). Component that enters the channel, -1 none.
-    partial : (n_epoch, n_channel). Derivative of the measurement by that component.
+    partial : (n_epoch, n_channel). Derivative of the measurement with respect to that component.
     """
 
     error: CorrelatedError
@@ -40,9 +40,9 @@ class EnteringError(NamedTuple):
 def entering_errors(
     scenario: Scenario, geometry: Geometry, channels: Channels, failed: Failures, devices: tuple[Sensor, ...] = ()
 ) -> tuple[EnteringError, ...]:
-    """Return the correlated errors of a case's measurements: of receiver and satellites, of sensors, of wild samples.
+    """Return the correlated measurement errors of a case: receiver and satellites, sensors, wild samples.
 
-    Those that are zero or enter no measurement are left out.
+    Errors that are zero or enter no measurement are omitted.
     """
     n_epoch = len(failed.jump)
     of_receiver = (
@@ -54,9 +54,9 @@ def entering_errors(
 
 
 def receiver_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedError]:
-    """Return the correlated errors of receiver, air and satellites, as the cards of the truth state them.
+    """Return the correlated errors of receiver, atmosphere and satellites by the cards of the truth.
 
-    Nothing is read of a card for errors that enter none of the channels.
+    Settings of errors that enter no channel are not read.
     """
     receiver, found = scenario.receiver, list[CorrelatedError]()
     solution = None if solves(scenario) else direct(scenario)
@@ -84,20 +84,20 @@ def receiver_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedEr
 
 
 def _labels(kind: str, channels: Channels) -> tuple[str, ...]:
-    """Return the components of a kind of error; none where it enters no measurement."""
+    """Return the components of a kind of error; empty if it enters no measurement."""
     return members(kind, channels)[0]
 
 
 def _error(
     source: str, kind: str, sigma: float, channels: Channels, time_constant: float = math.inf, state: str | None = None
 ) -> CorrelatedError:
-    """Return an error of all components of its kind; the filter's state for it has the name of the kind."""
+    """Return an error with all components of its kind; the filter state that models it has the name of the kind."""
     state = kind if state is None else state
     return CorrelatedError(source, kind, sigma, "", time_constant, _labels(kind, channels), state=state)
 
 
 def _of_rates(receiver: ReceiverCard, channels: Channels) -> list[CorrelatedError]:
-    """Return the errors that range rates have in common beside the drift of the clock of the ranges."""
+    """Return the errors that all range rates have in common, in addition to the clock drift."""
     kind, time = "range_rate_offset", receiver.range_rate_instability_time
     return [
         _error("range-rate offset", kind, receiver.range_rate_offset, channels),
@@ -111,7 +111,7 @@ def _of_solution(quantity: str, solution: DirectSolution, channels: Channels) ->
 
 
 def _of_air(scenario: Scenario, channels: Channels) -> list[CorrelatedError]:
-    """Return the scale factors of the delays; two frequencies see nothing of the ionosphere."""
+    """Return the scale-factor errors of the atmospheric delays; with two frequencies none of the ionosphere."""
     found = []
     for layer in ("troposphere_scale",) if scenario.receiver.is_dual else ("troposphere_scale", "ionosphere_scale"):
         if _labels(layer, channels):
@@ -121,7 +121,7 @@ def _of_air(scenario: Scenario, channels: Channels) -> list[CorrelatedError]:
 
 
 def letters(part: Part) -> tuple[str, ...]:
-    """Return the letters of the systems of a part."""
+    """Return the letters of the satellite systems in a part of a constellation."""
     if isinstance(part, RinexConstellation | PreciseConstellation):
         return tuple(LETTERS[system] for system in part.systems or LETTERS)
     return (LETTERS[part.system],)
@@ -132,23 +132,23 @@ def _of_satellites(part: Part, channels: Channels) -> list[CorrelatedError]:
     systems = letters(part)
     found, owner = [], dict(zip(channels.satellites, channels.systems, strict=True))
     if labels := _labels("range_bias", channels):
-        own = tuple(label for label in labels if owner[label] in systems)
+        satellites = tuple(label for label in labels if owner[label] in systems)
         time = part.range_error_time or math.inf
         name = "satellite clock and ephemeris"
-        found.append(CorrelatedError(name, "range_bias", part.range_error, "", time, own, state="range_bias"))
+        found.append(CorrelatedError(name, "range_bias", part.range_error, "", time, satellites, state="range_bias"))
     if labels := _labels("time_offset", channels):
-        own = tuple(label for label in labels if label in systems)
+        offsets = tuple(label for label in labels if label in systems)
         time = part.time_offset_time or math.inf
         name = "system time offset"
-        found.append(CorrelatedError(name, "time_offset", part.time_offset, "", time, own, state="time_offset"))
+        found.append(CorrelatedError(name, "time_offset", part.time_offset, "", time, offsets, state="time_offset"))
     return found
 
 
 def _entering(error: CorrelatedError, geometry: Geometry, channels: Channels) -> EnteringError:
-    """Return how an error of the receiver's measurements enters them: by its kind, its own components alone."""
+    """Return an error of the receiver's measurements with the channels that its components enter, by its kind."""
     labels, member = members(error.kind, channels)
-    own = [error.labels.index(label) if label in error.labels else -1 for label in labels]
-    member = np.array([own[m] if m >= 0 else -1 for m in member.tolist()], dtype=np.int64)
+    component = [error.labels.index(label) if label in error.labels else -1 for label in labels]
+    member = np.array([component[m] if m >= 0 else -1 for m in member.tolist()], dtype=np.int64)
     entering = partial(error.kind, geometry, channels)
     for phase in PHASES if error.source == MULTIPATH else ():
         if phase in channels.further:
@@ -157,24 +157,23 @@ def _entering(error: CorrelatedError, geometry: Geometry, channels: Channels) ->
 
 
 def _of_sensors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> list[EnteringError]:
-    """Return the correlated errors of the sensors beside the receiver, each label by itself."""
+    """Return the correlated errors of the sensors other than the receiver, one error per label."""
     found = []
     for at, device in zip(channels.first, devices, strict=True):
-        own, states = slice(at, at + len(device.channels.labels)), device.card.model.states
+        scalars, states = slice(at, at + len(device.channels.labels)), device.card.model.states
         for error, by_label in device.lasting:
             state = states[error.field].name if error.field in states else ""
             for k, label in enumerate(error.labels if error.sigma > 0.0 else ()):
                 member = np.full(channels.n_channel, -1, dtype=np.int64)
                 partials = np.zeros((n_epoch, channels.n_channel))
-                partials[:, own] = by_label[:, :, k]
-                member[own] = np.where(np.any(partials[:, own] != 0.0, axis=0), 0, -1)
-                one = error._replace(labels=(label,), state=state)
-                found.append(EnteringError(one, member, partials))
+                partials[:, scalars] = by_label[:, :, k]
+                member[scalars] = np.where(np.any(partials[:, scalars] != 0.0, axis=0), 0, -1)
+                found.append(EnteringError(error._replace(labels=(label,), state=state), member, partials))
     return found
 
 
 def _wild(failed: Failures, channels: Channels) -> list[EnteringError]:
-    """Return the wild samples of a fault, an error of each range or axis that is new at every epoch."""
+    """Return the wild samples of a fault: an error of each range or axis that is independent from epoch to epoch."""
     partials = np.zeros((len(failed.jump), channels.n_channel))
     if channels.tight:
         partials[:, channels.of("pseudorange")] = failed.wild
@@ -193,19 +192,21 @@ def _wild(failed: Failures, channels: Channels) -> list[EnteringError]:
 def shared_of(
     entering: Sequence[EnteringError], layout: StateLayout, interval: float, shape: tuple[int, int]
 ) -> Shared:
-    """Return correlated measurement errors as arrays for the kernels, a family for each error.
+    """Return the correlated measurement errors as arrays for the kernels, one family per error.
 
     Parameters
     ----------
+    entering
+        Errors, and the measurements that they enter.
     layout
-        The filter's states: an extra block stands for every error that names it.
+        States of the filter; a block of extra states models every error that names it.
     interval
-        s between epochs.
+        s. Time between epochs.
     shape
         (n_epoch, n_channel).
     """
     n_channel = shape[1]
-    errors = [one.error for one in entering]
+    errors = [item.error for item in entering]
     labelled = [(error, label) for error in errors for label in error.labels]
     stand = [[number for _, number in standing_for(layout.extras, error.state, label)] for error, label in labelled]
     counts = np.array([len(error.labels) for error in errors], dtype=np.int64)
@@ -215,10 +216,10 @@ def shared_of(
     factor = np.array([math.exp(-interval / time) if time > 0.0 else 0.0 for time in times], dtype=float)
     return Shared(
         member=np.array(
-            [np.where(one.member >= 0, at + one.member, -1) for one, at in zip(entering, first, strict=True)],
+            [np.where(item.member >= 0, at + item.member, -1) for item, at in zip(entering, first, strict=True)],
             dtype=np.int64,
         ).reshape(-1, n_channel),
-        partial=np.array([np.broadcast_to(one.partial, shape) for one in entering]).reshape(-1, *shape),
+        partial=np.array([np.broadcast_to(item.partial, shape) for item in entering]).reshape(-1, *shape),
         start=np.repeat(sigma, counts),
         decay=np.repeat(factor, counts),
         walk=np.repeat(sigma * np.sqrt(1.0 - factor * factor), counts),

@@ -1,4 +1,4 @@
-"""Filter of a case: its states, its model in numbers, and its covariance at the start."""
+"""Filter of a case: state layout, model as arrays, initial covariance."""
 
 from typing import NamedTuple
 
@@ -25,11 +25,11 @@ from lvnav_trade.scenario import Scenario
 class Filtering(NamedTuple):
     """Filter of a case.
 
-    layout : Its states.
-    model : The filter in numbers.
-    gains : Stored gains; None where it computes its gains.
-    C_n_i : (3, 3). From north, east, down of the start to frame i.
-    P : (n_state, n_state) SI squared. Its covariance at the start.
+    layout : States of the filter.
+    model : The filter as arrays.
+    gains : Stored gains; None if the filter computes its gains.
+    C_n_i : (3, 3). Rotation from north, east, down at the start to frame i.
+    P : (n_state, n_state) SI squared. Initial covariance.
     """
 
     layout: StateLayout
@@ -40,7 +40,7 @@ class Filtering(NamedTuple):
 
 
 def taken_of(scenario: Scenario, flight: Flight) -> Taken:
-    """Return what the filter of a case is built from beside its card."""
+    """Return sensor models, channels and measurements that the filter of a case is built from."""
     imu, receiver, initial = filter_models(scenario)
     lever_b = np.array(scenario.receiver.lever_b)
     return Taken(
@@ -81,7 +81,7 @@ def filtering_of(scenario: Scenario, flight: Flight, layout: StateLayout, times:
 
 
 def start_of(scenario: Scenario, ref: Reference, filtering: Filtering) -> Start:
-    """Return the true state at tick 0 and the spread of the filter's initial error."""
+    """Return the true state at tick 0, and the covariances of the initial error."""
     initial, C_n_i = scenario.initial, filtering.C_n_i
     attitude = C_n_i @ np.diag([initial.tilt, initial.tilt, initial.heading])
     roots = np.array([attitude, np.eye(3) * initial.velocity, np.eye(3) * initial.position])
@@ -90,7 +90,7 @@ def start_of(scenario: Scenario, ref: Reference, filtering: Filtering) -> Start:
 
 
 def _strapdown(scenario: Scenario, flight: Flight) -> Strapdown:
-    """Return the algorithm of the strapdown, with the Earth's angle and the place where the flight starts."""
+    """Return the strapdown algorithm, with Earth rotation angle and position at the start of the flight."""
     card, ref = scenario.filter, flight.reference
     angle = float(earth_angle(flight.trajectory.theta0, ref.t[0]))
     turn = float(np.sqrt(np.max(np.sum(ref.dtheta * ref.dtheta, axis=1))))

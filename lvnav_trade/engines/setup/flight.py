@@ -1,4 +1,4 @@
-"""True flight of a case: its motion, the satellites above it, the sensors, and what faults do to measurements."""
+"""True flight of a case: motion, satellites, sensors, and effects of faults on measurements."""
 
 import math
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from lvnav_trade.world.receiver.interference import feigned
 
 
 class Epochs(NamedTuple):
-    """Epochs of the filter's updates, and the grid of ticks that they are on.
+    """Update epochs of the filter, and the grid of IMU ticks on which they lie.
 
     t : (n_epoch,) s since lift-off.
     tick : (n_epoch,). Tick of each epoch.
@@ -34,20 +34,20 @@ class Epochs(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """True flight of a case, the same in every run and whatever its filter estimates.
+    """True flight of a case, the same in every run and independent of the filter's estimates.
 
     trajectory : True flight.
     reference : True motion and ideal increments on the ticks of the IMU.
     epochs : Epochs on these ticks.
     sky : Satellites at the epochs.
     lines : Lines of sight to them.
-    stamped : (n_epoch,) s. When the receiver's measurements are of, as it stamps them.
-    devices : Sensors beside the receiver that the filter uses.
+    stamped : (n_epoch,) s. Time tags of the receiver's measurements.
+    devices : Sensors other than the receiver that the filter uses.
     channels : Measurement channels of the filter.
-    ranging : Channels of what the receiver measures: ranges, where it solves for its position itself.
-    delays : Tropospheric and ionospheric delays, true and as the filter corrects them.
-    failed : What faults do to the measurements.
-    biased : (n_epoch, n_sat, 2) m, m/s. What faults and spoofers add to ranges and range rates.
+    ranging : Channels measured by the receiver: ranges, if it computes its position itself.
+    delays : Tropospheric and ionospheric delays, true and as corrected by the filter.
+    failed : Effects of faults on the measurements.
+    biased : (n_epoch, n_sat, 2) m, m/s. Errors of ranges and range rates by faults and spoofers.
     """
 
     trajectory: Trajectory
@@ -65,7 +65,15 @@ class Flight(NamedTuple):
 
 
 def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = None) -> Flight:
-    """Return the true flight of a scenario; flown: trajectory and samples in place of those of its card."""
+    """Return the true flight of a scenario.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    flown
+        Trajectory and its samples, in place of those of the scenario.
+    """
     trajectory, ref = flown or _flown(scenario)
     course, epochs = trajectory.course, epochs_of(scenario, ref)
     t, start = epochs.t, float(ref.t[0])
@@ -92,26 +100,36 @@ def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = N
 
 
 def _flown(scenario: Scenario) -> tuple[Trajectory, Reference]:
-    """Return the flight of a scenario and its samples."""
+    """Return the trajectory of a scenario and its samples at the IMU ticks."""
     card = scenario.trajectory
     text = identity(card)
     return built(text, card), sampled(text, card, scenario.imu.rate)
 
 
 def ticks_of(times: Floats, start: float, rate: float, n_imu: int, group: int = 1) -> Ints:
-    """Return the tick nearest to each time (s), on a step of the strapdown (`group` ticks)."""
+    """Return the tick nearest to each time, at the end of a strapdown step.
+
+    Parameters
+    ----------
+    times, start
+        s since lift-off. Times, and time of tick 0.
+    rate
+        Hz. Sampling rate of the IMU.
+    n_imu, group
+        Number of ticks; ticks of a strapdown step.
+    """
     return np.clip(np.rint((times - start) * rate / group).astype(np.int64) * group, 0, n_imu)
 
 
 def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
-    """Return the epochs of a flight, on ticks of the strapdown."""
+    """Return the update epochs of a flight, at ends of strapdown steps."""
     rate, start, end = scenario.imu.rate, float(ref.t[0]), float(ref.t[-1])
     group = scenario.filter.strapdown.ratio
     n_imu = ref.dtheta.shape[0] // group * group
     interval = epoch_interval(scenario)
     n_epoch = math.floor((end - start) / interval + 1e-9)
     tick = ticks_of(start + interval * np.arange(1, n_epoch + 1, dtype=np.float64), start, rate, n_imu, group)
-    # increments end at ticks: half a tick is 20 m at orbital speed
+    # the times are those of the ticks, where increments end: half a tick is 20 m at orbital speed
     return Epochs(ref.t[tick], tick, n_imu, group)
 
 

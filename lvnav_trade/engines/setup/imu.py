@@ -1,4 +1,4 @@
-"""True IMU of a case: error terms, increments, errors that are the same in every run, and the IMUs of an array."""
+"""True IMU of a case: error terms, increments, deterministic profiles, and the IMUs of an array."""
 
 import math
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ _STEPS = {
     "gyro_scale_factor_step": (GYRO, OWN_0),
     "accel_scale_factor_step": (ACCEL, OWN_0),
 }
-# What begins with a step is a profile that grows within this time (s), far less than an IMU tick.
+# A step is a profile that grows within this time (s), far less than an IMU tick.
 STEP = 1e-6
 
 
@@ -44,8 +44,8 @@ class TrueImu(NamedTuple):
     """True IMU of a case.
 
     terms : Error terms of all IMUs, then of the gravity disturbance.
-    unit : The IMU in numbers; of an array the combined triad.
-    units : IMUs of an array and how they are combined; None for one IMU.
+    unit : The IMU as arrays; for an array, the combined triad.
+    units : IMUs of an array and their combination; None for one IMU.
     """
 
     terms: tuple[ErrorTerm, ...]
@@ -63,14 +63,14 @@ def imu_of(scenario: Scenario, flight: Flight, layout: StateLayout) -> TrueImu:
 
 
 def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Course) -> list[Profile]:
-    """List the errors that are the same in every run: warming, and faults that begin and end with a step."""
-    found: list[Profile] = []
+    """Return the deterministic errors of the IMUs: warm-up ramps, and faults that begin and end with a step."""
+    profiles: list[Profile] = []
     owners = [0] if isinstance(card, ImuCard) else [triad.unit for triad in triads_of(card)]
     for triad, number in enumerate(owners):
         unit = card if isinstance(card, ImuCard) else card.units[number]
         for sensor, ramp in ((GYRO, unit.gyro.temperature), (ACCEL, unit.accel.temperature)):
             if ramp is not None:
-                found.append((2 * triad + sensor, CONSTANT, ramp.start, ramp.end, ramp.amplitude))
+                profiles.append((2 * triad + sensor, CONSTANT, ramp.start, ramp.end, ramp.amplitude))
     for number, fault in enumerate(faults):
         if isinstance(fault, GyroBiasStep | AccelBiasStep | GyroScaleFactorStep | AccelScaleFactorStep):
             kind, driver = _STEPS[fault.kind]
@@ -78,16 +78,26 @@ def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Cour
             x, y, z = fault.size
             for start, end in periods(number, fault, course):
                 begin = start if math.isfinite(start) else course.begin(start) - STEP
-                found.append((sensor, driver, begin, begin + STEP, (x, y, z)))
+                profiles.append((sensor, driver, begin, begin + STEP, (x, y, z)))
                 if math.isfinite(end):
-                    found.append((sensor, driver, end, end + STEP, (-x, -y, -z)))
-    return found
+                    profiles.append((sensor, driver, end, end + STEP, (-x, -y, -z)))
+    return profiles
 
 
 def unit_of(
     scenario: Scenario, ref: Reference, terms: Sequence[ErrorTerm], course: Course, units: Units | None = None
 ) -> Unit:
-    """Return the true IMU in numbers; of an array the combined triad, with the error terms of all its IMUs."""
+    """Return the true IMU as arrays for the kernels.
+
+    Parameters
+    ----------
+    scenario, ref
+        Validated model of the case; true motion and ideal increments.
+    terms
+        Error terms of all IMUs, then of the gravity disturbance.
+    course, units
+        Conditions of the trajectory; IMUs of an array, whose combined triad is returned, None for one IMU.
+    """
     card = scenario.imu
     one = equivalent(card)
     inertial = [term for term in terms if term.sensor >= 0]

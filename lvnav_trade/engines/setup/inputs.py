@@ -32,16 +32,15 @@ class Schedule(NamedTuple):
 class Unit(NamedTuple):
     """Truth-side model of an IMU: ideal increments and true error parameters.
 
-    Of an IMU array it has the blocks of all IMUs, sensor number 2 triad + sensor, and the increments of the combined
-    triad; `Units` has the rest. A block is one error parameter of three axes.
+    For an IMU array it has the blocks of all IMUs, with sensor number 2 * triad + sensor, and the increments of the
+    combined triad; `Units` has the rest. A block is one error parameter of three axes.
 
     dt : s. Sampling interval.
     noise_source : Key of the random draws of white noise.
     biases_only : Whether there are no scale-factor, misalignment and g-sensitivity errors.
     dtheta : (n_imu, 3) rad. Angle increments without errors, body axes.
     dvel : (n_imu, 3) m/s. Velocity increments without errors, body axes.
-    white : (8,) rad, m/s. Sigma of white noise in an increment: gyro (3), accelerometer (3); then both quantisation
-        steps.
+    white : (8,) rad, m/s. Sigma of white noise in an increment: gyro (3), accelerometer (3); both quantisation steps.
     process_ticks : Ticks between two steps of time-varying parameters.
     drifting : Whether any parameter varies with time.
     sigma : (n_block, 3) SI. Initial sigma of each parameter.
@@ -91,10 +90,8 @@ class Units(NamedTuple):
     dtheta : (n_triad, n_imu, 3) rad. Angle increments at the IMU without errors, body axes.
     dvel : (n_triad, n_imu, 3) m/s. Velocity increments at the IMU without errors, body axes.
     n_axis : (n_triad,). Number of sensing axes.
-    frames : (n_triad, 3, 3, 3). For each axis three unit vectors in body axes: its direction, then those of its
-        misalignments.
-    solved : (n_stage, n_triad, 2, 3, 3). Weights by which each axis of gyro and accelerometer enters the combined
-        triad.
+    frames : (n_triad, 3, 3, 3). For each axis, unit vectors in body axes: its direction, those of its misalignments.
+    solved : (n_stage, n_triad, 2, 3, 3). Weights of each axis of gyro and accelerometer in the combined triad.
     lever : (n_triad, 3) m. Lever arm that is compensated, body axes; zero where it is not.
     noise_sources : (n_triad,). Keys of the random draws of white noise.
     white : (n_triad, 8). As `Unit.white`.
@@ -136,8 +133,7 @@ class Redundant(NamedTuple):
     middle : Whether the middle value of the IMUs is used in place of their mean.
     excludes : Whether an IMU that fails the test is excluded; otherwise the detection is reported.
     ticks : Ticks summed for a test; 0 without tests.
-    weight : (n_window, 2, n_triad, 3). Inverse of the modelled variance of a summed increment; 0 where there is no
-        axis.
+    weight : (n_window, 2, n_triad, 3). Inverse of the modelled variance of a summed increment; 0 without an axis.
     limits : (n_dof + 1,). Largest weighted sum of squared residuals, by degrees of freedom (chi-square).
     owner : (n_triad,). IMU that the triad belongs to.
     alone : (n_triad, 3, 3). Weights by which the axes enter the solution of their IMU alone.
@@ -211,13 +207,11 @@ class Signals(NamedTuple):
     satellite : (n_epoch, n_sat, 3) m. Satellite position that the filter uses, frame i.
     satellite_velocity : (n_epoch, n_sat, 3) m/s. Satellite velocity that the filter uses, frame i.
     antenna : (n_epoch, n_sat). Antenna that receives the satellite.
-    sigma : (n_epoch, n_measured) SI. True sigma of white noise, by channel of what the receiver and the sensors
-        measure.
+    sigma : (n_epoch, n_measured) SI. True sigma of white noise, by measured channel of receiver and sensors.
     variance : (n_epoch, n_channel) SI squared. Noise variance in the filter model, with the factor of its tuning.
     scale : (n_epoch, n_channel). Square root of that factor.
     beta : (n_epoch, n_channel). Underweighting: share of H P H' added to the innovation variance.
-    partial : (n_extra_family, n_epoch, n_channel). Derivative of the measurement with respect to the filter's extra
-        states.
+    partial : (n_extra_family, n_epoch, n_channel). Derivative of the measurement with respect to extra states.
     clock_step : (3,). Cholesky factor of the receiver clock's noise over an epoch: bias (m) and drift (m/s).
     clock_start : (2,) m, m/s. Initial sigma of clock bias and drift.
     clock_jump : (n_epoch, 2) m, m/s. Jump of clock bias and drift at the epoch.
@@ -258,12 +252,14 @@ class Signals(NamedTuple):
 
 
 class Further(NamedTuple):
-    """What is true of the observables of satellites beside pseudorange and range rate.
+    """Truth of the further satellite observables: carrier phase and differences of two epochs.
 
-    phase (n_epoch, n_sat) m that a carrier phase would be without clock and random errors, less what the filter
-    corrects; is_phase, is_difference (n_kind,) of the observables of a satellite; restart (n_epoch, n_sat) whether a
-    carrier begins a new phase; ambiguity (n_sat,) component of the shared errors that is its constant, -1 none; source:
-    word of its noise.
+    phase : (n_epoch, n_sat) m. Carrier phase without clock and random errors, minus the corrections of the filter.
+    is_phase : (n_kind,). Whether the observable is a carrier phase or a difference of carrier phases.
+    is_difference : (n_kind,). Whether the observable is a difference of two epochs.
+    restart : (n_epoch, n_sat). Whether the carrier is newly acquired at the epoch.
+    ambiguity : (n_sat,). Component of the correlated errors that is the ambiguity, -1 none.
+    source : Key of the random draws of the phase noise.
     """
 
     phase: Floats
@@ -275,8 +271,12 @@ class Further(NamedTuple):
 
 
 class Start(NamedTuple):
-    """True state at tick 0 and the spread of the filter's: nav (10,); roots (3, 3, 3) of the covariance of attitude,
-    velocity and position error, frame i; sources (3,) words; P (n_state, n_state) the filter's own covariance.
+    """True state at tick 0, and covariances of the initial error.
+
+    nav : (10,). True navigation state, frame i.
+    roots : (3, 3, 3). Square roots of the true covariances of attitude, velocity and position error, frame i.
+    sources : (3,). Keys of the random draws of these errors.
+    P : (n_state, n_state). Initial covariance of the filter.
     """
 
     nav: Floats
@@ -286,10 +286,14 @@ class Start(NamedTuple):
 
 
 class Record(NamedTuple):
-    """What is true at the ticks of the history times.
+    """True motion at the ticks of the history times.
 
-    r, v (n_hist, 3), q (n_hist, 4) true motion; axes (n_hist, 3, 3) from frame i to the reporting frame; t (n_hist,) s;
-    since (n_hist,) s since the last epoch; limit m of position error beyond which a run has failed.
+    r, v : (n_hist, 3) m, m/s. Position and velocity, frame i.
+    q : (n_hist, 4). Attitude quaternion, body to i.
+    axes : (n_hist, 3, 3). Rotation from frame i to the reporting frame.
+    t : (n_hist,) s since lift-off.
+    since : (n_hist,) s. Time since the last epoch.
+    limit : m. Position error beyond which a run has failed.
     """
 
     r: Floats
@@ -302,11 +306,16 @@ class Record(NamedTuple):
 
 
 class Sensors(NamedTuple):
-    """The sensors beside the receiver: code (n_sensor,) of each in the family; channel, scalars (n_sensor,) its first
-    channel and how many it has; on (n_sensor, n_epoch) whether it measures; truth (n_sensor, n_epoch, 4) and what the
-    filter knows, known (n_sensor, n_epoch, N_KNOWN), see the member's module; theta (n_sensor, n_epoch) rad angle of
-    the Earth as the filter takes it; sources (n_sensor,) words. Noise and what the filter assumes of it stand in
-    Signals, by channel.
+    """Sensors other than the receiver. `Signals` has their noise and the noise model of the filter, by channel.
+
+    code : (n_sensor,). Type of the sensor, as in `observables.sensors`.
+    channel : (n_sensor,). First channel.
+    scalars : (n_sensor,). Number of channels.
+    on : (n_sensor, n_epoch). Whether the sensor measures at the epoch.
+    truth : (n_sensor, n_epoch, 4). True value, see the module of the sensor.
+    known : (n_sensor, n_epoch, N_KNOWN). Quantities known to the filter, see the module of the sensor.
+    theta : (n_sensor, n_epoch) rad. Earth rotation angle in the filter.
+    sources : (n_sensor,). Keys of the random draws.
     """
 
     code: Ints
@@ -320,9 +329,11 @@ class Sensors(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """What is reported of the IMU's samples: rate, force (n_imu, 3) true means over the ticks; par (2,) number of the
-    parameter block of each sensor's bias and bias (6,) its states, -1 none; raw (6,) variance that the filter assumes
-    of a sample, variance (6,) of its noise alone.
+    """Inputs of the reported errors of IMU samples.
+
+    rate, force : (n_imu, 3) rad/s, m/s^2. True mean angular rate and specific force over each tick, body axes.
+    par, bias : (2,), (6,). Parameter blocks of the biases of gyro and accelerometer, and their states, -1 none.
+    raw, variance : (6,) SI squared. Error variance and noise variance of a sample in the filter model.
     """
 
     rate: Floats
@@ -334,9 +345,11 @@ class Samples(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What is reported of a receiver's own solution: point (n_epoch, 6) true position and velocity of what is solved
-    for; first_output column of the outputs; its filter's innovations: n_channel (0 without a filter) from first_channel
-    on.
+    """Inputs of the reported errors of the receiver's solution.
+
+    point : (n_epoch, 6) m, m/s. True position and velocity of the point that the receiver solves for, frame i.
+    first_output : First column of the outputs.
+    first_channel, n_channel : Channels of the innovations of the receiver's filter; none without a filter.
     """
 
     point: Floats
@@ -360,7 +373,7 @@ class Options(NamedTuple):
     misses : True. The error of the filter's transition is recorded in place of estimation errors.
     units : Units. Several IMUs are combined.
     direct : True. The filter corrects its total state after each scalar measurement.
-    backup : int. First output of a strapdown that is never corrected.
+    backup : int. First output of the backup strapdown, which is never corrected.
     further : Further. Carrier phases or differences of two epochs are measured.
     delayed : filters.delayed.Delayed. Differences of two epochs are measured.
     unscented : True. Sigma points in place of Jacobians.

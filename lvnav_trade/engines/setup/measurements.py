@@ -1,4 +1,4 @@
-"""Measurements of a case: what is true of them, what the filter assumes, and the receiver's own solution."""
+"""Measurements of a case: true values, noise model of the filter, and the receiver's solution."""
 
 from typing import NamedTuple
 
@@ -44,10 +44,10 @@ class Measurements(NamedTuple):
     recorded : Recorded errors of the receiver's solution.
     failing : (n_epoch,). Number of the input check that the receiver's sample fails, 0 none.
     rules : Mode logic of the filter; None without.
-    solver : How the receiver solves for its position; None where it does not.
+    solver : Settings by which the receiver computes its solution; None if it does not.
     chain : Error propagation of its solution; None without a reported covariance.
-    further : True carrier phases and differences of two epochs; None where none is measured.
-    delayed : How the filter processes these; None where none is measured.
+    further : True carrier phases and differences of two epochs; None without.
+    delayed : Processing of these in the filter; None without.
     """
 
     signals: Signals
@@ -62,8 +62,13 @@ class Measurements(NamedTuple):
 
 
 class _Ranging(NamedTuple):
-    """What the receiver measures: the true side, its correlated errors, recorded errors, gains (n_epoch, n_sat) of
-    carrier smoothing, and offsets (n_epoch, n_sat, 2) m, m/s of the satellites' clocks and of their systems' times.
+    """Measurements of the receiver before the filter uses them.
+
+    received : True side.
+    entering : Correlated errors and the measurements that they enter.
+    recorded : Recorded errors of the solution.
+    smoothing : (n_epoch, n_sat). Gains of carrier smoothing; None without.
+    offsets : (n_epoch, n_sat, 2) m, m/s. Offsets of satellite clocks and system times.
     """
 
     received: Received
@@ -74,7 +79,7 @@ class _Ranging(NamedTuple):
 
 
 def measurements_of(scenario: Scenario, flight: Flight, filtering: Filtering) -> Measurements:
-    """Return the measurements of a case, of the receiver and of the sensors that its filter uses."""
+    """Return the measurements of a case: of the receiver and of the sensors that its filter uses."""
     card, channels, seen = scenario.filter, flight.channels, flight.sky
     ranging = _ranging(scenario, flight, filtering)
     received, assumed = ranging.received, assumed_of(scenario, flight, filtering)
@@ -87,7 +92,7 @@ def measurements_of(scenario: Scenario, flight: Flight, filtering: Filtering) ->
     solver = solver_of(scenario, receiver, received.used.shape[1], smoothing)
     chain = chain_of(solver, has_covariance(scenario), received, assumed, flight.lines)
     in_use = InUse(received.used, satellites_taken(rules, received.n_used, chain), received.frozen)
-    errors = tuple(one.error for one in ranging.entering)
+    errors = tuple(item.error for item in ranging.entering)
     further = further_of(scenario, flight, in_use, errors, ranging.offsets[..., 0])
     delayed = delayed_of(scenario, flight, filtering, in_use)
     reference = references_of(scenario, flight, in_use, delayed)
@@ -97,7 +102,7 @@ def measurements_of(scenario: Scenario, flight: Flight, filtering: Filtering) ->
 
 
 def _ranging(scenario: Scenario, flight: Flight, filtering: Filtering) -> _Ranging:
-    """Return what the receiver measures; of the filter only its states are asked, which stand for errors."""
+    """Return the measurements of the receiver; of the filter only the states that model errors are used."""
     seen, line, late_by, failed = flight.sky, flight.lines, flight.delays, flight.failed
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     tabled = recorded(scenario, flight.trajectory.theta0, line, seen, flight.ranging, failed.frozen)
@@ -114,7 +119,7 @@ def _ranging(scenario: Scenario, flight: Flight, filtering: Filtering) -> _Rangi
 
 
 def _with_reported(assumed: Assumed, chain: Chain) -> Assumed:
-    """Return what the filter assumes where the receiver reports the covariance of its solution."""
+    """Return the noise model of the filter with the variances that the receiver reports for its solution."""
     variance = assumed.variance.copy()
     variance[:, :6] = np.diagonal(chain.reported, axis1=1, axis2=2)
     return Assumed(variance, assumed.scale, assumed.beta, assumed.partial)

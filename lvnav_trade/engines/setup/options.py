@@ -23,22 +23,30 @@ from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution
 
 
 class DelayTaken(NamedTuple):
-    """A delay that the filter compensates: sensor, its number (-1: the receiver); delay (n_epoch,) s."""
+    """Delay that the filter compensates.
+
+    sensor : Number of the sensor; -1 the receiver.
+    delay : (n_epoch,) s.
+    """
 
     sensor: int
     delay: Floats
 
 
 def passes_of(card: FilterCard, layout: StateLayout) -> Passes | None:
-    """Return how updates are iterated; None where they are not."""
+    """Return the settings of an iterated update; None without."""
     if card.algorithm != "iterated":
         return None
     return Passes(card.iterations - 1, layout.clone if layout.clone >= 0 else layout.n_state)
 
 
 class CloneTimes(NamedTuple):
-    """Ticks (n_epoch,) at whose end the state of an epoch's measurement is kept, and its velocity before; offset
-    (n_epoch,) s from the tick to the time of validity, base (n_epoch,) s from the earlier tick to it.
+    """Times at which states are stored for a delayed measurement.
+
+    valid : (n_epoch,). Tick at whose end the state of the time of validity is stored.
+    early : (n_epoch,). Tick at whose end the earlier velocity is stored.
+    offset : (n_epoch,) s. Time of validity minus the time of `valid`.
+    base : (n_epoch,) s. Time of validity minus the time of `early`.
     """
 
     valid: Ints
@@ -48,23 +56,38 @@ class CloneTimes(NamedTuple):
 
 
 def direct(scenario: Scenario) -> DirectSolution:
-    """Return what is true of a simulated solution; a tight filter behind a solving receiver takes none."""
+    """Return the card of a directly simulated solution; zero sigmas if the receiver computes its solution itself."""
     card = scenario.receiver.solution
     none = DirectSolution.model_construct(position_sigma=0.0, velocity_sigma=0.0)
     return card if isinstance(card, DirectSolution) else none
 
 
 def every(scenario: Scenario) -> int:
-    """Return n: the filter updates at every n-th epoch; n > 1 only behind a receiver that solves."""
+    """Return n for a filter that updates at every n-th epoch; n > 1 only if the receiver computes its solution."""
     return round(scenario.receiver.rate / scenario.filter.update_rate) if solves(scenario) else 1
 
 
 def gains_of(
     scenario: Scenario, layout: StateLayout, channels: Channels, t_epoch: Floats, events: Mapping[str, float]
 ) -> Gains | None:
-    """Return the gains of a filter with a schedule at the epochs (s), None without.
+    """Return the stored gains of a filter at the epochs; None without a schedule.
 
-    InputError where the schedule is of other states than the filter's, or of an event that the flight lacks.
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    layout, channels
+        States and measurement channels of the filter.
+    t_epoch
+        (n_epoch,) s since lift-off.
+    events
+        s since lift-off, by name of the event.
+
+    Raises
+    ------
+    InputError
+        If the schedule has other states than the filter, no gains for its measurements, or an event that the flight
+        lacks.
     """
     schedule = scenario.filter.gains
     if schedule is None:
@@ -77,7 +100,7 @@ def gains_of(
             f"{', '.join(names)}",
         )
     try:
-        found = gains_at(schedule, t_epoch, events)
+        scheduled = gains_at(schedule, t_epoch, events)
     except ValueError as error:
         raise _about("filter.gains", str(error)) from None
     gain, stored = (
@@ -87,21 +110,21 @@ def gains_of(
     for k, name in enumerate(schedule.measurements):
         if name in channels.names:
             at = channels.names.index(name)
-            gain[:, at], stored[at] = found[:, k], True
+            gain[:, at], stored[at] = scheduled[:, k], True
     if not stored.any():
         raise _about("filter.gains", f"the schedule {schedule.name!r} has no gains for {', '.join(channels.names[:6])}")
     return Gains(np.ascontiguousarray(gain), stored)
 
 
 def _about(path: str, message: str) -> InputError:
-    """Return the mistake in a field of the scenario."""
+    """Return the input error for a field of the scenario."""
     return InputError(records=[Mistake(message, path)])
 
 
 def _reported(
     card: BancroftSolution | FilteredSolution, scenario: Scenario, model: ReceiverModel
 ) -> ReportedCovariance:
-    """Return the covariance that goes out with a solution; a filter that has numbers of its own assumes those."""
+    """Return the settings of the reported covariance; a filter with its own receiver model uses the sigmas of that."""
     reported = card.reported_covariance if isinstance(scenario.filter.receiver, str) else model
     if isinstance(reported, OwnCovariance):
         return ReportedCovariance(correlated=reported.correlated, factor=reported.factor)
@@ -109,7 +132,10 @@ def _reported(
 
 
 def solver_of(scenario: Scenario, model: ReceiverModel, most: int, smoothing: Smoothing | None = None) -> Solver | None:
-    """Return how the receiver of a case solves, None where it does not; `most` satellites at once."""
+    """Return the settings by which the receiver computes its solution; None if the solution is simulated directly.
+
+    most : largest number of satellites in use at once
+    """
     card = scenario.receiver.solution
     if isinstance(card, DirectSolution) or not solves(scenario):
         return None
@@ -124,25 +150,31 @@ def solver_of(scenario: Scenario, model: ReceiverModel, most: int, smoothing: Sm
 def delays_taken(
     scenario: Scenario, t_epoch: Floats, t_valid: Floats, devices: Sequence[Sensor] = ()
 ) -> tuple[DelayTaken, ...]:
-    """Return the delays that the filter compensates, the receiver's first; none where it does not.
+    """Return the delays that the filter compensates, that of the receiver first; empty without compensation.
 
-    t_valid (n_epoch,): when the receiver's measurements of the epochs are of, as it stamps them; devices: the sensors
-    that the filter takes.
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    t_epoch, t_valid
+        (n_epoch,) s. Epochs, and time tags of the receiver's measurements.
+    devices
+        Sensors other than the receiver that the filter uses.
     """
     card = scenario.filter.delay_compensation
     if card is None or not scenario.filter.aided:
         return ()
-    found = []
+    of_receiver = []
     if scenario.filter.tight or scenario.filter.loose:
         stamped = isinstance(card.delay, str)
-        found.append(DelayTaken(-1, t_epoch - t_valid if stamped else np.full(t_epoch.size, card.delay)))
-    return (*found, *(DelayTaken(k, d.delay) for k, d in enumerate(devices) if np.any(d.delay > 0.0)))
+        of_receiver.append(DelayTaken(-1, t_epoch - t_valid if stamped else np.full(t_epoch.size, card.delay)))
+    return (*of_receiver, *(DelayTaken(k, d.delay) for k, d in enumerate(devices) if np.any(d.delay > 0.0)))
 
 
 def late_of(
     scenario: Scenario, delays: Sequence[DelayTaken], kept: Sequence[CloneTimes], schedule: Schedule, channels: Channels
 ) -> Late | None:
-    """Return how late measurements are compensated; None where they are not."""
+    """Return the delay compensation as arrays for the kernels; None without."""
     card = scenario.filter.delay_compensation
     if card is None or not delays:
         return None
@@ -182,36 +214,51 @@ def _line_of_channels(sensors: list[int], channels: Channels) -> Ints:
 
 
 def _stored_at_once(at: CloneTimes, ticks: float) -> int:
-    """Return how many states are stored at once; `ticks` between epochs. A state is stored until its epoch is over."""
+    """Return the number of states stored at once; ticks: between epochs. A state is stored until its epoch is over."""
     ahead = np.floor(np.arange(1, at.valid.size + 1) - np.minimum(at.valid, at.early) / ticks + 1e-9) + 1
     return max(1, int(ahead.max(initial=1)))
 
 
 def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
-    """Return the first epoch whose tick a window ends at, and the one after the last, (n_window, 2); ticks rise."""
+    """Return the range of epochs whose tick is the end of each window, (n_window, 2): first, and one after the last.
+
+    ends : (n_window,) last ticks of the windows; ticks : (n_epoch,) ascending
+    """
     return np.stack([np.searchsorted(ticks, ends, side) for side in ("left", "right")], axis=1).astype(np.int64)
 
 
 def clone_times(
     scenario: Scenario, t_epoch: Floats, delays: Sequence[DelayTaken], t: Floats, group: int
 ) -> tuple[CloneTimes, ...]:
-    """Return when states are kept for each delay; t (n_tick + 1,) s of the ticks, a step of the strapdown is `group` of
-    them.
+    """Return the times at which states are stored for each delay.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    t_epoch
+        (n_epoch,) s since lift-off.
+    delays
+        Delays of `delays_taken`.
+    t
+        (n_tick + 1,) s. Times of the ticks.
+    group
+        Ticks of a strapdown step.
     """
     card = scenario.filter.delay_compensation
     if card is None:
         return ()
-    return tuple(_clone_times(t_epoch - one.delay, card.base if one.sensor < 0 else 0.0, t, group) for one in delays)
+    return tuple(_clone_times(t_epoch - item.delay, card.base if item.sensor < 0 else 0.0, t, group) for item in delays)
 
 
 def _clone_times(wanted: Floats, before: float, t: Floats, group: int) -> CloneTimes:
-    """Return when states of the times `wanted` (s) are kept, and their velocity `before` (s; 0: none)."""
+    """Return the storage times of states at the times `wanted` (s), and of velocities `before` s earlier (0: none)."""
     dt = float(t[1] - t[0])
-    # a state is stored at the end of a step: the first ones are those of the first two steps
+    # states are stored at the end of a step, so the earliest are those of the first two steps
     valid = np.maximum(2 * group, np.rint((wanted - t[0]) / (dt * group)).astype(np.int64) * group)
     early = np.maximum(group, valid - max(1, round(before / (dt * group))) * group) if before > 0.0 else valid
     offset = wanted - t[valid]
-    # what is left of rounding is not worth a step
+    # rounding errors of the times need no propagation by a fraction of a step
     offset = np.where(np.abs(offset) < 1e-6 * dt, 0.0, offset)
     base = wanted - t[early]
     return CloneTimes(valid, early, offset, np.where(base < 0.5 * dt * group, t[valid] - t[early], base))

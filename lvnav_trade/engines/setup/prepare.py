@@ -1,4 +1,4 @@
-"""A scenario made ready for both engines: everything that is the same for all runs, computed once, stage by stage."""
+"""Preparation of a scenario for both engines: everything that all runs share, computed once."""
 
 from lvnav_trade.engines.setup.filtering import Filtering, filtering_of, layout_of, start_of
 from lvnav_trade.engines.setup.flight import Flight, flight_of
@@ -19,8 +19,8 @@ from lvnav_trade.world.flight.trajectory import Trajectory
 from lvnav_trade.world.guided.reference import Plan, plan_of
 
 GUIDED_HISTORY = 1.0
-"""Longest step (s) between history times of a guided ascent: guidance, which has a pass a second, reads the navigation
-errors there.
+"""Longest step (s) between history times of a guided ascent. Guidance runs once per second and reads the navigation
+errors at these times.
 """
 
 
@@ -30,17 +30,19 @@ def prepare(
     every_step_beside: Floats | None = None,
     flown: tuple[Trajectory, Reference] | None = None,
 ) -> Prepared:
-    """Make a scenario ready, in stages that each make a record once: flight, schedule, filter, measurements.
+    """Prepare a scenario in stages: flight, schedule, filter, measurements. Each stage makes one record.
 
     Parameters
     ----------
+    scenario
+        Validated model of the case.
     history
-        Interval of the history in s; every event time is added to it.
+        s. Interval of the history times; every event time is added to them.
     every_step_beside
-        History times (s) of a block; they are kept, and every covariance step is recorded beside them (for a replay:
-        where windows are cut, and so the last bit of every number, is as in the block).
+        s. History times of a block of runs, for a replay of one of them. Every covariance step is recorded in addition.
+        Windows are divided as in the block, so the run has the same bits.
     flown
-        The flight and its samples in place of those of the scenario's trajectory.
+        Trajectory and its samples, in place of those of the scenario.
     """
     flight = flight_of(scenario, flown)
     layout = layout_of(scenario, flight)
@@ -85,13 +87,13 @@ def prepare(
 
 
 def _is_guided(scenario: Scenario) -> bool:
-    """Whether guidance steers every run by its navigation errors."""
+    """Return whether guidance steers each run by its own navigation errors."""
     card = scenario.trajectory
     return isinstance(card, VehicleAscent) and card.guidance != "nominal"
 
 
 def _plan(scenario: Scenario) -> Plan | None:
-    """Return what guidance knows before lift-off; None where every run flies the nominal ascent."""
+    """Return the guidance plan computed before lift-off; None if every run has the nominal ascent."""
     card = scenario.trajectory
     return plan_of(card) if isinstance(card, VehicleAscent) and _is_guided(scenario) else None
 
@@ -105,7 +107,7 @@ def _options(
     imu: TrueImu,
     reporting: Reporting,
 ) -> Options:
-    """Return the optional features of a case; None for each that it does not have."""
+    """Return the optional features of a case; None for each feature that it lacks."""
     card, layout, model, ref = scenario.filter, filtering.layout, filtering.model, flight.reference
     integrity = card.integrity
     return Options(

@@ -1,4 +1,4 @@
-"""A case made ready: everything that its runs share, as both engines take it."""
+"""Record of a prepared case: everything that its runs share, for both engines."""
 
 from typing import NamedTuple
 
@@ -49,19 +49,19 @@ class Prepared(NamedTuple):
     channels: Channels  # measurement channels of the filter
     channel_names: tuple[str, ...]  # names of all innovations
     failing: Ints  # (n_epoch,) number of the input check that the receiver's sample fails, 0 none
-    plan: Plan | None  # what guidance knows before lift-off; None without guidance
+    plan: Plan | None  # guidance plan computed before lift-off; None without guidance
 
     @property
     def hist_tick(self) -> Ints:
         """Return the ticks (n_hist,) at which errors are recorded for the history times."""
         at = self.schedule.hist >= 0
-        found = np.zeros(self.t_hist.size, dtype=np.int64)
-        found[self.schedule.hist[at]] = (self.schedule.first_tick + self.schedule.n_tick)[at]
-        return found
+        ticks = np.zeros(self.t_hist.size, dtype=np.int64)
+        ticks[self.schedule.hist[at]] = (self.schedule.first_tick + self.schedule.n_tick)[at]
+        return ticks
 
     @property
     def n_row(self) -> int:
-        """How many Jacobian rows an epoch has at most: the receiver's, then those of the sensors."""
+        """Return the largest number of Jacobian rows at an epoch: those of the receiver, then those of the sensors."""
         return (
             max(6, self.model.n_kind * self.signals.used.shape[1]) + self.channels.n_channel - self.channels.n_receiver
         )

@@ -1,7 +1,7 @@
 """Redundant IMUs on the nominal flight: limits of the parity test, combined IMU for linear covariance.
 
-Linear covariance decides on the mean, as a run without noise does: it leaves a unit out from the tick on at which the
-known errors fail the test. The middle one of several readings enters it by statistical linearisation.
+Linear covariance applies the test to mean errors, as in a run without noise: an IMU is excluded from the tick at which
+its deterministic errors fail the test. The selection of the middle value is treated by statistical linearisation.
 """
 
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ from lvnav_trade.world.sensors.redundancy import Middle, ParityCard, middle
 from lvnav_trade.world.sensors.units import ImuSet, axis_weights, least_squares, own_solutions, terms_of, triads_of
 
 STAGE = 1.0
-"""Interval (s) at which the statistics of the middle reading are looked up."""
+"""Interval (s) at which the statistics of the middle value are evaluated."""
 
-# Sensor (of several units 2 triad + sensor), what it multiplies (CONSTANT: a bias, OWN_0: a scale factor), start and
-# end (s) of its growth, amplitude (SI): an error that is the same in every run.
+# Deterministic error: sensor (in an array 2 * triad + sensor), driver (CONSTANT: a bias, OWN_0: a scale factor), start
+# and end (s) of its growth, amplitude (SI).
 Profile = tuple[int, int, float, float, tuple[float, float, float]]
 
 
@@ -43,7 +43,7 @@ class _Axes(NamedTuple):
 
 
 class ParityTest(NamedTuple):
-    """Parity test on the nominal flight; fields as of `Redundant`.
+    """Parity test on the nominal flight; fields as in `Redundant`.
 
     ticks : Ticks summed for a test.
     weight : (n_window, 2, n_triad, 3). Inverse of the modelled variance of a summed increment.
@@ -60,7 +60,19 @@ class ParityTest(NamedTuple):
 def redundant_of(
     card: ImuCard | ImuSet, units: Units | None, ref: Reference, profiles: Sequence[Profile]
 ) -> Units | None:
-    """Return the units with what their test and selection need; as they are without either."""
+    """Return the IMU array with its parity test and selection; unchanged if it has neither.
+
+    Parameters
+    ----------
+    card
+        Card of the IMU or of the array.
+    units
+        IMU array; None for one IMU.
+    ref
+        True motion and ideal increments.
+    profiles
+        Deterministic errors of the IMUs.
+    """
     if units is None or isinstance(card, ImuCard) or (card.parity is None and card.selection == "mean"):
         return units
     dt = 1.0 / card.rate
@@ -72,9 +84,9 @@ def redundant_of(
     known = _known(units, profiles, 0.5 * (ref.t[:-1] + ref.t[1:]), dt)
     tested = card.parity is not None and excludes
     lost = failed(along + known, units.frames[:, :, 0], test) if tested else []
-    left = [{unit for _, unit in lost[:n]} for n in range(len(lost) + 1)]
+    excluded = [{unit for _, unit in lost[:n]} for n in range(len(lost) + 1)]
     spread, walk = _of_biases(card)
-    found = Redundant(
+    redundant = Redundant(
         middle=card.selection == "mid_value",
         excludes=excludes,
         ticks=test.ticks if card.parity is not None else 0,
@@ -87,14 +99,14 @@ def redundant_of(
         spread=spread,
         walk=walk,
         lost=np.array([at for at, _ in lost], dtype=np.int64),
-        mean=np.array([_mean(units, own, out).solved for out in left]),
+        mean=np.array([_mean(units, own, out).solved for out in excluded]),
     )
-    looked = _Looked(card, units, own, ref, along, known) if found.middle else None
-    return _staged(units, own, looked, lost, found)
+    looked = _Looked(card, units, own, ref, along, known) if redundant.middle else None
+    return _staged(units, own, looked, lost, redundant)
 
 
 def _test(card: ImuSet, units: Units, owner: Ints, dt: float) -> ParityTest:
-    """Return the parity test of a set; of one without a test that of the default card, which weighs readings."""
+    """Return the parity test of an array; without one, that of the default card, which gives the weights."""
     parity = card.parity or ParityCard()
     ticks = max(1, round(parity.window / dt))
     weight = 1.0 / _variance(card, units, dt, ticks)
@@ -104,7 +116,7 @@ def _test(card: ImuSet, units: Units, owner: Ints, dt: float) -> ParityTest:
 
 
 def _of_biases(card: ImuSet) -> tuple[Floats, Floats]:
-    """Return variance, and variance per second of the walk, (2, n_triad, 3) each, of the biases of an axis."""
+    """Return variance and variance rate of the random walk of the biases, (2, n_triad, 3) each, by sensor and axis."""
     spread, walk = np.zeros((2, 2, len(triads_of(card)), 3))
     for block in terms_of(card):
         if block.driver == CONSTANT:
@@ -115,19 +127,23 @@ def _of_biases(card: ImuSet) -> tuple[Floats, Floats]:
 
 
 def _known(units: Units, profiles: Sequence[Profile], t: Floats, dt: float) -> Floats:
-    """Return what errors that every run has put into increments along the axes, (2, n_triad, n_tick, 3)."""
+    """Return the errors of increments along the axes by deterministic profiles, (2, n_triad, n_tick, 3)."""
     n_triad, n_tick = units.dtheta.shape[:2]
-    found = np.zeros((2, n_triad, n_tick, 3))
+    errors = np.zeros((2, n_triad, n_tick, 3))
     for code, driver, start, end, size in profiles:
         triad, sensor = divmod(code, 2)
         share = np.clip((t - start) / (end - start), 0.0, 1.0)[:, None] * np.array(size)
-        found[sensor, triad] += share * inputs_of(units, dt, driver, triad, sensor)
-    return found * (np.arange(3) < units.n_axis[:, None])[None, :, None, :]
+        errors[sensor, triad] += share * inputs_of(units, dt, driver, triad, sensor)
+    return errors * (np.arange(3) < units.n_axis[:, None])[None, :, None, :]
 
 
 def _spread(card: ImuSet, units: Units, dt: float, ticks: int) -> tuple[Floats, Floats]:
-    """Return the variances (n_window, 2, n_triad, 3) of what lasting errors and white noise of the cards put into
-    increments along the axes, summed over windows of some ticks.
+    """Return the variances of increments along the axes, summed over windows of some ticks.
+
+    Returns
+    -------
+    lasting, white
+        (n_window, 2, n_triad, 3). By lasting errors and by white noise of the cards.
     """
     n_triad, n_tick = units.dtheta.shape[:2]
     edges = np.arange(0, n_tick + 1, ticks)
@@ -147,16 +163,26 @@ def _spread(card: ImuSet, units: Units, dt: float, ticks: int) -> tuple[Floats, 
 
 
 def _variance(card: ImuSet, units: Units, dt: float, ticks: int) -> Floats:
-    """Return the variance (n_window, 2, n_triad, 3) of a summed increment along an axis; inf where there is no axis."""
+    """Return the variance (n_window, 2, n_triad, 3) of a summed increment along an axis; infinite without an axis."""
     lasting, white = _spread(card, units, dt, ticks)
     return np.asarray(np.where(np.arange(3) < units.n_axis[:, None], lasting + white, np.inf))
 
 
 def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[int, int]]:
-    """Return which units fail the test on increments (2, n_triad, n_tick, 3) along their directions (n_triad, 3, 3):
-    tick from which on they are left out, and number. Weighted least squares by NumPy; a run's kernel is another one.
+    """Return the IMUs that fail the parity test: tick from which each is excluded, and its number.
+
+    This implementation by NumPy is independent of the kernel of the simulation.
+
+    Parameters
+    ----------
+    along
+        (2, n_triad, n_tick, 3). Increments along the sensing axes.
+    directions
+        (n_triad, 3, 3). Directions of the axes, body axes.
+    tests
+        Parity test.
     """
-    out, found = set[int](), list[tuple[int, int]]()
+    out, excluded = set[int](), list[tuple[int, int]]()
     n_window, n_unit = len(tests.weight), int(tests.owner.max()) + 1
     sums = along[:, :, : n_window * tests.ticks].reshape(2, along.shape[1], n_window, tests.ticks, 3).sum(axis=3)
     for window in range(n_window):
@@ -168,29 +194,33 @@ def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[i
             worst = min((ratio, u) for u, ratio in enumerate(ratios) if u not in out)
             if np.isfinite(worst[0]):
                 out.add(worst[1])
-                found.append(((window + 1) * tests.ticks, worst[1]))
-    return found
+                excluded.append(((window + 1) * tests.ticks, worst[1]))
+    return excluded
 
 
 def _over(
     y: Floats, directions: Floats, weight: Floats, tests: ParityTest, out: set[int], alone: bool = False
 ) -> float:
-    """Return the weighted squares that a fit without some units leaves, over their limit; with no axis to spare 0, or
-    where it is asked what is left alone inf.
+    """Return the weighted sum of squared residuals of a fit without the IMUs in `out`, divided by its limit.
+
+    Without redundancy it is 0, or infinite if the fit is a candidate for exclusion (`alone`).
     """
     use = (weight > 0.0) & ~np.isin(tests.owner, list(out))[:, None]
-    spare = int(use.sum()) - 3
-    if spare < 1:
+    dof = int(use.sum()) - 3
+    if dof < 1:
         return np.inf if alone else 0.0
     root = np.sqrt(weight[use])
     H, z = directions[use] * root[:, None], y[use] * root
-    left = z - H @ np.linalg.lstsq(H, z, rcond=None)[0]
-    return float(left @ left / tests.limits[spare])
+    residual = z - H @ np.linalg.lstsq(H, z, rcond=None)[0]
+    return float(residual @ residual / tests.limits[dof])
 
 
 class _Stage(NamedTuple):
-    """How errors enter the fused triad: solved (n_triad, 2, 3, 3), noisy (2, 2, 3) factor on errors that last and on
-    white noise by sensor and axis, shift (2, 3) of the mean of an increment.
+    """Combination of the IMUs in a stage of the flight.
+
+    solved : (n_triad, 2, 3, 3). Weights of each axis in the combined triad.
+    noisy : (2, 2, 3). Factor on lasting errors and on white noise, by sensor and axis.
+    shift : (2, 3) rad, m/s. Mean error of a combined increment.
     """
 
     solved: Floats
@@ -201,10 +231,10 @@ class _Stage(NamedTuple):
 def _staged(
     units: Units, own: _Axes, looked: "_Looked | None", lost: list[tuple[int, int]], redundant: Redundant
 ) -> Units:
-    """Return the units with the stages of their flight: what enters how, tick by tick, and without a test beside.
+    """Return the IMU array with the stages of the flight, tick by tick: with exclusions, and without.
 
-    looked : statistics of the middle reading; None where the mean is taken
-    lost : ticks from which IMUs are left out, and their numbers
+    looked : statistics of the middle value; None if the mean is used
+    lost : ticks from which IMUs are excluded, and their numbers
     """
     n_tick = units.dtheta.shape[1]
     stages: list[_Stage] = []
@@ -221,12 +251,12 @@ def _staged(
     stage, flown = np.zeros(n_tick, dtype=np.int64), np.zeros(n_tick, dtype=np.int64)
     for first, last in pairwise(edges):
         out = {unit for at, unit in lost if at <= first}
-        for numbers, left in ((flown, set[int]()), (stage, out)):
-            numbers[first:last] = number(_mean(units, own, left) if looked is None else looked.at(first, left))
+        for numbers, excluded in ((flown, set[int]()), (stage, out)):
+            numbers[first:last] = number(_mean(units, own, excluded) if looked is None else looked.at(first, excluded))
     return units._replace(
-        solved=np.array([one.solved for one in stages]),
-        noisy=np.array([one.noisy for one in stages]),
-        shift=np.array([one.shift for one in stages]),
+        solved=np.array([item.solved for item in stages]),
+        noisy=np.array([item.noisy for item in stages]),
+        shift=np.array([item.shift for item in stages]),
         stage=stage,
         flown=flown,
         redundant=redundant,
@@ -234,7 +264,7 @@ def _staged(
 
 
 def _mean(units: Units, own: _Axes, out: set[int]) -> _Stage:
-    """Return the least squares of the units that are not out."""
+    """Return the stage with the least-squares mean of the IMUs that are not in `out`."""
     solved = units.solved[0]
     if out:
         solved = np.zeros_like(solved)
@@ -247,7 +277,7 @@ def _mean(units: Units, own: _Axes, out: set[int]) -> _Stage:
 
 
 class _Looked:
-    """Statistics of the middle reading along a flight."""
+    """Statistics of the middle value along a flight."""
 
     def __init__(self, card: ImuSet, units: Units, own: _Axes, ref: Reference, along: Floats, known: Floats) -> None:
         dt = 1.0 / card.rate
@@ -259,47 +289,49 @@ class _Looked:
         self._lasting = np.sqrt(self._of_units(lasting)) / step
         true = np.stack([ref.dtheta, ref.dvel])
         sensed = np.stack([self._solved(along[s] + known[s]) for s in range(2)])
-        # errors of a tick: the mean over a stage, which a last one of less ticks shares with the one before
+        # errors of a tick, averaged over each stage; a shorter last stage uses the errors of the stage before
         off = (sensed - true[:, None])[:, :, : len(lasting) * step]
         self._off = off.reshape(2, self._n, len(lasting), step, 3).mean(axis=3)
 
     def _solved(self, along: Floats) -> Floats:
-        """Return what each unit senses alone, (n_unit, n_tick, 3), of increments (n_triad, n_tick, 3)."""
-        found = np.zeros((self._n, *along.shape[1:]))
+        """Return the solution of each IMU alone, (n_unit, n_tick, 3), from increments (n_triad, n_tick, 3)."""
+        solutions = np.zeros((self._n, *along.shape[1:]))
         for triad, unit in enumerate(self._own.owner):
-            found[unit] += along[triad] @ self._alone[triad].T
-        return found
+            solutions[unit] += along[triad] @ self._alone[triad].T
+        return solutions
 
     def _of_units(self, variance: Floats) -> Floats:
-        """Return variances (n, 2, n_unit, 3) of the units' own solutions by those of their axes, (n, 2, n_triad, 3)."""
-        found = np.zeros((len(variance), 2, self._n, 3))
+        """Return the variances (n, 2, n_unit, 3) of the solution of each IMU from those of axes, (n, 2, n_triad, 3)."""
+        variances = np.zeros((len(variance), 2, self._n, 3))
         for triad, unit in enumerate(self._own.owner):
-            found[:, :, unit] += variance[:, :, triad] @ (self._alone[triad] ** 2).T
-        return found
+            variances[:, :, unit] += variance[:, :, triad] @ (self._alone[triad] ** 2).T
+        return variances
 
     def at(self, tick: int, out: set[int]) -> _Stage:
-        """Return the stage of a tick without some units."""
+        """Return the stage of a tick without the IMUs in `out`."""
         window = min(tick // self.step, self._off.shape[2] - 1)
-        left = [unit for unit in range(self._n) if unit not in out]
+        used = [unit for unit in range(self._n) if unit not in out]
         solved, noisy, shift = np.zeros_like(self._units.solved[0]), np.ones((2, 2, 3)), np.zeros((2, 3))
         for sensor in range(2):
             for axis in range(3):
-                off = self._off[sensor, left, window, axis]
-                white, lasting = self._white[sensor, left, axis], self._lasting[window, sensor, left, axis]
-                found = _rounded(off, white, lasting)
+                off = self._off[sensor, used, window, axis]
+                white, lasting = self._white[sensor, used, axis], self._lasting[window, sensor, used, axis]
+                selection = _rounded(off, white, lasting)
                 for triad, unit in enumerate(self._own.owner):
-                    if unit in left:
-                        gain = found.gains[left.index(int(unit))]
+                    if unit in used:
+                        gain = selection.gains[used.index(int(unit))]
                         solved[triad, sensor, axis] = gain * self._alone[triad][axis]
-                noisy[sensor, :, axis] = found.lasting, found.white
-                shift[sensor, axis] = white[0] * found.mean - found.gains @ (off - np.median(off))
+                noisy[sensor, :, axis] = selection.lasting, selection.white
+                shift[sensor, axis] = white[0] * selection.mean - selection.gains @ (off - np.median(off))
         return _Stage(solved, noisy, shift)
 
 
 def _rounded(off: Floats, white: Floats, lasting: Floats) -> Middle:
-    """Return the statistics of readings about the median of what is known of them, in the unit of the first noise, of
-    ratios rounded: errors to a tenth of it, at most forty of it; what lasts to a tenth of its logarithm. Variances are
-    replaced by factors on the sigmas of the linear part.
+    """Return the statistics of the middle value for rounded ratios, so that they can be cached.
+
+    Quantities are in units of the first noise: deterministic errors about their median are rounded to a tenth and
+    limited to 40, lasting errors to a tenth of their logarithm. Variances are returned as factors on the sigmas of the
+    linear part.
     """
     steps = np.clip(np.rint((off - np.median(off)) / white[0] * 10.0), -400.0, 400.0)
     exponents = np.rint(np.log(np.maximum(lasting / white[0], 1e-4)) * 10.0)
@@ -308,7 +340,9 @@ def _rounded(off: Floats, white: Floats, lasting: Floats) -> Middle:
 
 @lru_cache(maxsize=4096)
 def _remembered(steps: tuple[float, ...], white: tuple[float, ...], exponents: tuple[float, ...]) -> Middle:
-    held, fresh = np.exp(np.array(exponents) / 10.0), np.array(white)
-    found = middle(np.array(steps) / 10.0, fresh, held)
-    lasting, noise = (np.sum((found.gains * size) ** 2) for size in (held, fresh))
-    return found._replace(lasting=float(np.sqrt(found.lasting / lasting)), white=float(np.sqrt(found.white / noise)))
+    lasting_sigma, white_sigma = np.exp(np.array(exponents) / 10.0), np.array(white)
+    statistics = middle(np.array(steps) / 10.0, white_sigma, lasting_sigma)
+    lasting, noise = (np.sum((statistics.gains * sigma) ** 2) for sigma in (lasting_sigma, white_sigma))
+    return statistics._replace(
+        lasting=float(np.sqrt(statistics.lasting / lasting)), white=float(np.sqrt(statistics.white / noise))
+    )

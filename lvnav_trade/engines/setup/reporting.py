@@ -1,4 +1,4 @@
-"""What is reported of a case: true state at the history times, axes, outputs, and the names of innovations."""
+"""Reported quantities of a case: outputs, true state and axes at the history times, names of innovations."""
 
 from typing import NamedTuple
 
@@ -20,11 +20,11 @@ from lvnav_trade.world.truth import motion
 
 
 class Reporting(NamedTuple):
-    """What is reported of a case.
+    """Reported quantities of a case.
 
     outputs : Error components, in the order of the history's columns.
-    backup : First output of the strapdown that is never corrected; None without one.
-    solution : The receiver's own solution; None where nothing is reported of it.
+    backup : First output of the backup strapdown; None without.
+    solution : Inputs of the reported errors of the receiver's solution; None without.
     channel_names : Names of all innovations.
     record : True state at the ticks of the history times.
     motion : True motion at the history times, some of which lie between two ticks.
@@ -41,7 +41,7 @@ class Reporting(NamedTuple):
 def reporting_of(
     scenario: Scenario, flight: Flight, times: Times, layout: StateLayout, solution: Report | None
 ) -> Reporting:
-    """Return what is reported of a case; solution: of the receiver's own, see `solution_of`."""
+    """Return the reported quantities of a case; solution: of `solution_of`."""
     frame, trajectory = scenario.frame, flight.trajectory
     shown = (*outputs(layout, frame), *(solution_outputs(frame) if reported(scenario) else ()))
     backup = backup_outputs(frame) if scenario.filter.backup else ()
@@ -58,7 +58,7 @@ def reporting_of(
 def solution_of(
     scenario: Scenario, chain: Chain | None, channels: Channels, layout: StateLayout, solver: Solver | None
 ) -> Report | None:
-    """Return what is reported of the receiver's own solution; None where nothing is."""
+    """Return the inputs of the reported errors of the receiver's solution; None if they are not reported."""
     if chain is None or not reported(scenario):
         return None
     first = channels.n_channel + N_SAMPLE * (layout.motion >= 0)
@@ -67,7 +67,7 @@ def solution_of(
 
 
 def _channel_names(scenario: Scenario, channels: Channels, report: Report | None) -> tuple[str, ...]:
-    """Return the names of all innovations: of the filter's channels, of the IMU's samples, of the receiver's own."""
+    """Return the names of all innovations: filter channels, IMU samples, receiver's filter."""
     if not measured(scenario) and not solves(scenario):
         return ("none",)
     sensors = ("gyro", "accelerometer") if "imu" in scenario.filter.measurements else ()

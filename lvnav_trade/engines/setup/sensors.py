@@ -22,9 +22,10 @@ from lvnav_trade.world.conditions import Course, inside
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.truth import at_rest
 
-# m/s over the Earth below which a vehicle stands: splines of the pad keep it to 1e-8, a launch passes it at once.
+# m/s relative to the Earth below which a vehicle is at rest: splines on the pad stay below 1e-8, a launch exceeds it at
+# once.
 STILL = 1e-3
-_KINDS = tuple(map(kind_of, SENSORS))  # the place of a kind is its number in the kernels
+_KINDS = tuple(map(kind_of, SENSORS))  # the index of a type is its number in the kernels
 
 
 class Sensor(NamedTuple):
@@ -61,11 +62,11 @@ class Sensor(NamedTuple):
 
 
 def view_of(trajectory: Trajectory, t: Floats) -> FlightView:
-    """Return the true flight at times (n,) s; before its start it is that of the start."""
+    """Return the true flight at times t (n,) s, as sensors need it; before its start it is that of the start."""
     t = np.maximum(t, trajectory.start)
     at, rest = motion(trajectory, t), motion(at_rest(trajectory), t)
     standing = np.logical_and.accumulate(np.linalg.norm(earth_velocity(rest.r_i, rest.v_i), axis=1) < STILL)
-    # heights are the same in frame i: it turns about the ellipsoid's axis
+    # heights may be computed in frame i, since it is rotated about the axis of the ellipsoid only
     height, theta = geodetic_from_ecef(at.r_i)[2], np.asarray(earth_angle(trajectory.theta0, t))
     return FlightView(
         t, at.r_i, at.v_i, at.q_b_i, height, theta, at.w_ib_b, trajectory.epoch, rest.r_i, rest.q_b_i, standing
@@ -73,7 +74,7 @@ def view_of(trajectory: Trajectory, t: Floats) -> FlightView:
 
 
 def _own(error: CorrelatedError, name: str) -> CorrelatedError:
-    """Return a lasting error under the name of its sensor, where there are several that measure the same."""
+    """Return a lasting error with the name of its sensor, if several sensors measure the same quantity."""
     labels = tuple(" ".join((name, label)).strip() for label in error.labels)
     return error._replace(source=f"{error.source} {name}", labels=labels)
 
@@ -81,7 +82,7 @@ def _own(error: CorrelatedError, name: str) -> CorrelatedError:
 def _states(
     model: SensorModel, lasting: Iterable[tuple[CorrelatedError, Floats]], wanted: Collection[str]
 ) -> tuple[SensorState, ...]:
-    """Return the states for lasting errors that a filter has, of those that it names."""
+    """Return the filter states that model lasting errors of a sensor, for the state names in `wanted`."""
     known = [(model.states[error.field], error, partials) for error, partials in lasting if error.field in model.states]
     return tuple(
         SensorState(
@@ -99,10 +100,14 @@ def _states(
 
 
 def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floats) -> Bools:
-    """Return at which epochs (n_epoch,) s a sensor measures, (n_epoch,) bool.
+    """Return whether a sensor measures at the epochs, (n_epoch,).
 
-    Its measurements stand at multiples of its interval since lift-off, on epochs of the filter. InputError names an
-    event that the flight does not have.
+    It measures at multiples of its interval since lift-off that are epochs of the filter.
+
+    Raises
+    ------
+    InputError
+        If a condition of the card names an event that the flight lacks.
     """
     rate = card.rate or scenario.filter.update_rate
     ticks = t_epoch * rate
@@ -110,12 +115,20 @@ def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floa
 
 
 def _since(on: Bools, t_epoch: Floats, start: float) -> Floats:
-    """Return the time (n_epoch,) s from the measurement before, or from the start (s) of the flight, to each epoch."""
+    """Return the time (n_epoch,) s since the previous measurement, or since the start (s) of the flight."""
     return np.asarray(t_epoch - np.concatenate([[start], np.maximum.accumulate(np.where(on, t_epoch, start))[:-1]]))
 
 
 def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float = 0.0) -> tuple[Sensor, ...]:
-    """Return the sensors that the filter of a scenario uses, at the epochs (s); start (s) of the flight."""
+    """Return the sensors other than the receiver that the filter of a scenario uses, at the epochs.
+
+    t_epoch : (n_epoch,) s since lift-off; start : s, of the flight
+
+    Raises
+    ------
+    InputError
+        If a sensor that measures on the pad only has no measurement.
+    """
     used = sensors_used(scenario)
     if not used:
         return ()
@@ -136,7 +149,7 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
         shape, since = (t_epoch.size, len(card.scalars)), np.zeros(0)
         sigma = np.array(np.broadcast_to(card.noise_sigma(view), shape))
         variance = np.array(np.broadcast_to(card.assumed_variance(model, assumed), shape))
-        if isinstance(card, ImuDifferenceCard):  # summed since the measurement before
+        if isinstance(card, ImuDifferenceCard):  # a sum of increments since the previous measurement
             since = _since(on, t_epoch, start)
             walk = np.array(difference_of(scenario, card).by_axis)
             sigma = walk * np.sqrt(np.repeat(since[:, None], 3, axis=1))
@@ -167,12 +180,12 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
 
 
 def _padded(values: Floats, width: int) -> Floats:
-    """Return values (n_epoch, at most width) with zeros behind them."""
+    """Return values (n_epoch, n) padded with zeros to (n_epoch, width)."""
     return np.ascontiguousarray(np.pad(values, ((0, 0), (0, width - values.shape[1]))))
 
 
 def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors | None:
-    """Return the sensors in numbers for the kernels, None without: then nothing of them is compiled."""
+    """Return the sensors as arrays for the kernels; None without sensors, whose code is then not compiled."""
     if not sensors:
         return None
     n = len(sensors)

@@ -1,4 +1,4 @@
-"""Cache of objects that cases share: trajectories, their samples, satellites. The last few of each are kept."""
+"""Cache of objects that cases share: trajectories, their samples, satellites; the last few of each."""
 
 from typing import NamedTuple
 
@@ -23,19 +23,22 @@ from lvnav_trade.world.sky.satellites import content as content_of_sky
 
 @remembered(4)
 def built(identity: str, card: TrajectoryCard) -> Trajectory:
-    """Return the trajectory of a card with this `identity`."""
+    """Return the trajectory of a card; identity: of `identity`, the key of the cache."""
     return build(card)
 
 
 def identity(card: TrajectoryCard) -> str:
-    """Return a card as a line of JSON, and in a second line the digest of the file it names: a changed one is read."""
+    """Return a card as JSON and, on a second line, the digest of the file it names, so that a changed file is read."""
     return f"{card.model_dump_json()}\n{content(card)}"
 
 
 def trajectory_of(scenario: Scenario) -> Trajectory:
-    """Return the scenario's trajectory; the last few that were built are kept.
+    """Return the trajectory of a scenario, from the cache if possible.
 
-    InputError where it cannot be flown, or where a user's own file contradicts itself.
+    Raises
+    ------
+    InputError
+        If the trajectory is infeasible, or if a user's file contradicts itself.
     """
     card = scenario.trajectory
     flight = built(identity(card), card)
@@ -45,12 +48,12 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
 
 @remembered(4)
 def sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
-    """Return a trajectory at the samples of an inertial unit of this rate (Hz)."""
+    """Return true motion and ideal increments of a trajectory at the ticks of an IMU; rate: Hz."""
     return reference(built(identity, card), rate)
 
 
 class _Same(NamedTuple):
-    """A trajectory that equals itself alone: its splines are not compared."""
+    """Wrapper of a trajectory that is compared by identity, not by its splines."""
 
     flight: Trajectory
 
@@ -62,8 +65,8 @@ class _Same(NamedTuple):
 
 
 def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
-    """Return the sky that the measurements of the epochs (n_epoch,) s are of: that of a latency before, not before
-    `start` s.
+    """Return the satellites at the times of validity of the measurements: epochs (n_epoch,) s minus the latency, not
+    before `start` s.
     """
     key = content_of_sky(scenario.constellation)
     heard = _heard(key, scenario, _Same(trajectory), t_epoch.tobytes(), start)
@@ -78,6 +81,6 @@ def _heard(key: str, scenario: Scenario, flown: _Same, epochs: bytes, start: flo
     if receiver.latency_per_satellite > 0.0:
         now = heard_in(above, receiver, trajectory, t_epoch, scenario.faults)
         late = late + receiver.latency_per_satellite * now.sky.tracked.sum(axis=1)
-    # where the latency falls, a later epoch still measures no earlier
+    # if the latency decreases, times of validity still ascend
     times = np.maximum.accumulate(np.maximum(start, t_epoch - late))
     return heard_in(above, receiver, trajectory, times, scenario.faults)

@@ -1,4 +1,4 @@
-"""Schedule of a flight: history times, ticks whose state is stored, and the windows between them."""
+"""Schedule of a flight: history times, ticks at which states are stored, and the windows between them."""
 
 import math
 from typing import NamedTuple
@@ -15,18 +15,20 @@ from lvnav_trade.records import Floats, Ints
 from lvnav_trade.scenario import Scenario
 
 _SAME_TICK = 1e-6
-"""Part of a step: a time this little after a tick is at the tick."""
+"""Fraction of a step by which a time may follow a tick and still count as at the tick."""
 
 
 def _history_times(events: Floats, start: float, end: float, every: float) -> Floats:
-    """Return the grid and the times of events, sorted; a time that is on the grid stands once."""
+    """Return the grid of history times and the times of events, sorted, without duplicates."""
     grid = np.arange(math.ceil(start / every), math.floor(end / every) + 1) * every
     return np.unique(np.concatenate([[start], grid, events]))
 
 
 def _history_ticks(t_hist: Floats, events: Floats, start: float, rate: float, n_imu: int, group: int) -> Ints:
-    """Return the ticks (n_hist,) at which errors are recorded: of an event the first step of the strapdown at or after
-    it, for before a cut-off the thrust still acts; of another time the nearest. Times are sorted, and so are ticks.
+    """Return the ticks (n_hist,) at which errors are recorded, ascending.
+
+    For an event it is the end of the first strapdown step at or after it, because the thrust acts until a cut-off. For
+    any other time it is the nearest tick.
     """
     after = np.ceil((t_hist - start) * rate / group - _SAME_TICK).astype(np.int64) * group
     nearest = ticks_of(t_hist, start, rate, n_imu, group)
@@ -35,9 +37,7 @@ def _history_ticks(t_hist: Floats, events: Floats, start: float, rate: float, n_
 
 
 class _Cut(NamedTuple):
-    """Windows that a flight is cut into, (n_window,) each: first tick, number of ticks, epoch and history time at the
-    end, -1 none.
-    """
+    """Windows of a flight, (n_window,) each: first tick, number of ticks; epoch, history time at the end (-1 none)."""
 
     first_tick: Ints
     n_tick: Ints
@@ -46,9 +46,10 @@ class _Cut(NamedTuple):
 
 
 def _cut(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: Ints, group: int) -> _Cut:
-    """Cut the flight into windows at covariance steps, each at the strapdown step nearest to it (`group` ticks),
-    epochs, history times and ticks whose state is kept; a second history time on the same tick gets a window of no
-    ticks.
+    """Divide the flight into windows.
+
+    Windows end at covariance steps (rounded to strapdown steps of `group` ticks), epochs, history times, and ticks at
+    which a state is stored. A second history time at the same tick gets a window without ticks.
     """
     steps = np.rint(np.arange(0, n_imu, per_window) / group).astype(np.int64) * group
     bounds = np.unique(np.concatenate([steps, hist_tick, epoch_tick, kept, [0, n_imu]]))
@@ -67,21 +68,21 @@ def _cut(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: I
 
 
 def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int, group: int) -> Floats:
-    """Return history times and covariance steps (s), sorted; a step on the tick of a history time stands once."""
+    """Return history times and covariance steps (s), sorted; a step at the tick of a history time is omitted."""
     grid = (start, rate, n_imu, group)
     return np.sort(np.concatenate([t_hist, steps[~np.isin(ticks_of(steps, *grid), ticks_of(t_hist, *grid))]]))
 
 
 class Times(NamedTuple):
-    """Schedule of a flight: when it is looked at, and the windows between.
+    """Schedule of a flight: history times and windows.
 
     t_hist : (n_hist,) s since lift-off. History times.
     hist_tick : (n_hist,). Ticks at which errors are recorded for them.
     schedule : Windows of IMU ticks.
     lengths : (n_length,) s. Window lengths that occur.
-    injected : (n_injection, n_state) SI squared. Variances that changes of region add to the filter's states.
+    injected : (n_injection, n_state) SI squared. Variances added to the filter's states at changes of region.
     delayed : Delays that the filter compensates.
-    kept : For each of these delays, when states are kept.
+    kept : For each of these delays, the times at which states are stored.
     """
 
     t_hist: Floats
@@ -96,25 +97,33 @@ class Times(NamedTuple):
 def times_of(
     scenario: Scenario, flight: Flight, layout: StateLayout, history: float, every_step_beside: Floats | None = None
 ) -> Times:
-    """Return the schedule of a flight; layout: of the filter, whose states changes of region add to.
+    """Return the schedule of a flight.
 
-    history : s, interval of the history times; every event time is added
-    every_step_beside : as of `prepare`
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    layout
+        States of the filter.
+    history
+        s. Interval of the history times; every event time is added.
+    every_step_beside
+        As in `prepare`.
     """
     card, ref, (_, tick, n_imu, group) = scenario.filter, flight.reference, flight.epochs
     rate, start = scenario.imu.rate, float(ref.t[0])
     delayed = delays_taken(scenario, flight.epochs.t, flight.stamped, flight.devices)
     kept = clone_times(scenario, flight.epochs.t, delayed, ref.t, group)
     per_window = max(1, round(rate / card.covariance_rate))
-    # the last piece of a flight that is shorter than a tick may hold an event: its errors are those of the last tick
+    # an event within the last fraction of a tick has the errors of the last tick
     end = flight.trajectory.end
     events = np.array([t for t in flight.trajectory.events.values() if start <= t <= end], dtype=np.float64)
     t_hist = _history_times(events, start, float(ref.t[-1]), history)
     if every_step_beside is not None:
         t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
     hist_tick = _history_ticks(t_hist, events, start, rate, n_imu, group)
-    looked = np.concatenate([np.zeros(0, dtype=np.int64), *(ticks for one in kept for ticks in (one.valid, one.early))])
-    cut = _cut(n_imu, per_window, hist_tick, tick, looked, group)
+    stored = np.concatenate([np.zeros(0, dtype=np.int64), *(ticks for at in kept for ticks in (at.valid, at.early))])
+    cut = _cut(n_imu, per_window, hist_tick, tick, stored, group)
     windows = Windows(cut.first_tick, cut.n_tick)
     lengths, length = np.unique(cut.n_tick, return_inverse=True)
     imu, *_ = filter_models(scenario)

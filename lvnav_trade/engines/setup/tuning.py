@@ -19,10 +19,25 @@ from lvnav_trade.world.receiver.dynamics import dynamics_at
 def weights(
     cards: Sequence[UnderweightingCard], course: Course, row_type: Ints, t_epoch: Floats
 ) -> tuple[Floats, Floats]:
-    """Return what the filter does to its measurements, (n_epoch, n_channel) each: share of H P H' that is added to the
-    innovation variance, and factor on the noise variance.
+    """Return underweighting and noise factors of the measurements.
 
-    row_type (n_channel,) of the channels; t_epoch (n_epoch,) s.
+    Parameters
+    ----------
+    cards
+        Underweighting cards of the filter.
+    course
+        Conditions of the trajectory.
+    row_type
+        (n_channel,). Measurement types.
+    t_epoch
+        (n_epoch,) s since lift-off.
+
+    Returns
+    -------
+    beta
+        (n_epoch, n_channel). Fraction of H P H' added to the innovation variance.
+    factor
+        (n_epoch, n_channel). Factor on the noise variance.
     """
     beta = np.zeros((t_epoch.size, row_type.size))
     factor = np.ones_like(beta)
@@ -49,10 +64,27 @@ def injections(
     layout: StateLayout,
     imu: ImuModel,
 ) -> tuple[Ints, Floats]:
-    """Return the variances that changes of region and tables of process noise add to states: by window the number
-    (n_window,) of what is added at its end, -1 none, and the variances (n_injection, n_state), at least one row.
+    """Return the variances that are added to states at changes of region, and by tables of process noise.
 
-    ref: the true motion, tick by tick; imu: what the filter assumes of its IMU.
+    Parameters
+    ----------
+    card
+        Filter card.
+    trajectory, ref
+        True flight, and true motion at the ticks.
+    windows
+        Windows of ticks.
+    layout
+        States of the filter.
+    imu
+        Filter model of the IMU.
+
+    Returns
+    -------
+    number
+        (n_window,). Row of `added` that is added at the end of each window, -1 none.
+    added
+        (n_injection, n_state) SI squared. At least one row.
     """
     number, moved = np.full(windows.n_tick.size, -1, dtype=np.int64), windows.n_tick > 0
     first, end = windows.first_tick[moved], (windows.first_tick + windows.n_tick)[moved]
@@ -69,7 +101,7 @@ def injections(
 
 
 def _changes(card: RegionNoiseCard, course: Course, ref: Reference, first: Ints, end: Ints) -> Bools:
-    """Return the windows (n,) at whose end the flight is in another region than before; first, end (n,) ticks."""
+    """Return whether the operating region changes within each window, (n,); first, end (n,): ticks of the windows."""
     held = course.holding(card)
     if card.force_change is None and card.rate_change is None:
         edges = np.array([edge for interval in held for edge in interval])
@@ -84,21 +116,22 @@ def _changes(card: RegionNoiseCard, course: Course, ref: Reference, first: Ints,
 
 
 def _tabled(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory, start: Floats, end: Floats) -> Floats:
-    """Return the variance (n, 9) of attitude, velocity and position that tables of process noise give windows from
-    `start` to `end` (n,) s: that of the flight in their middle.
+    """Return the process-noise variance (n, 9) SI squared of attitude, velocity and position by tables.
+
+    start, end : (n,) s, of the windows; the tables are read for the motion in the middle of each window
     """
     at = dynamics_at(trajectory, 0.5 * (start + end))
-    found = np.zeros((start.size, 9))
+    variance = np.zeros((start.size, 9))
     for table in tables:
         for name, states in (("attitude", ATT), ("velocity", VEL), ("position", POS)):
             if getattr(table, name):
                 density = np.interp(getattr(at, table.over), getattr(table, table.over), getattr(table, name)) ** 2
-                found[:, states : states + 3] += (density * (end - start))[:, None]
-    return found
+                variance[:, states : states + 3] += (density * (end - start))[:, None]
+    return variance
 
 
 def _jumps(values: Floats, limit: float) -> Bools:
-    """Return where values (n, 3) have changed by a limit since the last time that they had, (n,)."""
+    """Return whether values (n, 3) differ by a limit or more from those at the last such change, (n,)."""
     found, last = np.zeros(len(values), dtype=bool), values[0]
     for k, value in enumerate(values):
         if np.linalg.norm(value - last) >= limit:
@@ -107,7 +140,7 @@ def _jumps(values: Floats, limit: float) -> Bools:
 
 
 def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floats:
-    """Return what a change of region adds to the variance of the states, (n_state,)."""
+    """Return the variance that a change of region adds to the states, (n_state,) SI squared."""
     variance = np.zeros(layout.n_state)
     blocks = {"attitude": ATT, "velocity": VEL, "position": POS}
     for name, at in [*blocks.items(), *((block.name, block.offset) for block in layout.parameters)]:
@@ -120,16 +153,14 @@ def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floa
 
 
 def linearisations(card: FilterCard, rate: float, windows: Windows) -> Ints:
-    """Return what each window does to the rates that the transition is linearised at, (n_window,); rate (Hz): of the
-    IMU.
-    """
+    """Return the code of `transition.linearise` for each window, (n_window,); rate: Hz, of the IMU."""
     codes = np.full(windows.n_tick.size, EVERY_WINDOW, dtype=np.int64)
     if card.transition_rate is None:
         return codes
     moved = windows.n_tick > 0
     step = windows.first_tick[moved] // max(1, round(rate / card.transition_rate))
-    own = np.where(np.diff(step, prepend=-1) > 0, RENEWED, KEPT)
-    # nothing is known before the first window: it is linearised at its own means, and the next one begins anew
-    own[:2] = (FIRST, RENEWED)[: own.size]
-    codes[moved] = own
+    moved_codes = np.where(np.diff(step, prepend=-1) > 0, RENEWED, KEPT)
+    # no estimate exists before the first window, so it is linearised at its own means; the second renews the rates
+    moved_codes[:2] = (FIRST, RENEWED)[: moved_codes.size]
+    codes[moved] = moved_codes
     return codes

@@ -30,11 +30,11 @@ _LAST = 4  # increments of two sensors of two trajectories
 
 
 def _lagged(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
-    """Return what a sensor of a bandwidth puts out; the last few are kept, for cases share their trajectory."""
+    """Return increments filtered by the bandwidth of a sensor; the last few are cached, since cases share them."""
     key = (id(increments), bandwidth, dt)
     if key not in _kept:
-        found = np.ascontiguousarray(lag(increments, bandwidth, dt))
-        _kept[key] = increments, found  # with the increments, so that no others can have their identity
+        filtered = np.ascontiguousarray(lag(increments, bandwidth, dt))
+        _kept[key] = increments, filtered  # keeping the increments alive keeps their id unique
         while len(_kept) > _LAST:
             _kept.popitem(last=False)
     return _kept[key][1]
@@ -48,8 +48,20 @@ def arriving(
     unit: int = 0,
     beside: Floats | None = None,
 ) -> list[Floats]:
-    """Return increments (n_imu, 3) of angle and velocity, body axes, as an ideal unit of this bandwidth senses them,
-    where samples are dropped without them; `beside`: what the place of the unit adds to those of velocity.
+    """Return angle and velocity increments sensed by an ideal IMU of a given bandwidth, (n_imu, 3) each, body axes.
+
+    Parameters
+    ----------
+    ref
+        True motion and ideal increments.
+    card
+        Card of the IMU.
+    faults, course
+        Faults, of which dropped samples act here; conditions of the trajectory.
+    unit
+        Number of the IMU in an array.
+    beside
+        (n_imu, 3) m/s. Velocity increments by the lever arm of the IMU.
     """
     dt = 1.0 / card.rate
     dvel = ref.dvel if beside is None else ref.dvel + beside
@@ -112,7 +124,21 @@ def swing(ref: Reference, lever: Floats) -> Floats:
 def units_of(
     scenario: Scenario, ref: Reference, course: Course, devices: tuple[Sensor, ...], layout: StateLayout
 ) -> Units | None:
-    """Return the units of a set in numbers for the kernels; None for one unit."""
+    """Return the IMUs of an array as arrays for the kernels; None for one IMU.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    ref
+        True motion and ideal increments on the ticks.
+    course
+        Conditions of the trajectory, for the periods of faults.
+    devices
+        Sensors other than the receiver, among them differences of two IMUs.
+    layout
+        States of the filter.
+    """
     card = scenario.imu
     if isinstance(card, ImuCard):
         return None
@@ -139,8 +165,8 @@ def units_of(
     keys = [keyed(f"{IMU_NOISE} {k}" if k else IMU_NOISE, unit) for unit, k in zip(owner, part, strict=True)]
     lever = np.array([card.units[unit].lever_arm for unit in owner], dtype=float)
     return Units(
-        dtheta=np.array([one[GYRO] for one in out]),
-        dvel=np.array([one[ACCEL] for one in out]),
+        dtheta=np.array([increments[GYRO] for increments in out]),
+        dvel=np.array([increments[ACCEL] for increments in out]),
         n_axis=np.array([triad.n_axis for triad in triads], dtype=np.int64),
         frames=np.array([triad.frames for triad in triads]),
         solved=np.array([[[triad.gyro, triad.accel] for triad in triads]]),
@@ -157,61 +183,73 @@ def units_of(
 
 
 def _pairs(card: ImuSet, devices: tuple[Sensor, ...], layout: StateLayout) -> dict[str, Any]:
-    """Return the differences that sensors measure, by the names of the fields of Units."""
+    """Return the measured differences of two IMUs, by name of the field of `Units`."""
     state = {extra.name: extra.offset for extra in layout.extras}
-    found: list[tuple[int, Floats, int]] = []
+    pairs: list[tuple[int, Floats, int]] = []
     of = np.full(max(1, len(devices)), -1, dtype=np.int64)
     for number, device in enumerate(devices):
         if isinstance(device.card, ImuDifferenceCard):
             sensor = GYRO if device.card.unit == "rad" else ACCEL
             first, second = device.card.units
             solved = np.array([columns[sensor] for columns in difference(card, first - 1, second - 1)])
-            of[number] = len(found)
-            found.append((sensor, solved, state.get(RELATIVE[device.card.measurement], -1)))
+            of[number] = len(pairs)
+            pairs.append((sensor, solved, state.get(RELATIVE[device.card.measurement], -1)))
     return {
-        "pair_sensor": np.array([sensor for sensor, _, _ in found], dtype=np.int64),
-        "pair_solved": np.array([solved for _, solved, _ in found]).reshape(len(found), len(triads_of(card)), 3, 3),
-        "pair_state": np.array([at for _, _, at in found], dtype=np.int64),
+        "pair_sensor": np.array([sensor for sensor, _, _ in pairs], dtype=np.int64),
+        "pair_solved": np.array([solved for _, solved, _ in pairs]).reshape(len(pairs), len(triads_of(card)), 3, 3),
+        "pair_state": np.array([at for _, _, at in pairs], dtype=np.int64),
         "pair_of": of,
     }
 
 
 def white_of(unit: ImuCard, dt: float) -> Floats:
-    """Return the sigma of a tick's white noise, by axis of gyro and accelerometer, then quantisation steps, (8,)."""
-    noise = [one * math.sqrt(dt) for card in (unit.gyro, unit.accel) for one in axes(card.random_walk)]
+    """Return the sigma of white noise in an increment, (8,): gyro rad, accelerometer m/s; then quantisation steps."""
+    noise = [walk * math.sqrt(dt) for card in (unit.gyro, unit.accel) for walk in axes(card.random_walk)]
     return np.array([*noise, unit.gyro.quantisation, unit.accel.quantisation])
 
 
 def along_axes(units: Units, dt: float) -> tuple[Floats, Floats]:
-    """Return the increments (n_triad, n_imu, 3) of angle and velocity along the axes of the units, without errors,
-    lever arms compensated as the kernel does.
+    """Return angle and velocity increments along the sensing axes, (n_triad, n_imu, 3) each, without errors.
+
+    Lever arms are compensated as in the kernel (`simulate.units.swung`).
     """
-    own = units.frames[:, :, 0]
-    angles = np.einsum("tcj,tnj->tnc", own, units.dtheta)
+    directions = units.frames[:, :, 0]
+    angles = np.einsum("tcj,tnj->tnc", directions, units.dtheta)
     angle = _solved(units, GYRO, angles)
     change = np.diff(angle, axis=0, prepend=angle[:1])
+    # increment of a lever arm r over a tick: (change of w) x r + w x (w x r) dt
     swung = [(np.cross(change, lever) + np.cross(angle, np.cross(angle, lever))) / dt for lever in units.lever]
-    return angles, np.einsum("tcj,tnj->tnc", own, units.dvel - np.array(swung))
+    return angles, np.einsum("tcj,tnj->tnc", directions, units.dvel - np.array(swung))
 
 
 def fused(units: Units, dt: float) -> tuple[Floats, Floats]:
-    """Return the increments (n_imu, 3) of angle and velocity of units fused without errors, body axes."""
-    found = (_solved(units, k, along) for k, along in enumerate(along_axes(units, dt)))
-    angle, velocity = (np.ascontiguousarray(one + units.shift[units.stage, k]) for k, one in enumerate(found))
+    """Return angle and velocity increments of the combined triad without errors, (n_imu, 3) each, body axes."""
+    combined = (_solved(units, k, along) for k, along in enumerate(along_axes(units, dt)))
+    angle, velocity = (np.ascontiguousarray(mean + units.shift[units.stage, k]) for k, mean in enumerate(combined))
     return angle, velocity
 
 
 def _solved(units: Units, sensor: int, along: Floats) -> Floats:
-    """Return the fused increments (n_imu, 3) of those along the axes, (n_triad, n_imu, 3)."""
-    found = np.einsum("tic,tnc->ni", units.solved[0, :, sensor], along)
+    """Return the combined increments (n_imu, 3) from increments along the sensing axes (n_triad, n_imu, 3)."""
+    combined = np.einsum("tic,tnc->ni", units.solved[0, :, sensor], along)
     for stage in np.unique(units.stage[units.stage > 0]):
-        here = units.stage == stage
-        found[here] = np.einsum("tic,tnc->ni", units.solved[stage, :, sensor], along[:, here])
-    return np.asarray(found)
+        in_stage = units.stage == stage
+        combined[in_stage] = np.einsum("tic,tnc->ni", units.solved[stage, :, sensor], along[:, in_stage])
+    return np.asarray(combined)
 
 
 def inputs_of(units: Units, dt: float, driver: int, triad: int, sensor: int) -> Floats:
-    """Return what parameters of a triad multiply in every tick, times the tick, (n_imu, 3) by axis."""
+    """Return the driver of the parameters of a triad times the tick, (n_imu, 3) by sensing axis.
+
+    Parameters
+    ----------
+    units
+        IMU array.
+    dt
+        s. Tick.
+    driver, triad, sensor
+        Driver as in `kernels.transition`; triad; GYRO or ACCEL.
+    """
     frames = units.frames[triad]
     own, other = (units.dtheta, units.dvel)[:: 1 if sensor == GYRO else -1]
     if driver == CONSTANT:

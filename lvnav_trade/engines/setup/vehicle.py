@@ -1,4 +1,4 @@
-"""The filter's model of the vehicle's motion: envelope of its changes, samples of the IMU as measurements."""
+"""Vehicle model of a filter: process noise from the motion envelope, IMU samples as measurements."""
 
 import math
 import re
@@ -25,7 +25,7 @@ def _by_sensor(gyro: PerAxis, accel: PerAxis) -> Floats:
 
 
 def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout) -> VehicleModel | None:
-    """Return a filter's model of the vehicle's motion; None where the samples of its IMU are not measurements."""
+    """Return the vehicle model of a filter; None unless it processes IMU samples as measurements."""
     if layout.motion < 0:
         return None
     dt, (imu, *_) = 1.0 / scenario.imu.rate, filter_models(scenario)
@@ -33,8 +33,8 @@ def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layou
     most = max(map(len, of_sensor))
     blocks = np.full((2, most, 2), (-1, CONSTANT), dtype=np.int64)
     columns = np.repeat(layout.motion + np.arange(N_SAMPLE)[:, None], 1 + most, axis=1)
-    for sensor, own in enumerate(of_sensor):
-        for k, (number, block) in enumerate(own):
+    for sensor, sensor_blocks in enumerate(of_sensor):
+        for k, (number, block) in enumerate(sensor_blocks):
             blocks[sensor, k] = number, block.driver
             columns[3 * sensor : 3 * sensor + 3, 1 + k] = block.offset + np.arange(3)
     return VehicleModel(
@@ -49,13 +49,13 @@ def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layou
 
 
 def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> Samples | None:
-    """Return what is reported of the IMU's samples; None where nothing is."""
+    """Return the inputs of the reported errors of IMU samples; None if they are not reported."""
     if not layout.samples:
         return None
     dt, (imu, *_) = 1.0 / scenario.imu.rate, filter_models(scenario)
     noise = _by_sensor(imu.gyro_random_walk, imu.accel_random_walk) / dt
-    found = {(block.sensor, block.driver): number for number, block in enumerate(layout.parameters)}
-    par = np.array([found.get((sensor, CONSTANT), -1) for sensor in (GYRO, ACCEL)], dtype=np.int64)
+    numbers = {(block.sensor, block.driver): number for number, block in enumerate(layout.parameters)}
+    par = np.array([numbers.get((sensor, CONSTANT), -1) for sensor in (GYRO, ACCEL)], dtype=np.int64)
     bias = [layout.parameters[p].offset + i if p >= 0 else -1 for p in par for i in range(3)]
     return Samples(
         rate=ref.dtheta / dt,
@@ -68,43 +68,43 @@ def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> Sampl
 
 
 def walks(card: EnvelopeCard, trajectory: Trajectory, ref: Reference) -> Floats:
-    """Return the variances (n_imu, 6) of the steps of rate (roll, pitch, yaw) and acceleration into each tick.
+    """Return the variances (n_imu, 6) SI squared of the steps of angular rate and specific force into each tick.
 
-    Commanded is the attitude of the ascent, and its nozzle does not move; under control it is what the controller asks
-    for of both.
+    The envelope depends on commanded rates and nozzle angles. Without control they are the rates of the trajectory and
+    a fixed nozzle; under control they are the commands of the controller.
     """
     t = ref.t[:-1]
     rate, nozzle = ref.w_ib_b[:-1, 1:], np.zeros((t.size, 2))
     if trajectory.commands is not None:
         rate, nozzle = trajectory.commands.at(t)
-    found = envelopes(card, t, burning(trajectory, t), changes(trajectory), rate, nozzle)
-    return np.hstack(found) ** 2 * (t[1] - t[0]) ** 2
+    bounds = envelopes(card, t, burning(trajectory, t), changes(trajectory), rate, nozzle)
+    return np.hstack(bounds) ** 2 * (t[1] - t[0]) ** 2
 
 
 def burning(trajectory: Trajectory, t: Floats) -> Bools:
-    """Return whether a motor burns at times t (n,): from lift-off or an ignition to the next cut-off (`burns`)."""
-    found = np.zeros(t.size, dtype=bool)
+    """Return whether a motor burns at times t (n,) s: from lift-off or an ignition to the next cut-off."""
+    is_burning = np.zeros(t.size, dtype=bool)
     for start, end in burns(trajectory):
-        found |= (t >= start) & (t < end)
-    return found
+        is_burning |= (t >= start) & (t < end)
+    return is_burning
 
 
 def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
-    """Return start and end (s) of each burn by the names of events; one whose cut-off has no name lasts to the end."""
+    """Return start and end (s) of each burn, from the names of events; a burn without a cut-off lasts to the end."""
     marks = sorted(
         (t, bool(re.search("cutoff", name)))
         for name, t in trajectory.events.items()
         if name == "liftoff" or re.search("ignition|cutoff", name)
     )
-    found: list[tuple[float, float]] = []
+    intervals: list[tuple[float, float]] = []
     start: float | None = None
-    for t, off in marks:
-        if off and start is not None:
-            found.append((start, t))
+    for t, is_cutoff in marks:
+        if is_cutoff and start is not None:
+            intervals.append((start, t))
             start = None
-        elif not off and start is None:
+        elif not is_cutoff and start is None:
             start = t
-    return found if start is None else [*found, (start, trajectory.end)]
+    return intervals if start is None else [*intervals, (start, trajectory.end)]
 
 
 def envelopes(

@@ -1,4 +1,4 @@
-"""Rules of the mode logic as numbers, and the receiver's own checks of every sample."""
+"""Rules of the mode logic as numbers, and checks of the receiver's samples at the input of the filter."""
 
 import math
 from collections.abc import Callable
@@ -24,33 +24,47 @@ _UNGUARDED = LogicCard(check_flags=())
 def failing(
     card: FilterCard, failed: Failures, n_used: Ints, channels: Channels, dilution: Callable[[], Floats]
 ) -> Ints:
-    """Return which check at the input the receiver's samples fail, by its number in `records.REASONS`, (n_epoch,): the
-    first that they fail, 0 where none.
+    """Return the first input check that the receiver's sample fails at each epoch, (n_epoch,).
+
+    It is a number of `records.REASONS`; 0 if the sample passes all checks.
 
     Parameters
     ----------
-    failed : what faults do to flags and freshness
-    n_used : (n_epoch,) satellites in use
-    dilution : of precision (n_epoch,); called where a rule is about it
+    card
+        Filter card with the mode logic.
+    failed
+        Effects of faults on flags and freshness.
+    n_used
+        (n_epoch,). Number of satellites in use.
+    channels
+        Measurement channels.
+    dilution
+        Function that returns the dilution of precision (n_epoch,); called only if a rule needs it.
     """
     logic = card.logic or _UNGUARDED
     wrong = [*failed.invalid.T, failed.frozen]
     checks = [(FIRST_CHECK + k, wrong[k]) for k, name in enumerate(CHECKS) if name in logic.check_flags]
     if logic.pdop_below is not None:
         checks.append((FIRST_CHECK + len(CHECKS), ~(dilution() < logic.pdop_below)))
-    found = np.where(n_used >= (1 if channels.tight else 4), 0, DATA_LOST)
+    numbers = np.where(n_used >= (1 if channels.tight else 4), 0, DATA_LOST)
     for number, fails in checks:
-        found[(found == 0) & fails] = number
-    return found
+        numbers[(numbers == 0) & fails] = number
+    return numbers
 
 
 def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> Rules | None:
-    """Return the rules of a filter card, None where it has no logic and starts as its card says.
+    """Return the rules of a filter's mode logic; None without a mode logic and without a start from the receiver.
 
     Parameters
     ----------
-    failing : (n_epoch,) which check at the input fails, 0 where none
-    P : (n_state, n_state) the filter's covariance at a start
+    card
+        Filter card.
+    failing
+        (n_epoch,). Input check that fails, 0 none; see `failing`.
+    channels
+        Measurement channels.
+    P
+        (n_state, n_state) SI squared. Covariance of the filter at a start.
     """
     if card.logic is None and card.init == "from_card":
         return None
@@ -73,16 +87,23 @@ def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> R
 
 
 def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate: float) -> Tests:
-    """Return the tests for faults: as many as the receiver has rows on the nominal flight."""
+    """Return the thresholds of the tests for faults; the number of tests is that of rows on the nominal flight."""
     per_epoch = model.n_kind * signals.n_used if model.tight else np.where(signals.n_used >= 4, 6, 0)
     return thresholds_of(card, int(np.sum(per_epoch)), signals.used.shape[1], 1.0 / rate)
 
 
 def satellites_taken(rules: Rules | None, n_used: Ints, chain: Chain | None) -> Ints:
-    """Return how many satellites the filter takes at the epochs, (n_epoch,): none where a sample fails the checks at
-    the input, so that linear covariance has no row there either.
+    """Return the number of satellites that the filter uses at the epochs, (n_epoch,).
 
-    n_used : (n_epoch,) satellites that the receiver uses
-    chain : of a receiver that solves for itself, which goes on whatever the filter leaves out
+    It is zero where a sample fails the input checks, so that linear covariance has no row there either.
+
+    Parameters
+    ----------
+    rules
+        Rules of the mode logic, or None.
+    n_used
+        (n_epoch,). Number of satellites that the receiver uses.
+    chain
+        Error propagation of a receiver that computes its solution; it continues with all satellites.
     """
     return n_used if rules is None or chain is not None else np.where(rules.good, n_used, 0)

@@ -1,4 +1,4 @@
-"""The true clock of the receiver in one run, drawn as a flight draws it."""
+"""True receiver clock of one run, with the same draws as the simulation."""
 
 import numpy as np
 
@@ -20,7 +20,23 @@ def _walk(
     run: np.uint64,
     key: tuple[np.uint64, np.uint64],
 ) -> None:
-    """Fill bias and drift before the first epoch and at every epoch; sources: words of the start and of the steps."""
+    """Set bias and drift before the first epoch and at every epoch.
+
+    Parameters
+    ----------
+    path
+        (n_epoch + 1, 2) m and m/s, set here.
+    jump
+        (n_epoch, 2) m and m/s. Jumps of bias and drift by faults.
+    start, step
+        (2,) initial one-sigma; (3,) Cholesky factor of the noise over an epoch.
+    interval
+        s. Time between epochs.
+    sources
+        Keys of the draws of the start and of the steps.
+    run, key
+        Number of the run; key words of the seed.
+    """
     zero, (at_start, at_epoch), (k0, k1) = np.uint64(0), sources, key
     n0, n1, _, _ = normals(k0, k1, at_start, run, zero, zero)
     path[0, 0], path[0, 1] = start[0] * n0, start[1] * n1
@@ -31,7 +47,7 @@ def _walk(
 
 
 def true_clock(prepared: Prepared, seed: int, run: int) -> Floats:
-    """Return bias (m) and drift (m/s) of the receiver's clock at the epochs of a run, (n_epoch, 2)."""
+    """Return the true clock bias (m) and drift (m/s) of the receiver at the epochs of a run, (n_epoch, 2)."""
     signals = prepared.signals
     path = np.zeros((prepared.t_epoch.size + 1, 2))
     fixed = (signals.clock_jump, signals.clock_start, signals.clock_step, signals.interval)

@@ -1,4 +1,4 @@
-"""One simulated flight, of one run or of eight at once: truth and filter meet in measurements only."""
+"""Simulation of one run or eight lanes. Truth and filter exchange nothing but measurements."""
 
 from lvnav_trade.engines.epoch.held import hold_solution
 from lvnav_trade.engines.simulate.recording import record
@@ -10,7 +10,7 @@ from lvnav_trade.kernels.jit import inlined
 
 @inlined
 def _measure(work, parts, case, key, epoch):
-    """Let receiver and sensors measure at an epoch."""
+    """Simulate the measurements of receiver and sensors at an epoch."""
     options = case.options
     observe(work, parts, case, options.solver, key, epoch)
     hold_solution(work, parts, None, None, options.solver, options.report, epoch)
@@ -20,13 +20,17 @@ def _measure(work, parts, case, key, epoch):
 
 @inlined
 def fly(work, parts, case, truth, key):
-    """Simulate one run (float64 arrays) or eight (lane views) from start to end; `work` and `parts` are filled.
+    """Simulate one run (float64 arrays) or eight (lane views) from start to end.
+
+    A window of IMU ticks is sensed and propagated; at its end follow the epoch and the record, if they fall there.
 
     Parameters
     ----------
-    work : Work; parts : Parts; case : FilterCase
-    truth : Truth, which the filter never sees
-    key : (2,) words of the campaign's seed
+    work : Work, arrays of truth, filter and results; updated in place
+    parts : Parts, arrays of the optional features; updated in place
+    case : FilterCase
+    truth : Truth, which the filter does not read
+    key : (2,) key words of the campaign's seed
     """
     schedule, options, unit = case.schedule, case.options, truth.unit
     begin(work, parts.units, case, truth, key)

@@ -1,6 +1,6 @@
-"""What guidance makes of the navigation errors of runs: the orbits that dispersed vehicles reach.
+"""Injection of guided runs: the orbits that dispersed vehicles reach with the navigation errors of the runs.
 
-Navigation errors are those along the nominal flight: what a dispersed flight changes of them is of second order (see
+Navigation errors are those along the nominal flight; their change on a dispersed flight is of second order (see
 docs/decisions/0083-a-guided-run-flies-the-errors-of-the-nominal-flight.md).
 """
 
@@ -20,15 +20,25 @@ _N_MOTION = 9  # outputs that every case begins with: attitude, velocity, positi
 
 
 def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) -> tuple[Floats, Floats]:
-    """Return the injection (n_run, 3 + 2 n_orbit) of runs and the draws (n, 4) of those that are lost, see
-    `RunBlock.injections` and `RunBlock.lost`; without rows where none is guided.
+    """Return the injections of guided runs, and the draws of lost vehicles; empty without guidance.
 
     Parameters
     ----------
-    prepared : Prepared
-    seed : Seed of the campaign.
-    first_run : Number of the first run.
-    errors : (n_run, n_hist, n_out). Navigation errors at the history times, reporting axes.
+    prepared
+        Prepared case.
+    seed
+        Seed of the campaign.
+    first_run
+        Number of the first run.
+    errors
+        (n_run, n_hist, n_out) SI. Navigation errors at the history times, reporting axes.
+
+    Returns
+    -------
+    injections
+        (n_run, 3 + 2 n_orbit). As in `RunBlock.injections`.
+    lost
+        (n, 4). As in `RunBlock.lost`.
     """
     plan = prepared.plan
     if plan is None:
@@ -48,8 +58,9 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
 
 
 def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
-    """Return errors (n_run, n_hist, 9) of attitude, velocity and position in frame i; attitude is stored in body axes,
-    the others in the reporting frame.
+    """Return the errors (n_run, n_hist, 9) of attitude, velocity and position in frame i.
+
+    errors : (n_run, n_hist, n_out), attitude in body axes, velocity and position in the reporting frame
     """
     record, parts = prepared.record, errors[..., :_N_MOTION].reshape(*errors.shape[:2], 3, 3)
     turned = np.einsum("hij,rhj->rhi", matrices(record.q), parts[:, :, 0])
@@ -58,7 +69,7 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
 
 
 def rows_of(found: list[Injection], nominal: Floats) -> Floats:
-    """Return the rows of `RunBlock.injections` of runs; the nominal state (7,) at cut-off is the target."""
+    """Return the rows of `RunBlock.injections`; nominal: (7,) nominal state at cut-off, the target."""
     y, error = np.stack([one.y for one in found]), np.stack([one.error for one in found])
     target = orbit_of(nominal[None])[0]
     achieved, navigated = orbit_of(y), orbit_of(y[:, :6] - error[:, [6, 7, 8, 3, 4, 5]])

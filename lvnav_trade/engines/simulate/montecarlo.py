@@ -1,4 +1,4 @@
-"""Monte Carlo: run_block(prepared, seed, first_run, n_run) -> RunBlock, eight runs at a time."""
+"""Monte Carlo simulation: blocks of runs, eight runs at a time in vector lanes."""
 
 from collections import namedtuple
 from collections.abc import Iterator
@@ -37,15 +37,21 @@ from lvnav_trade.records import FIRST_UNIT, NO_CHANGES, NO_DECISIONS, OF_INERTIA
 
 
 class Held(NamedTuple):
-    """Error (11,) of a receiver's last solution and its own covariance (11, 11), frame i."""
+    """Error of the receiver's last solution, stored until the next.
+
+    error : (11,). Truth minus estimate, frame i.
+    covariance : (11, 11). Formal covariance of the receiver, frame i.
+    """
 
     error: Floats
     covariance: Floats
 
 
 class Misses(NamedTuple):
-    """Error of an inertial system at the history times, and what the filter's transition missed of it since the one
-    before, both (n_hist, n_state), frame i.
+    """Error of the filter's transition, for an inertial system without measurements.
+
+    error : (n_hist, n_state). True error at the history times, frame i.
+    missed : (n_hist, n_state). True error minus that propagated by the transition from the previous history time.
     """
 
     error: Floats
@@ -101,10 +107,10 @@ observed : (n_sensor, 4). Measurements of the other sensors.
 
 
 class Truth(NamedTuple):
-    """What is true of a case beyond its signals, and its filter never sees.
+    """Truth of a case other than its signals, which the filter does not read.
 
     unit : Truth-side model of the IMU.
-    start : True state at tick 0, and the spread of the filter's.
+    start : True state at tick 0, and covariances of the initial error.
     record : True state at the ticks of the history times.
     """
 
@@ -115,12 +121,12 @@ class Truth(NamedTuple):
 
 @jit
 def fly_lanes(work: Any, parts: Any, case: Any, truth: Any, key: Any) -> None:
-    """Fly eight runs: `fly` on lane views of arrays whose last axis is the runs."""
+    """Simulate eight runs: `fly` on lane views of arrays whose last axis is the run."""
     fly(view(work), view(parts), case, truth, key)
 
 
 def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
-    """Return the arrays of one run, or of eight in lanes, zero. None is empty: a lane view of no length has no type."""
+    """Return the arrays of one run, or of eight in lanes, all zero. No array is empty: a lane view needs a length."""
     model, signals, layout = prepared.model, prepared.signals, prepared.layout
     n, n_row, n_lane = layout.n_state, prepared.n_row, WIDTH if lanes else 0
     n_hist, n_epoch, n_out = prepared.t_hist.size, prepared.t_epoch.size, len(prepared.outputs)
@@ -142,7 +148,7 @@ def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
 
 
 def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
-    """Return the arrays of the options that a case has."""
+    """Return the arrays of the optional features that a case has; `n_lane` is 0 for one run."""
     options, layout, found = prepared.options, prepared.layout, dict[str, Any]()
     n, n_channel = layout.n_state, prepared.channels.n_receiver
     if options.solver is not None:
@@ -182,26 +188,26 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
 
 
 def _fly(prepared: Prepared, seed: int, first: int, lanes: bool, taped: bool = False) -> tuple[Work, Parts]:
-    """Fly a run, or eight from `first` on; taped: one run, with a tape."""
+    """Simulate run `first`, or eight runs from it on; taped: one run, with a tape."""
     work, parts = new_work(prepared, lanes)
     if taped:
         parts = parts._replace(tape=new_tape(work, len(prepared.unit.dtheta), prepared.t_epoch.size))
     runs = np.arange(first, first + (WIDTH if lanes else 1), dtype=np.uint64)
     work.run[0] = runs if lanes else runs[0]
-    chosen = np.flatnonzero(prepared.signals.shared.given)
-    if chosen.size:
+    recorded = np.flatnonzero(prepared.signals.shared.given)
+    if recorded.size:
         values = values_of(prepared.recorded, seed, runs)
-        work.shared[chosen] = values if lanes else values[:, 0]
+        work.shared[recorded] = values if lanes else values[:, 0]
     truth = Truth(prepared.unit, prepared.start, prepared.record)
     (fly_lanes if lanes else fly)(work, parts, case_of(prepared), truth, seed_words(seed))
     return work, parts
 
 
 class TapedRun(NamedTuple):
-    """A run as its filter sees it.
+    """Inputs and estimates of the filter in one run.
 
     tape : Tape. Inputs of the filter and its estimates.
-    innovation : (n_epoch, n_channel). Normalised innovations; not-a-number where nothing is processed.
+    innovation : (n_epoch, n_channel). Normalised innovations; not-a-number without a measurement.
     accepted : (n_epoch,). Number of accepted scalar measurements.
     rejected : (n_epoch,). Number of scalar measurements that the gate rejects.
     """
@@ -213,10 +219,10 @@ class TapedRun(NamedTuple):
 
 
 def taped(prepared: Prepared, seed: int, run: int) -> TapedRun:
-    """Return a run as its filter sees it.
+    """Return the inputs and estimates of the filter in one run.
 
-    A disturbance of gravity is left out: a run has it as an error of the estimate, so the filter alone could not repeat
-    its estimates.
+    The gravity disturbance is switched off: the simulation adds it to the error of the estimate, so the recorded inputs
+    alone would not reproduce the estimates.
     """
     undisturbed = prepared._replace(unit=prepared.unit._replace(gravity=-1))
     work, parts = _fly(undisturbed, seed, run, lanes=False, taped=True)
@@ -224,19 +230,19 @@ def taped(prepared: Prepared, seed: int, run: int) -> TapedRun:
 
 
 def compile_kernels(prepared: Prepared) -> None:
-    """Compile what flies runs (or load it from the cache) without flying any: a flight of no windows."""
+    """Compile the kernels of the simulation, or load them from the cache, by a run without windows."""
     none = np.zeros(0, dtype=np.int64)
     grounded = prepared._replace(schedule=Schedule(*[none] * len(Schedule._fields)))
     _fly(grounded, 0, 0, not config.DISABLE_JIT)
 
 
 def _by_run(array: Floats, lanes: bool) -> Floats:
-    """Return an array of a flight with its runs on the first axis."""
+    """Return an array of one run or eight lanes with the run on the first axis."""
     return np.moveaxis(array, -1, 0) if lanes else array[None]
 
 
 def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[Misses]:
-    """Yield what the transition misses of runs 0 to n_run - 1, some runs at a time, runs on the first axis."""
+    """Yield the transition errors of runs 0 to n_run - 1, some runs at a time, with the run on the first axis."""
     lanes = not config.DISABLE_JIT
     for first in range(0, n_run, WIDTH if lanes else 1):
         misses = _fly(prepared, seed, first, lanes)[1].missed
@@ -244,8 +250,16 @@ def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[Misses]:
 
 
 def end_of_run(prepared: Prepared, at: int) -> tuple[Floats, Floats, bool]:
-    """Return of run 0 the errors (n_out,) at a history time, the filter's covariance (n_state, n_state) at the end, and
-    whether it failed.
+    """Return errors and covariance of run 0.
+
+    Returns
+    -------
+    err
+        (n_out,) SI. Errors at history time number `at`.
+    P
+        (n_state, n_state). Covariance of the filter at the end.
+    failed
+        Whether the run failed.
     """
     lanes = not config.DISABLE_JIT
     work, _ = _fly(prepared, 0, 0, lanes)
@@ -258,10 +272,26 @@ _OUTPUT = {"err": float, "sigma": float, "nees": float, "nis": float, "n_row": n
 
 
 def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: bool | None = None) -> RunBlock:
-    """Fly runs first_run to first_run + n_run - 1.
+    """Simulate runs first_run to first_run + n_run - 1.
 
-    A run's numbers depend on the seed and its own number only, not on the block it is in. Lanes step eight runs at
-    once and agree with one run at a time to rounding; lanes None takes them where compiled code is available.
+    The results of a run depend on the seed and on its number only, not on its block.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed
+        Seed of the campaign.
+    first_run, n_run
+        Number of the first run, and number of runs.
+    lanes
+        Whether eight runs are simulated at once, which agrees with one run at a time to rounding. None: if compiled
+        code is available.
+
+    Returns
+    -------
+    RunBlock
+        Errors, sigmas and counts of the runs.
     """
     use_lanes = not config.DISABLE_JIT if lanes is None else lanes
     width = WIDTH if use_lanes else 1
@@ -297,7 +327,7 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
 
 
 def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes: bool) -> Floats:
-    """Return the changes (n, 5) of what the filters of some runs do: run, t, mode before, mode after, reason."""
+    """Return the mode transitions (n, 5) of some runs: run, t (s), mode before, mode after, reason."""
     mode, reason = (_by_run(array, lanes)[:n_run] for array in (watch.mode, watch.reason))
     before = np.hstack([np.full((n_run, 1), WAITING), mode[:, :-1]])
     run, at = np.nonzero(reason)
@@ -307,8 +337,9 @@ def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes
 
 
 def _excluded(prepared: Prepared, redundant: RedundantWork, first_run: int, n_run: int, lanes: bool) -> Floats:
-    """Return the decisions (n, 4) on inertial units of some runs, in the same form: which is excluded, or an alarm that
-    names none.
+    """Return the decisions (n, 4) on redundant IMUs in some runs: exclusion of an IMU, or an alarm without exclusion.
+
+    The columns are those of `filters.integrity.state.decisions_of`.
     """
     out, when, alarm = (_by_run(array, lanes)[:n_run] for array in (redundant.out, redundant.when, redundant.alarm))
     run, unit = np.nonzero(out)
@@ -321,9 +352,9 @@ def _excluded(prepared: Prepared, redundant: RedundantWork, first_run: int, n_ru
 
 
 def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:
-    """Fly one run again, bit for bit as in its block, with every covariance step recorded.
+    """Simulate one run again, bit for bit as in its block, with every covariance step recorded.
 
-    The extra history times cut windows where the block had none only at the covariance steps themselves, so the run's
-    numbers are those of the block.
+    The additional history times are at covariance steps, where windows of the block end anyway, so the results are
+    those of the block.
     """
     return run_block(prepare(prepared.scenario, every_step_beside=prepared.t_hist), seed, run, 1)

@@ -15,12 +15,12 @@ from lvnav_trade.receivers.base import POS as RX_POS
 from lvnav_trade.receivers.base import VEL as RX_VEL
 
 N_SAMPLE_OUTPUT = 12
-"""Outputs beside the states: errors of the IMU's samples of rate and specific force, raw and corrected."""
+"""Outputs after the states: errors of IMU samples of angular rate and specific force, raw and corrected."""
 
 
 @jit
 def true_parameter(tables, sensor, kind, axis):
-    """Return the true value of what a filter's parameter stands for: all true parameters of the same driver."""
+    """Return the true value of a filter's IMU parameter: the sum of all true parameters with the same driver."""
     table = tables[sensor]
     if kind == CONSTANT:
         return table[processes.BIAS + axis]
@@ -33,9 +33,7 @@ def true_parameter(tables, sensor, kind, axis):
 
 @jit
 def _extra_errors(work, shared, model):
-    """Set the errors of the filter's extra states: the true errors that they stand for, as of the last epoch, minus the
-    estimates.
-    """
+    """Set the errors of extra states: the true errors that they model, at the last epoch, minus the estimates."""
     for e in range(model.extra_offset.shape[0]):
         work.x[model.extra_offset[e]] = -work.extra[e]
     for p in range(shared.error_of.shape[0]):
@@ -65,7 +63,7 @@ def _navigation_errors(x, work, history, model, hist):
 
 @jit
 def _record_vector(err, sigma, at, x, P, state, along):
-    """Write the error of a block of three states, from `state` on, along a direction, and its sigma."""
+    """Write the error and the sigma of a block of three states, from `state` on, along a direction (3,)."""
     c0, c1, c2 = along
     err[at] = c0 * x[state] + c1 * x[state + 1] + c2 * x[state + 2]
     sigma[at] = sqrt(variance_along(P, state, c0, c1, c2))
@@ -73,7 +71,7 @@ def _record_vector(err, sigma, at, x, P, state, along):
 
 @jit
 def _record_motion(err, sigma, first, x, P, history, hist):
-    """Write the errors of attitude, velocity and position and their sigmas, in reporting axes, from an output on."""
+    """Write errors and sigmas of attitude, velocity and position in reporting axes, from output `first` on."""
     q, axes = history.q[hist], history.axes[hist]
     c = matrix(q[0], q[1], q[2], q[3])
     for i in range(3):
@@ -84,7 +82,7 @@ def _record_motion(err, sigma, first, x, P, history, hist):
 
 @jit
 def _record_backup(work, backup, first, history, hist):
-    """Write the errors of a strapdown that is never corrected, from an output on."""
+    """Write the errors of the backup strapdown (Backup, or None), from output `first` on."""
     if backup is not None:
         _motion_error(backup.x, backup.nav, history, hist)
         _record_motion(work.err[hist], work.sigma[hist], first, backup.x, backup.P, history, hist)
@@ -96,7 +94,7 @@ def _record_states(work, own, history, shared, units, model, hist):
     x, P, err, sigma = work.x, work.P, work.err[hist], work.sigma[hist]
     _navigation_errors(x, work, history, model, hist)
     if model.clock >= 0:
-        # the true clock steps at epochs; between them its bias moves on by its drift
+        # the true clock is stepped at epochs; in between its bias changes by its drift
         x[model.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
         x[model.clock + 1] = work.clock[1] - work.clock_hat[1]
     _extra_errors(work, shared, model)
@@ -114,7 +112,7 @@ def _record_states(work, own, history, shared, units, model, hist):
 
 @jit
 def _check(work, history, hist):
-    """Mark a run whose position error is not finite (1) or beyond the limit (2), with the time when it was first so."""
+    """Set failure code and time of a run when its position error is first not finite (1) or beyond the limit (2)."""
     x, failed = work.x, work.failed[0]
     square = x[POS] * x[POS] + x[POS + 1] * x[POS + 1] + x[POS + 2] * x[POS + 2] + 0.0 * work.P[ATT, ATT]
     good = square <= history.limit * history.limit
@@ -126,7 +124,7 @@ def _check(work, history, hist):
 
 @jit
 def _motion_errors(work, motion, vehicle, tick):
-    """Set the errors of the states of the vehicle's motion: those of the tick that ends here."""
+    """Set the errors of the motion states at the tick that ends here (VehicleModel, or None)."""
     if vehicle is not None:
         for i in range(3):
             work.x[vehicle.motion + i] = vehicle.rate[tick, i] - motion.rate[i]
@@ -135,7 +133,7 @@ def _motion_errors(work, motion, vehicle, tick):
 
 @jit
 def _record_samples(work, motion, samples, model, tick, hist):
-    """Write the errors of the last samples of rate and specific force: raw, and corrected by the estimated bias."""
+    """Write the errors of the last IMU sample: raw, and corrected by the estimated bias (Samples, or None)."""
     if samples is not None:
         n = model.reported.shape[0]
         for i in range(N_SAMPLE):
@@ -169,8 +167,9 @@ def _record_solution(work, held, report, history, model, hist):
 
 @jit
 def _record_misses(work, missed, history, model, hist):
-    """Write the error of the inertial system, and what the filter's transition missed of it since the history time
-    before; the error state starts from the error again.
+    """Write the error of the inertial system, and the error of the filter's transition since the previous history time.
+
+    The error state is then set to the true error, from which the transition propagates it.
     """
     if missed is not None:
         _navigation_errors(missed.error[hist], work, history, model, hist)
@@ -182,9 +181,7 @@ def _record_misses(work, missed, history, model, hist):
 
 @inlined
 def _record_errors(work, parts, case, open_loop, history, tick, hist):
-    """Record errors of the states: of an open loop (OpenLoop, or None) of the sum of inertial system and error state,
-    which goes nowhere else.
-    """
+    """Record the errors of all outputs; those of an open loop (OpenLoop, or None) with its correction applied."""
     model, options = case.model, case.options
     if open_loop is not None:
         apply_correction(work, open_loop, parts.watch, model)
@@ -199,10 +196,15 @@ def _record_errors(work, parts, case, open_loop, history, tick, hist):
 
 @inlined
 def record(work, parts, case, missed, history, tick, hist):
-    """Record at a history time, of which `tick` is the last one: errors, or (Misses) what the filter's transition
-    misses.
+    """Record the errors of a run at a history time, or those of the filter's transition.
 
-    history : Record, what is true at the history times
+    Parameters
+    ----------
+    work, parts, case : Work, Parts, FilterCase
+    missed : Misses, which gets the errors of the transition; None to record estimation errors
+    history : Record, true motion at the history times
+    tick : last tick before the history time
+    hist : history time
     """
     if missed is not None:
         _record_misses(work, missed, history, case.model, hist)

@@ -1,8 +1,9 @@
-"""Redundant inertial units in a run, or in eight at once: the test against each other, exclusion, and selection.
+"""Redundant IMUs in one run or eight lanes: parity test, exclusion, and selection.
 
-A test sums the increments along the axes over a window, fits the rate or specific force of the body to them by weighted
-least squares, and compares the squares that are left with chi-square of as many degrees of freedom as there are axes to
-spare (Sturza, Navigation 35(4), 1988). The unit without which least is left, over its limit, is out from then on.
+A test sums the increments along the axes over a window, fits angular rate or specific force of the body to them by
+weighted least squares, and compares the weighted sum of squared residuals with a chi-square quantile; the degrees of
+freedom are the number of axes minus 3 (Sturza, Navigation 35(4), 1988). The IMU whose omission gives the smallest
+residual, relative to its limit, is excluded from then on.
 """
 
 from typing import Any, NamedTuple
@@ -57,7 +58,7 @@ class RedundantWork(NamedTuple):
 
 
 def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundantWork:
-    """Return the arrays of redundant units: one run, or `lanes` runs on the last axis."""
+    """Return the arrays of redundant IMUs: one run, or `lanes` runs on the last axis."""
     shapes = {
         "out": (n_unit,),
         "when": (n_unit,),
@@ -80,7 +81,7 @@ def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundantWork:
 
 @jit
 def begin_redundant(own, units):
-    """Begin a run: every unit is in use (RedundantWork, or None)."""
+    """Reset the arrays at the start of a run: every IMU is in use (RedundantWork, or None)."""
     if own is not None:
         zero = like(own.over[0], 0.0)
         own.reduced[0], own.alarm[0] = zero, zero
@@ -104,7 +105,7 @@ def _clear(own):
 
 
 def entering(own: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: Any) -> Any:
-    """Return how the error of axis c of a triad enters axis i of the fused triad at a tick (RedundantWork, or None)."""
+    """Return the weight of axis c of a triad in axis i of the combined triad at a tick (RedundantWork, or None)."""
     whole = units.solved[units.flown[tick], k, sensor, i, c]
     return whole if own is None else where(own.reduced[0] > 0.0, own.solved[k, sensor, i, c], whole)
 
@@ -120,14 +121,14 @@ def _entering(own, units, tick, k, sensor, i, c):
 
 @jit
 def note(own, sensor, k, c, value):
-    """Keep an increment along an axis for selection and test."""
+    """Store an increment along an axis for selection and test."""
     own.value[k, c] = value
     own.sums[sensor, k, c] = own.sums[sensor, k, c] + value
 
 
 @jit
 def combine(increments, own, units, vote, row, sensor):
-    """Set what is fused of the increments of a tick: the mean of the units in use, or on each axis their middle one."""
+    """Set the combined increments of a tick: mean of the IMUs in use, or their middle value on each axis."""
     n = units.n_axis.shape[0]
     for i in range(3):
         if vote.middle:
@@ -148,8 +149,9 @@ def combine(increments, own, units, vote, row, sensor):
 
 @jit
 def _middle_of(own):
-    """Return the middle one of own.order, which is sorted, of an even number the mean of the middle two; those of the
-    units that are out come last.
+    """Return the median of `own.order`, which is sorted here; excluded IMUs are sorted to the end.
+
+    With an even number of IMUs it is the mean of the middle two.
     """
     n, used = own.order.shape[0], like(own.over[0], 0.0)
     for u in range(n):
@@ -158,27 +160,27 @@ def _middle_of(own):
         for u in range(last):
             a, b = own.order[u], own.order[u + 1]
             own.order[u], own.order[u + 1] = where(b < a, b, a), where(b < a, a, b)
-    found = own.order[0]
+    median = own.order[0]
     for m in range(2, n + 1):
-        found = where(used == float(m), 0.5 * (own.order[(m - 1) // 2] + own.order[m // 2]), found)
-    return found
+        median = where(used == float(m), 0.5 * (own.order[(m - 1) // 2] + own.order[m // 2]), median)
+    return median
 
 
 @jit
 def _weight(own, skip, vote, weights, k, c):
-    """Return the weight of an axis: 0 of a unit that is out, or is skipped."""
+    """Return the weight of an axis in the fit: 0 if its IMU is excluded or omitted (`skip`)."""
     u = vote.owner[k]
     return where(own.out[u] > 0.0, 0.0, 0.0 if u == skip else weights[k, c])
 
 
 @jit
-def _left(own, units, vote, sensor, window, skip):
-    """Return the squares that a fit without a unit (-1: with all in use) leaves, and its degrees of freedom."""
+def _residual(own, units, vote, sensor, window, skip):
+    """Return the weighted sum of squared residuals of a fit without IMU `skip` (-1 none), and its dof."""
     weights, n, zero = vote.weight[window, sensor], units.n_axis.shape[0], like(own.over[0], 0.0)
     for i in range(3):
         own.b[i] = zero
         for j in range(3):
-            own.A[i, j] = zero + (1e-12 * weights[0, 0] if i == j else 0.0)  # too few axes leave a direction open
+            own.A[i, j] = zero + (1e-12 * weights[0, 0] if i == j else 0.0)  # regular also with too few axes
     dof = zero - 3.0
     for k in range(n):
         for c in range(units.n_axis[k]):
@@ -202,7 +204,7 @@ def _left(own, units, vote, sensor, window, skip):
 
 @jit
 def _reduce(own, units, vote):
-    """Set how axes enter the mean of the units in use."""
+    """Set the weights of the axes in the mean of the IMUs in use."""
     n, zero = units.n_axis.shape[0], like(own.over[0], 0.0)
     for sensor in range(2):
         for i in range(3):
@@ -222,25 +224,25 @@ def _reduce(own, units, vote):
                 h = units.frames[k, c, 0]
                 for i in range(3):
                     value = own.inverse[i, 0] * h[0] + own.inverse[i, 1] * h[1] + own.inverse[i, 2] * h[2]
-                    held = own.solved[k, sensor, i, c]
-                    own.solved[k, sensor, i, c] = where(own.reduced[0] > 0.0, w * value, held)
+                    present = own.solved[k, sensor, i, c]
+                    own.solved[k, sensor, i, c] = where(own.reduced[0] > 0.0, w * value, present)
 
 
 @jit
 def check(own, units, vote, tick):
-    """Test the units after a tick that ends a window, and exclude the one that has failed, or note that one has."""
+    """Test the IMUs after a tick that ends a test window; exclude the failed IMU, or record an alarm."""
     if vote.ticks == 0 or (tick + 1) % vote.ticks != 0:
         return
     window = (tick + 1) // vote.ticks - 1
     for sensor in range(2):
-        square, dof = _left(own, units, vote, sensor, window, -1)
+        square, dof = _residual(own, units, vote, sensor, window, -1)
         fails = where((dof >= 1.0) & (square > limit(vote.limits, dof)), 1.0, 0.0)
         if not vote.excludes:
             own.alarm[0] = where((fails > 0.0) & (own.alarm[0] == 0.0), tick + 1.0, own.alarm[0])
             continue
         least = like(own.over[0], FAR)
         for u in range(own.out.shape[0]):
-            square, dof = _left(own, units, vote, sensor, window, u)
+            square, dof = _residual(own, units, vote, sensor, window, u)
             own.ratio[u] = where((own.out[u] > 0.0) | (dof < 1.0), FAR, square / limit(vote.limits, dof))
             least = where(own.ratio[u] < least, own.ratio[u], least)
         for u in range(own.out.shape[0]):
@@ -253,8 +255,10 @@ def check(own, units, vote, tick):
 
 @jit
 def inform(P, own, units, model, seconds):
-    """Inform the filter of units that are excluded: its covariance grows by what the mean of the others has more, over
-    a window of some seconds (UnitWork and Units, or None).
+    """Inflate the covariance of the filter for excluded IMUs over a window (UnitWork and Units, or None).
+
+    The mean of the remaining IMUs has more noise than that of all, which the filter model assumes. seconds : s, of the
+    window
     """
     if units is not None:
         _inform(P, own.redundant, units, units.redundant, model, seconds)
@@ -268,15 +272,24 @@ def _inform(P, own, units, vote, model, seconds):
             for sensor in range(2):
                 for i in range(3):
                     for c in range(3):
-                        held = own.informed[k, sensor, i, c]
-                        own.informed[k, sensor, i, c] = where(own.reduced[0] > 0.0, own.solved[k, sensor, i, c], held)
+                        last = own.informed[k, sensor, i, c]
+                        own.informed[k, sensor, i, c] = where(own.reduced[0] > 0.0, own.solved[k, sensor, i, c], last)
 
 
 @jit
 def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
-    """Let a covariance grow over a window where the mean of some units, `solved`, is what the increments are, and was
-    `before` at its start, both (n_triad, 2, 3, 3): by more white noise and more walk of the biases than the mean of all
-    has, and once by the variance of what their sum has changed. wanted: 1 where it is.
+    """Inflate a covariance over a window for the additional errors of the mean of some IMUs.
+
+    White noise and random walk of the biases exceed those of the mean of all IMUs. When the weights change, the
+    combined bias changes once.
+
+    Parameters
+    ----------
+    P : (n, n) covariance, updated in place
+    solved, before : (n_triad, 2, 3, 3) weights of the axes in the mean now, and at the start of the window
+    wanted : 1 in the runs with excluded IMUs
+    n_axis, vote, model : number of axes of each triad, Redundant, FilterModel
+    seconds : s, length of the window
     """
     for sensor in range(2):
         at, total = (ATT if sensor == GYRO else VEL), like(P[0, 0], 0.0)

@@ -21,7 +21,15 @@ _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
 @jit
 def begin(work, own, case, truth, key):
-    """Set every state of a run at tick 0: true parameters and clock drawn, the estimate off by its initial error."""
+    """Initialise a run at tick 0: draw true IMU parameters, clock and correlated errors, and the initial error.
+
+    Parameters
+    ----------
+    work : Work, updated in place
+    own : UnitWork of an IMU array; None for one IMU
+    case, truth : FilterCase, Truth
+    key : (2,) key words of the seed
+    """
     run, unit, signals, start, model = work.run[0], truth.unit, case.signals, truth.start, case.model
     k0, k1 = key
     q = from_errors(work, start, k0, k1, run)
@@ -54,7 +62,7 @@ def begin(work, own, case, truth, key):
 
 @jit
 def _drawn_error(start, block, k0, k1, run):
-    """Return the drawn error of a block of three: 0 attitude, 1 velocity, 2 position."""
+    """Return the drawn initial error (3) of a block: 0 attitude (rad), 1 velocity (m/s), 2 position (m), frame i."""
     n0, n1, n2, _ = normals(k0, k1, start.sources[block], run, _ZERO, _ZERO)
     root = start.roots[block]
     x = root[0, 0] * n0 + root[0, 1] * n1 + root[0, 2] * n2
@@ -65,7 +73,7 @@ def _drawn_error(start, block, k0, k1, run):
 
 @jit
 def from_errors(work, start, k0, k1, run):
-    """Set velocity and position of the estimate, and return its attitude, off the truth by drawn errors."""
+    """Set estimated velocity and position to truth minus drawn errors; return the estimated attitude likewise."""
     t, dv, dr = start.nav, _drawn_error(start, 1, k0, k1, run), _drawn_error(start, 2, k0, k1, run)
     for i in range(3):
         work.nav[V + i], work.nav[R + i] = t[V + i] - dv[i], t[R + i] - dr[i]
@@ -77,9 +85,7 @@ def from_errors(work, start, k0, k1, run):
 
 @jit
 def _gather_tables(work, own, unit, units):
-    """Set what true parameters multiply; of several units (Units) in the tables of each, and in those of the fused
-    triad.
-    """
+    """Set the error tables from true parameters; in an IMU array (Units) of each IMU and of the combined triad."""
     if units is None:
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
     else:
@@ -89,7 +95,7 @@ def _gather_tables(work, own, unit, units):
 
 @jit
 def _add_scale_factor(table, units, code, axis, value):
-    """Add a scale factor of an axis to the table of a sensor, of several units (Units) by the direction of the axis."""
+    """Add a scale-factor error of an axis to the table of a sensor; in an IMU array (Units) by its direction."""
     if units is None:
         table[processes.OWN + 4 * axis] = table[processes.OWN + 4 * axis] + value
     else:
@@ -100,7 +106,7 @@ def _add_scale_factor(table, units, code, axis, value):
 
 @jit
 def _add_profiles(tables, unit, units, tick):
-    """Add the profiles of bias and scale factor to the tables, for the process step that starts at a tick."""
+    """Add the deterministic profiles to the tables, for the process step that starts at a tick."""
     middle = unit.start + unit.dt * (tick + 0.5 * unit.process_ticks)
     for profile in range(unit.profile_sensor.shape[0]):
         code = unit.profile_sensor[profile]
@@ -115,7 +121,7 @@ def _add_profiles(tables, unit, units, tick):
 
 @jit
 def _set_true_tables(work, own, unit, units, tick):
-    """Set what true parameters and profiles multiply, for the process step that starts at a tick."""
+    """Set the error tables from true parameters and profiles, for the process step that starts at a tick."""
     if units is None:
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
         _add_profiles(work.true_tables, unit, units, tick)
@@ -127,17 +133,20 @@ def _set_true_tables(work, own, unit, units, tick):
 
 @jit
 def _miss_gravity(work, value, seconds):
-    """Move the estimate by what its gravity lacks over a piece of a window: x gains (value) t and value t^2 / 2."""
+    """Add the error by a gravity disturbance (m/s^2) over part of a window to the estimate.
+
+    The disturbance adds value t to the velocity error and value t^2 / 2 to the position error.
+    """
     for i in range(3):
-        lost = seconds * value[i]
-        work.nav[V + i] = work.nav[V + i] - lost
-        # the strapdown will carry the lost speed over the whole piece; only half of that is due
-        work.nav[R + i] = work.nav[R + i] + 0.5 * seconds * lost
+        missed = seconds * value[i]
+        work.nav[V + i] = work.nav[V + i] - missed
+        # the strapdown integrates the missing velocity over the whole time, twice the position error; half is restored
+        work.nav[R + i] = work.nav[R + i] + 0.5 * seconds * missed
 
 
 @inlined
 def _sense_ticks(work, own, unit, units, at, tick, count, key):
-    """Fill rows of the window's increments, from row `at` on, for ticks of one process step."""
+    """Set the increments of `count` ticks of one process step, from row `at` on."""
     if units is None:
         k0, k1 = key
         processes.corrupt(
@@ -162,8 +171,16 @@ def _sense_ticks(work, own, unit, units, at, tick, count, key):
 
 @inlined
 def sense(work, own, unit, units, first, n_tick, key):
-    """Fill the window's increments with what the unit, or the triad fused of several (Units and, own, their UnitWork),
-    puts out; varying parameters step on their own clock. key : (2,) words of the seed.
+    """Set the increments that the IMU outputs in a window, and step the varying parameters.
+
+    Parameters
+    ----------
+    work : Work, updated in place
+    own : UnitWork of an IMU array; None for one IMU
+    unit : Unit
+    units : Units of an IMU array, whose combined triad is the output; None for one IMU
+    first, n_tick : first tick, number of ticks
+    key : (2,) key words of the seed
     """
     k0, k1 = key
     run, done = work.run[0], 0
@@ -191,7 +208,7 @@ def step_clock(clock, step, interval, jump, n0, n1):
 
 @jit
 def _step_receiver(work, signals, word, epoch, key):
-    """Step the receiver's clock and the errors that measurements share to an epoch."""
+    """Step the receiver's clock and the correlated measurement errors to an epoch."""
     k0, k1 = key
     run = work.run[0]
     n0, n1, _, _ = normals(k0, k1, signals.sources[0], run, word, _ZERO)
@@ -205,7 +222,7 @@ def _step_receiver(work, signals, word, epoch, key):
 
 @jit
 def _shared_error(work, shared, epoch, channel):
-    """Return what the shared errors add to the measurement of a channel at an epoch."""
+    """Return the sum of the correlated errors in the measurement of a channel at an epoch."""
     total = like(work.clock[0], 0.0)
     for family in range(shared.member.shape[0]):
         m = shared.member[family, channel]
@@ -216,14 +233,14 @@ def _shared_error(work, shared, epoch, channel):
 
 @jit
 def begin_solver(work, rx, solver):
-    """Switch the receiver on where it solves itself; it looks for its first fix where the estimate is."""
+    """Switch on a receiver that computes its solution (Solver, or None), with the estimate as its first guess."""
     if solver is not None:
         switch_on(rx, work.nav[R], work.nav[R + 1], work.nav[R + 2])
 
 
 @jit
 def _begin_phases(work, further, signals, word, epoch, key):
-    """Draw the constants of carriers that begin a new phase."""
+    """Draw the ambiguities of newly acquired carriers."""
     k0, k1 = key
     shared = signals.shared
     for s in range(further.ambiguity.shape[0]):
@@ -235,8 +252,9 @@ def _begin_phases(work, further, signals, word, epoch, key):
 
 @jit
 def _measure_further(work, last, further, signals, word, epoch, key):
-    """Fill what is measured of satellites beside pseudorange and range rate, which stand there already; a difference is
-    that with what was measured at the epoch before, last (n_sat, n_kind), updated.
+    """Set the further observables of all satellites; pseudorange and range rate are set already.
+
+    last : (n_sat, n_kind) observables of the previous epoch, with which differences are formed; updated in place
     """
     k0, k1 = key
     _begin_phases(work, further, signals, word, epoch, key)
@@ -258,7 +276,7 @@ def _measure_further(work, last, further, signals, word, epoch, key):
 
 @jit
 def _repeat(work, further, signals, epoch):
-    """Fill differences of an output that stands still: zero."""
+    """Set the differences of a frozen output to zero."""
     if further is not None:
         for slot in range(signals.n_used[epoch]):
             for kind in range(2, further.is_phase.shape[0]):
@@ -268,7 +286,7 @@ def _repeat(work, further, signals, epoch):
 
 @jit
 def _measure_ranges(work, n_kind, signals, word, epoch, key):
-    """Fill pseudorange and range rate of every satellite in use; n_kind: channels of each."""
+    """Set pseudorange and range rate of every satellite in use. n_kind : channels of a satellite."""
     k0, k1 = key
     run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
     for slot in range(signals.n_used[epoch]):
@@ -283,7 +301,7 @@ def _measure_ranges(work, n_kind, signals, word, epoch, key):
 
 @jit
 def _measure_directly(work, signals, word, epoch, key):
-    """Fill position and velocity of the receiver's simulated solution."""
+    """Set position and velocity of a directly simulated solution."""
     k0, k1 = key
     run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
     p0, p1, p2, _ = normals(k0, k1, signals.sources[2], run, word, _ZERO)
@@ -297,7 +315,7 @@ def _measure_directly(work, signals, word, epoch, key):
 
 @jit
 def _solve(work, rx, solver, signals, epoch):
-    """Let the receiver solve: its solution is the filter's measurement."""
+    """Compute the receiver's solution, which the filter takes as its measurement."""
     solve(
         rx,
         solver.point,
@@ -308,20 +326,20 @@ def _solve(work, rx, solver, signals, epoch):
         signals.n_used[epoch],
         work.ranges,
     )
-    if not signals.frozen[epoch]:  # the receiver goes on behind a frozen output
+    if not signals.frozen[epoch]:  # behind a frozen output the receiver continues internally
         for i in range(6):
             work.solution[i] = rx.solution[i]
 
 
 @jit
 def _sensor_error(work, signals, epoch, channel, normal):
-    """Return the error of a scalar of a sensor: white noise, and what lasts."""
+    """Return the error of a scalar of a sensor: white noise plus lasting errors."""
     return signals.sigma[epoch, channel] * normal + _shared_error(work, signals.shared, epoch, channel)
 
 
 @jit
 def measure_sensors(work, own, sensors, units, signals, key, epoch):
-    """Set what the sensors beside the receiver (Sensors, or None) measure at an epoch."""
+    """Set the measurements of all sensors other than the receiver (Sensors, or None) at an epoch."""
     if sensors is not None:
         zero, (k0, k1) = like(work.clock[0], 0.0), key
         for k in range(sensors.code.shape[0]):
@@ -337,16 +355,22 @@ def measure_sensors(work, own, sensors, units, signals, key, epoch):
 
 @jit
 def _observe_further(work, last, case, further, key, epoch):
-    """Fill what is measured of satellites beside pseudorange and range rate (Further, or None)."""
+    """Set the further observables of satellites (Further, or None)."""
     if further is not None:
         _measure_further(work, last, further, case.signals, np.uint64(epoch + 1), epoch, key)
 
 
 @jit
 def observe(work, parts, case, solver, key, epoch):
-    """Step the receiver to the epoch and fill the measurements that the filter uses; a frozen output stays.
+    """Step the receiver to an epoch and set its measurements; a frozen output is not changed.
 
-    solver : Solver, or None where the solution is simulated (loose) or there is none (tight)
+    Parameters
+    ----------
+    work, parts : Work, Parts; updated in place
+    case : FilterCase
+    solver : Solver of a receiver that computes its solution; None if it is simulated directly or not used
+    key : (2,) key words of the seed
+    epoch : index
     """
     word, signals, model, further = np.uint64(epoch + 1), case.signals, case.model, case.options.further
     _step_receiver(work, signals, word, epoch, key)

@@ -101,7 +101,7 @@ class BlockSummary(NamedTuple):
 
     @property
     def n_run(self) -> int:
-        """How many runs, failed ones among them."""
+        """Number of runs, failed runs included."""
         return len(self.runs)
 
 
@@ -134,39 +134,45 @@ _SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
 
 
 def norm_groups(outputs: tuple[Output, ...]) -> dict[str, list[int]]:
-    """Return the indices of each quantity that has exactly three axes."""
-    found: dict[str, list[int]] = {}
+    """Return the indices of the outputs of each quantity that has exactly three axes, by name of the quantity."""
+    by_quantity: dict[str, list[int]] = {}
     for index, output in enumerate(outputs):
-        found.setdefault(output.quantity, []).append(index)
-    return {quantity: indices for quantity, indices in found.items() if len(indices) == 3}
+        by_quantity.setdefault(output.quantity, []).append(index)
+    return {quantity: indices for quantity, indices in by_quantity.items() if len(indices) == 3}
 
 
 def columns(outputs: tuple[Output, ...]) -> tuple[Output, ...]:
-    """Return the outputs and after them one `Output` with axis "3d" per three-axis quantity."""
+    """Return the outputs, followed by one `Output` with axis "3d" per three-axis quantity."""
     return (*outputs, *(outputs[indices[0]]._replace(axis=NORM) for indices in norm_groups(outputs).values()))
 
 
 def add_norms(components: Floats, outputs: tuple[Output, ...]) -> Floats:
     """Append to components (..., n_out) the root sum of squares of each three-axis quantity: (..., n_column)."""
     squares = (components[..., indices] ** 2 for indices in norm_groups(outputs).values())
-    return np.concatenate([components, *(np.sqrt(np.sum(one, axis=-1))[..., None] for one in squares)], axis=-1)
+    return np.concatenate([components, *(np.sqrt(np.sum(part, axis=-1))[..., None] for part in squares)], axis=-1)
 
 
 def summarise(
     block: RunBlock, event_times: dict[str, float], scale: Floats, outputs: tuple[Output, ...]
 ) -> BlockSummary:
-    """Return everything that must be kept of a block of runs.
+    """Return the streamed statistics of a block of runs.
 
     Parameters
     ----------
-    block : RunBlock
+    block
         Errors in the axes of `outputs`.
-    event_times : dict of str to float
-        Name and time, s since lift-off; each must be one of block.t, else ValueError.
-    scale : (n_hist, n_out) float
-        LinCov true sigma, SI: unit of the histograms, the same for all blocks of a case.
-    outputs : tuple of Output
-        The components (Prepared.outputs); three-axis quantities get a norm.
+    event_times
+        s since lift-off, by name of the event; each must be a history time.
+    scale
+        (n_hist, n_out) SI. True sigma by linear covariance, the unit of the histograms; the same for all blocks of a
+        case.
+    outputs
+        Error components (Prepared.outputs); three-axis quantities get a norm.
+
+    Raises
+    ------
+    ValueError
+        If an event is not a history time.
     """
     names = tuple(sorted(event_times, key=lambda name: (event_times[name], name)))
     t_event = np.array([event_times[name] for name in names], dtype=float)
@@ -176,7 +182,7 @@ def summarise(
     alive, alive_epoch = (None if until is None else t < until[:, None] for t in (block.t, block.t_epoch))
     until = np.full(len(failed), np.inf) if until is None else until
     unit = add_norms(scale, outputs)
-    unit = np.where(np.isfinite(unit) & (unit > 0), unit, 1.0)  # what LinCov holds for zero is counted in SI units
+    unit = np.where(np.isfinite(unit) & (unit > 0), unit, 1.0)  # errors of zero sigma are binned in SI units
     lag_sum, lag_count = _lag_products(block, until)
     t_bound = np.unique(np.concatenate([block.t[[0, -1]], block.t[at_event]]))
     return BlockSummary(
@@ -219,17 +225,17 @@ def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:
 
 
 def _or(values: Any, alive: Bools | None, after: float = 0.0) -> Any:
-    """Return values (n_run, n, ...) of runs that count, (n_run, n), and `after` of those that failed before."""
+    """Return values (n_run, n, ...) where a run counts (n_run, n), and `after` where it has failed before."""
     return values if alive is None else np.where(alive.reshape(*alive.shape, *[1] * (values.ndim - 2)), values, after)
 
 
 def _count(alive: Bools | None, runs: int, t: Floats) -> Ints:
-    """Return how many runs count at the times (n,)."""
+    """Return the number of runs that count at the times, (n,)."""
     return np.full(len(t), runs, dtype=np.int64) if alive is None else alive.sum(axis=0, dtype=np.int64)
 
 
 def _errors(block: RunBlock, until: Floats, unit: Floats, at: Ints, outputs: tuple[Output, ...]) -> dict[str, Any]:
-    """Return all that is added up of the errors of runs, and by span between the times number `at`."""
+    """Return the sums over the errors of runs, and by span between the times with indices `at`."""
     (n_run, n_hist, _), n_column, n_span = block.err.shape, unit.shape[1], len(at) - 1
     groups = np.array(list(norm_groups(outputs).values()), dtype=np.int64).reshape(-1, 3)
     total, squares, sigma_squares = np.zeros((3, n_hist, n_column))
@@ -267,7 +273,7 @@ def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArra
 
 
 def _lag_products(block: RunBlock, until: Floats) -> tuple[Floats, Ints]:
-    """Sum products of innovations l epochs apart where both exist, of runs that count until then."""
+    """Return sums and numbers of products of innovations by lag in epochs and channel; see `add_lags`."""
     innovation = np.ascontiguousarray(block.innovation)
     _, n_epoch, n_channel = innovation.shape
     used = np.flatnonzero(np.isfinite(innovation).any(axis=(0, 1)))
@@ -285,11 +291,19 @@ def _lag_products(block: RunBlock, until: Floats) -> tuple[Floats, Ints]:
 
 
 def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
-    """Return the summary of all parts together, added in run order whatever the order given.
+    """Return the summary of all parts together, merged in run order.
 
-    An iterator already in run order is taken one part at a time. Without `rows`, all that has a row per run and event
-    or span is left empty, and memory does not grow with parts but by 17 bytes a run.
-    ValueError where parts overlap, belong to different histories, or there is none.
+    Parameters
+    ----------
+    parts
+        Summaries: a list in any order, or an iterator in run order, which is consumed one part at a time.
+    rows
+        Whether fields with a row per run are merged. Otherwise they are empty, and memory grows by 17 bytes per run.
+
+    Raises
+    ------
+    ValueError
+        If parts overlap or belong to different histories, or if there is no part.
     """
     stream = iter(parts) if not isinstance(parts, list) else iter(sorted(parts, key=lambda part: part.first_run))
     try:
@@ -300,7 +314,7 @@ def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
     histogram = sums["histogram"] = counts(first)
     joined = {name: [getattr(first, name)] for name in (_PER_RUN + _ROWS if rows else _PER_RUN)}
     none = {} if rows else {name: getattr(first, name)[:0].copy() for name in _ROWS}
-    first = first._replace(**sums, **none, bins=first.bins[:0].copy())  # lets the first part's own bins go
+    first = first._replace(**sums, **none, bins=first.bins[:0].copy())  # frees the bins of the first part
     bins = []
     for part in stream:
         _check_follows(first, joined["runs"][-1], part)
@@ -327,16 +341,16 @@ def _check_follows(first: BlockSummary, runs_before: Ints, part: BlockSummary) -
 
 
 def counts(summary: BlockSummary) -> NDArray[np.uint32]:
-    """Return the histogram (n_hist, n_column, N_BIN) of what is merged, or of a block."""
+    """Return the histogram (n_hist, n_column, N_BIN) of merged summaries, or of a block."""
     if not len(summary.bins):
         return summary.histogram
-    found = np.zeros((*summary.bins.shape[1:], N_BIN), dtype=np.uint32)
-    count_bins(found, summary.bins)
-    return found
+    histogram = np.zeros((*summary.bins.shape[1:], N_BIN), dtype=np.uint32)
+    count_bins(histogram, summary.bins)
+    return histogram
 
 
 def compile_kernels() -> None:
-    """Compile what adds up blocks (or load it from the cache), with a block of a run at one time."""
+    """Compile the kernels of the statistics, or load them from the cache, with a block of one run at one time."""
     one, none = np.zeros(1), np.zeros((1, 1, 0))
     whole = np.zeros((1, 1), dtype=np.int32)
     block = RunBlock(0, one, none, none, one[None], one, one[None], whole, whole, none, np.zeros(1, np.int8), one)
@@ -344,10 +358,10 @@ def compile_kernels() -> None:
 
 
 def quantiles(summary: BlockSummary, *probabilities: float) -> list[Floats]:
-    """Return quantiles of |error|, each (n_hist, n_column), SI, to half a bin (1 %); 0 below the bins, inf above.
+    """Return quantiles of |error|, (n_hist, n_column) SI each, accurate to half a bin (1 %).
 
-    A quantile is the middle (geometric) of the bin that holds the run of rank ceil(probability * n), failed runs
-    among the n.
+    A quantile is the geometric mean of the bin with the run of rank ceil(probability * n), n including failed runs. It
+    is 0 below the bins and infinite above.
     """
     ranks = [max(1, int(np.ceil(probability * summary.n_run - 1e-9))) for probability in probabilities]
     bins = np.empty((len(ranks), *summary.total.shape), dtype=np.int64)

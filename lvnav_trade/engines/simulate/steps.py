@@ -1,6 +1,6 @@
 """Filter side of a run, window by window and epoch by epoch, without access to the truth.
 
-The flight of a run calls these steps between what is sensed and what is measured.
+`flight.fly` calls these steps after increments have been sensed and after measurements have been taken.
 """
 
 from lvnav_trade.engines.epoch.process import end_epoch, process_epoch
@@ -26,7 +26,7 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 
 @inlined
 def begin_filter(work, parts, options):
-    """Begin what a filter stores beside its states; its estimate stands at the start."""
+    """Reset the arrays of a filter's optional features; its estimate is already that of the start."""
     begin_watch(parts.watch)
     begin_monitor(parts.monitor)
     begin_backup(parts.backup, work)
@@ -36,8 +36,8 @@ def begin_filter(work, parts, options):
 
 @inlined
 def _advance(work, parts, case, vehicle, w):
-    """Let the filter propagate its motion over window w: by the compensated increments, or by its model of the vehicle
-    (VehicleModel) with every sample as a measurement.
+    """Propagate the navigation state over window w: by compensated increments, or by the motion states of a filter
+    (VehicleModel) that processes every IMU sample as a measurement.
     """
     n_tick, model, start = case.schedule.n_tick[w], case.model, case.tick * case.schedule.first_tick[w]
     last_sample(work, parts.motion, case.options.samples, n_tick, case.tick)
@@ -45,13 +45,17 @@ def _advance(work, parts, case, vehicle, w):
         sample_window(work, parts, case, None, None, w)
     else:
         processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, case.tick)
-        how = model.strapdown
-        mechanise(work.nav, work.sums, work.previous, work.increments, n_tick // how.subsamples, case.step, how, start)
+        algorithm = model.strapdown
+        n_step = n_tick // algorithm.subsamples
+        mechanise(work.nav, work.sums, work.previous, work.increments, n_step, case.step, algorithm, start)
 
 
 @inlined
 def propagate(work, parts, case, w):
-    """Propagate the filter over window w by the increments that the unit has put out in it."""
+    """Propagate the filter over window w by the increments of the IMU.
+
+    The backup strapdown and the sigma points take the increments first, before the estimated errors are removed.
+    """
     schedule, model, options = case.schedule, case.model, case.options
     length, injection, linearised = schedule.length[w], schedule.injection[w], schedule.linearised[w]
     n_tick, start, seconds = schedule.n_tick[w], case.tick * schedule.first_tick[w], model.seconds[length]
@@ -70,7 +74,7 @@ def propagate(work, parts, case, w):
 
 @jit
 def _count_samples(work, motion, vehicle, model, epoch):
-    """Count the samples of the last tick before an epoch among its innovations, behind the channels of sensors."""
+    """Add the samples of the last tick before an epoch to its innovations, after the channels of the sensors."""
     if vehicle is not None:
         at = model.n_entry.shape[0]
         for i in range(N_SAMPLE):
@@ -82,14 +86,14 @@ def _count_samples(work, motion, vehicle, model, epoch):
 
 @inlined
 def begin_epoch(work, parts, case, epoch):
-    """Begin what is counted at an epoch."""
+    """Reset the counts and innovations of an epoch."""
     clear_epoch(work, epoch)
     _count_samples(work, parts.motion, case.options.vehicle, case.model, epoch)
 
 
 @inlined
 def update(work, parts, case, epoch):
-    """Update the filter by what is measured at an epoch, and feed back what it estimates."""
+    """Update the filter by the measurements of an epoch, feed the error state back, and store or clone the estimate."""
     options = case.options
     process_epoch(work, parts, case, None, parts.open_loop, case.sensors, options.rules, epoch)
     correct_vehicle(work, parts.motion, case.model, options.vehicle)

@@ -1,6 +1,6 @@
-"""Kernels of a block's statistics: one pass over its errors, one over its innovations.
+"""Kernels of the statistics of a block of runs: one pass over its errors, one over its innovations.
 
-Loops are over neighbours in memory and touch few arrays each, so that the compiler makes vectors of them.
+Inner loops run over neighbours in memory and use few arrays each, so that the compiler vectorises them.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ class ErrorBins(NamedTuple):
 
     unit : (n * n_column,). Upper edge of the first bin.
     width : Width of a bin in ln(|error| / unit).
-    number : Number of bins; the last is for all that is larger or not counted.
+    number : Number of bins; the last is for all larger errors, and for those that are not counted.
     """
 
     unit: Floats
@@ -30,7 +30,7 @@ class Spans(NamedTuple):
     """Spans of the history over which errors are bounded.
 
     t : (n,) s. Times of the history.
-    at : (n_span + 1,). Indices of the times at which spans begin and end.
+    at : (n_span + 1,). Indices of the bounds of the spans.
     """
 
     t: Floats
@@ -38,12 +38,12 @@ class Spans(NamedTuple):
 
 
 class ErrorSums(NamedTuple):
-    """What is added up of the errors of a block of runs.
+    """Sums over the errors of a block of runs.
 
     total, squares : (n * n_column,). Sums of errors and of their squares.
     sigma_squares : (n * n_column,). Sums of the squares of the filter's standard deviations.
     bins : (n_run, n * n_column). Bin of each error.
-    worst : (n_run, n_span, n_column). Largest size of an error in each span.
+    worst : (n_run, n_span, n_column). Largest magnitude of an error in each span.
     mean_square : (n_run, n_span, n_column). Mean square in each span, times its length (s).
     """
 
@@ -66,10 +66,22 @@ def add_errors(
     sums: ErrorSums,
     row: Floats,
 ) -> None:
-    """Add up errors and standard deviations (n_run, n, n_out), run after run; count and bound them.
+    """Add errors and standard deviations of runs to the sums, and find their bins and largest magnitudes.
 
-    groups (n_norm, 3) indices of three-axis quantities, whose norms are the columns after the outputs. The first
-    counted (n_run,) times of a run count in the sums, which are updated. row (n, n_column) is a work array.
+    Parameters
+    ----------
+    error, sigma
+        (n_run, n, n_out). Errors, and standard deviations in the filter's covariance.
+    groups
+        (n_norm, 3). Outputs of three-axis quantities; their norms are the columns after the outputs.
+    counted
+        (n_run,). Number of times of each run that count in the sums: those before a failure.
+    size, spans
+        Bins, spans.
+    sums
+        Sums, updated in place.
+    row
+        (n, n_column). Scratch.
     """
     total, squares, sigma_squares, bins = sums.total, sums.squares, sums.sigma_squares, sums.bins
     worst, mean_square, t, at = sums.worst, sums.mean_square, spans.t, spans.at
@@ -91,7 +103,7 @@ def add_errors(
             for k in range(at[span], at[span + 1] + 1):
                 for c in range(n_column):
                     magnitude = abs(row[k, c])
-                    if magnitude > worst[run, span, c] or magnitude != magnitude:  # what is no number stays
+                    if magnitude > worst[run, span, c] or magnitude != magnitude:  # not-a-number is propagated
                         worst[run, span, c] = magnitude
             for k in range(at[span], at[span + 1]):
                 step = t[k + 1] - t[k]
@@ -101,7 +113,7 @@ def add_errors(
 
 @jit
 def _with_norms(values: Floats, groups: Ints, row: Floats) -> None:
-    """Copy values (n, n_out) into rows (n, n_column), and the norms of groups after them."""
+    """Copy values (n, n_out) to rows (n, n_column), followed by the norms of the groups."""
     n, n_out = values.shape
     for k in range(n):
         for c in range(n_out):
@@ -113,7 +125,7 @@ def _with_norms(values: Floats, groups: Ints, row: Floats) -> None:
 
 @jit
 def _find_bins(error: Floats, unit: Floats, width: float, n_bin: int, bins: Ints) -> None:
-    """Write the bins of errors (n,)."""
+    """Set the bins of errors (n,), by the logarithm of their magnitude."""
     for cell in range(len(error)):
         place = log_unit(abs(error[cell]) / unit[cell]) / width
         bins[cell] = int(min(max(place + 1.0, 0.0), n_bin - 1.0))
@@ -130,11 +142,11 @@ def count_bins(histogram: Ints, bins: Ints) -> None:
 
 
 class LagSums(NamedTuple):
-    """Sums of products of innovations some epochs apart, and the arrays that they are computed in.
+    """Sums of products of innovations by lag in epochs, and scratch.
 
     total : (n_lag, n_used). Sums of products.
     number : (n_lag, n_used). Numbers of products.
-    value : (n_epoch, n_used). Innovations of a run, 0 where there is none.
+    value : (n_epoch, n_used). Innovations of a run; 0 without a measurement.
     there : (n_epoch, n_used). 1 where the run has an innovation.
     count_of_run : (n_lag, n_used). Numbers of products of a run.
     """
@@ -148,10 +160,20 @@ class LagSums(NamedTuple):
 
 @jit
 def add_lags(innovation: Floats, t: Floats, until: Floats, channels: Ints, sums: LagSums) -> None:
-    """Add up products of innovations (n_run, n, n_channel) some epochs apart, where both exist and the run counts.
+    """Add products of innovations by lag in epochs, where both exist and before a run fails.
 
-    A run counts at times t (n,) s before until (n_run,) s. channels (n_used,) those that have any innovation; sums are
-    updated.
+    Parameters
+    ----------
+    innovation
+        (n_run, n, n_channel). Normalised innovations.
+    t
+        (n,) s. Epochs.
+    until
+        (n_run,) s. Time from which a run does not count.
+    channels
+        (n_used,). Channels with any innovation.
+    sums
+        Sums, updated in place.
     """
     total, number, value, there, count_of_run = sums
     n_run, n, _ = innovation.shape

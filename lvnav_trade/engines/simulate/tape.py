@@ -27,7 +27,7 @@ class Estimates(NamedTuple):
 
 
 class Tape(NamedTuple):
-    """Record of a run: what its filter is given, and what it makes of that.
+    """Record of a run: inputs and estimates of its filter.
 
     start : (10,). Navigation state at tick 0.
     increments : (n_imu, 6) rad, m/s. Increments as the IMU outputs them.
@@ -36,7 +36,7 @@ class Tape(NamedTuple):
     covariance : (n_epoch, 6, 6). Covariance reported with the solution.
     observed : (n_epoch, n_sensor, 4). Measurements of the other sensors.
     before : Estimates (n_epoch). Estimates before the measurements of every epoch.
-    after : Estimates (n_epoch + 1). Estimates after them; the last row is that of the end of the run.
+    after : Estimates (n_epoch + 1). Estimates after them; the last is that at the end of the run.
     """
 
     start: Floats
@@ -63,7 +63,7 @@ def _new_estimates(work, n_time: int) -> Estimates:
 
 
 def new_tape(work, n_imu: int, n_epoch: int) -> Tape:
-    """Return an empty tape of a run whose arrays (Work) these are."""
+    """Return an empty tape for a run with the arrays `work` (Work)."""
     shapes = {
         "start": (10,),
         "increments": (n_imu, 6),
@@ -101,14 +101,14 @@ def _copy_estimates(to, work, at):
 
 @jit
 def tape_start(tape, work):
-    """Record where a filter starts (Tape, or None where nothing is recorded)."""
+    """Record the initial estimate (Tape, or None)."""
     if tape is not None:
         _copy(tape.start, work.nav)
 
 
 @jit
 def tape_increments(tape, work, first, n_tick):
-    """Record the increments of a window before the filter takes anything off them."""
+    """Record the increments of a window before they are compensated."""
     if tape is not None:
         for k in range(n_tick):
             _copy(tape.increments[first + k], work.increments[k])
@@ -116,7 +116,7 @@ def tape_increments(tape, work, first, n_tick):
 
 @jit
 def tape_epoch(tape, work, rx, epoch):
-    """Record what is measured at an epoch (Receiver, or None where its solution has no covariance of its own)."""
+    """Record the measurements of an epoch. rx : Receiver that reports a covariance, or None."""
     if tape is not None:
         _copy_rows(tape.ranges[epoch], work.ranges)
         _copy(tape.solution[epoch], work.solution)

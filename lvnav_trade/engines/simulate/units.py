@@ -1,7 +1,7 @@
 """IMU arrays in a run (one run or eight lanes): output of each IMU, and the combined triad.
 
-Errors of a unit are in axes of its own: its tables (`processes.gather`) have a row per sensing axis, whose entries
-multiply increments in body axes.
+The errors of an IMU are given along its sensing axes: its tables (`processes.gather`) have a row per sensing axis, with
+entries that multiply increments in body axes.
 """
 
 from typing import Any, NamedTuple
@@ -19,11 +19,14 @@ from lvnav_trade.records import Floats
 
 
 class UnitWork(NamedTuple):
-    """Arrays of the units of a run: tables (2 n_triad, N_TABLE) of gyro and accelerometer of each triad; sensed
-    (n_triad, n_tick, 6) increments of the window as they leave the units, along their axes; remainder (n_triad, 6) that
-    quantisation holds back; before (4,) fused angle of the tick before, and whether there is one; difference
-    (n_pair, 3) of two units, summed since it was measured; redundant (RedundantWork): of units that are tested or
-    selected, None of others.
+    """Arrays of an IMU array in a run, updated in place.
+
+    tables : (2 n_triad, N_TABLE). Error tables of gyro and accelerometer of each triad.
+    sensed : (n_triad, n_tick, 6) rad, m/s. Increments of the window as each IMU outputs them, along its axes.
+    remainder : (n_triad, 6) rad, m/s. Remainder of quantisation.
+    before : (4,). Combined angle increment of the previous tick (rad), and 1 if there is one.
+    difference : (n_pair, 3) rad, m/s. Difference of two IMUs, summed since its last measurement.
+    redundant : RedundantWork, if the IMUs are tested or selected; otherwise None.
     """
 
     tables: Floats
@@ -35,7 +38,7 @@ class UnitWork(NamedTuple):
 
 
 def new_units(units: Any, n_tick: int, lanes: int = 0) -> UnitWork:
-    """Return the arrays of a run's units (Units): one run, or `lanes` runs on the last axis."""
+    """Return the arrays of an IMU array (Units): one run, or `lanes` runs on the last axis."""
     n_triad, n_pair, vote = units.n_axis.size, units.pair_sensor.size, units.redundant
     shapes = {
         "tables": (2 * n_triad, N_TABLE),
@@ -50,7 +53,7 @@ def new_units(units: Any, n_tick: int, lanes: int = 0) -> UnitWork:
 
 @jit
 def begin_units(own, units):
-    """Set the arrays of the units to what they are before the first tick."""
+    """Reset the arrays of an IMU array (Units, or None) at the start of a run."""
     if units is not None:
         for i in range(4):
             own.before[i] = like(own.before[i], 0.0)
@@ -65,7 +68,7 @@ def begin_units(own, units):
 
 @jit
 def take_difference(work, own, units, k):
-    """Set what sensor k measures, if that is a difference of two units, to its sum since the measurement before."""
+    """Set the measurement of sensor k, if it is a difference of two IMUs, to the sum since its last measurement."""
     if units is not None:
         p = units.pair_of[k]
         if p >= 0:
@@ -76,7 +79,7 @@ def take_difference(work, own, units, k):
 
 @jit
 def add_relative_biases(work, own, units):
-    """Add to the errors of the states of relative biases the true ones."""
+    """Add the true relative biases to the errors of the states that model them (Units, or None)."""
     if units is not None:
         for p in range(units.pair_sensor.shape[0]):
             at = units.pair_state[p]
@@ -109,7 +112,7 @@ def _gather_block(table, frames, kind, values):
 
 @jit
 def gather_units(own, units, values, sensors, drivers):
-    """Sum the true parameters into the tables of the units."""
+    """Sum the true parameters into the tables of the triads; arguments as in `processes.gather`."""
     for k in range(own.tables.shape[0]):
         for i in range(N_TABLE):
             own.tables[k, i] = like(own.tables[k, i], 0.0)
@@ -120,8 +123,9 @@ def gather_units(own, units, values, sensors, drivers):
 
 @jit
 def fuse_tables(fused, own, units, tick):
-    """Set the tables (2, N_TABLE) of the fused triad at a tick: what the parameters of a filter stand for;
-    nonlinearity, which enters by squares along the axes of the units, is none of them.
+    """Set the tables (2, N_TABLE) of the combined triad at a tick, which give the true values of filter parameters.
+
+    Nonlinearity is not included: it depends on squares along the axes of each IMU.
     """
     for sensor in range(2):
         for i in range(N_TABLE):
@@ -140,7 +144,10 @@ def fuse_tables(fused, own, units, tick):
 
 @inlined
 def _axis_error(table, c, along, a, other, dt):
-    """Return the error of an increment along an axis, all inputs in body axes."""
+    """Return the error of an increment along sensing axis c.
+
+    along : increment along the axis; a, other : (3,) increments of the sensor and of the other sensor, body axes
+    """
     return (
         dt * table[BIAS + c]
         + table[OWN + 3 * c] * a[0]
@@ -155,9 +162,9 @@ def _axis_error(table, c, along, a, other, dt):
 
 @jit
 def _sense_triad(own, units, k, at, ticks, dt, key, run):
-    """Fill the increments of a triad over some ticks: ideal ones, their errors, white noise, quantisation.
+    """Set the increments of a triad over some ticks: true increments, errors, white noise, quantisation.
 
-    ticks : (2,) the first one and how many; key : (2,) words of the seed
+    ticks : (2,) first tick, number of ticks; key : (2,) key words of the seed
     """
     (first_tick, n_tick), (k0, k1) = ticks, key
     out, frames, white = own.sensed[k], units.frames[k], units.white[k]
@@ -167,13 +174,13 @@ def _sense_triad(own, units, k, at, ticks, dt, key, run):
         a, f = units.dtheta[k, tick], units.dvel[k, tick]
         n0, n1, n2, n3 = normals(k0, k1, units.noise_sources[k], run, epoch, np.uint64(0))
         n4, n5, _, _ = normals(k0, k1, units.noise_sources[k], run, epoch, np.uint64(1))
-        turned, pushed = (n0, n1, n2), (n3, n4, n5)
+        gyro_noise, accel_noise = (n0, n1, n2), (n3, n4, n5)
         for c in range(3):
             h = frames[c, 0]
             angle = h[0] * a[0] + h[1] * a[1] + h[2] * a[2]
             speed = h[0] * f[0] + h[1] * f[1] + h[2] * f[2]
-            out[row, c] = angle + _axis_error(gyro, c, angle, a, f, dt) + white[c] * turned[c]
-            out[row, 3 + c] = speed + _axis_error(accel, c, speed, f, a, dt) + white[3 + c] * pushed[c]
+            out[row, c] = angle + _axis_error(gyro, c, angle, a, f, dt) + white[c] * gyro_noise[c]
+            out[row, 3 + c] = speed + _axis_error(accel, c, speed, f, a, dt) + white[3 + c] * accel_noise[c]
     for sensor in range(2):
         if white[6 + sensor] > 0.0:
             for row in range(at, at + n_tick):
@@ -183,11 +190,13 @@ def _sense_triad(own, units, k, at, ticks, dt, key, run):
 
 @jit
 def swung(own, units, k, x, y, z, dt):
-    """Return what the lever arm of a triad puts into its increment of velocity over a tick, body axes: by the fused
-    angle (x, y, z) rad of the tick and its change since the tick before.
+    """Return the velocity increment (3) m/s of a triad by its lever arm r over a tick, body axes.
+
+    It is (dw x r) + w x (w x r) dt, with w dt the combined angle increment x, y, z (rad) of the tick, and dw the change
+    of w since the previous tick.
     """
     lever, before = units.lever[k], own.before
-    first = before[3]  # 0 before there is a tick
+    first = before[3]  # 0 at the first tick, which has no previous one
     tx, ty, tz = cross(
         first * (x - before[0]), first * (y - before[1]), first * (z - before[2]), lever[0], lever[1], lever[2]
     )
@@ -198,7 +207,7 @@ def swung(own, units, k, x, y, z, dt):
 
 @jit
 def _add_difference(own, units, sensor, k, c, value):
-    """Add an increment along axis c of triad k to the differences that it is part of."""
+    """Add an increment along axis c of triad k to the measured differences of two IMUs."""
     for p in range(units.pair_sensor.shape[0]):
         if units.pair_sensor[p] == sensor:
             for i in range(3):
@@ -207,7 +216,7 @@ def _add_difference(own, units, sensor, k, c, value):
 
 @jit
 def _fuse(increments, own, units, at, n_tick, dt):
-    """Set the increments of the fused triad from those of the units, lever arms compensated."""
+    """Set the increments of the combined triad from those of the IMUs, with lever arms compensated."""
     n = units.n_axis.shape[0]
     for row in range(at, at + n_tick):
         for i in range(6):
@@ -231,7 +240,7 @@ def _fuse(increments, own, units, at, n_tick, dt):
 
 @jit
 def _fuse_redundant(increments, own, units, vote, at, first_tick, n_tick, dt):
-    """Do the same for units that are tested against each other, or of which the middle one is selected."""
+    """Set the increments of the combined triad as `_fuse` does, for IMUs with a parity test or a selection."""
     n, mine = units.n_axis.shape[0], own.redundant
     for row in range(at, at + n_tick):
         for k in range(n):
@@ -259,8 +268,9 @@ def _fuse_ticks(increments, own, units, vote, at, first_tick, n_tick, dt):
 
 @jit
 def sense_units(work, own, units, at, first_tick, n_tick, dt, key):
-    """Fill rows of the window's increments with those of the fused triad; what each unit puts out stays in
-    `own.sensed`.
+    """Set the increments of the combined triad for some ticks, from row `at` on.
+
+    The increments of each IMU are in `own.sensed` afterwards.
     """
     for k in range(units.n_axis.shape[0]):
         _sense_triad(own, units, k, at, (first_tick, n_tick), dt, key, work.run[0])

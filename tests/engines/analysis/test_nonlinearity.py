@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.analysis.explain import _nonlinearities
-from lvnav_trade.engines.analysis.nonlinearity import _flown, _linear, _start_tick, _windows, nonlinearity
+from lvnav_trade.engines.analysis.nonlinearity import _linear, _propagated, _start_tick, _windows, nonlinearity
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.kernels.attitude import matrix
@@ -62,7 +62,7 @@ def test_the_first_order_part_is_the_filters_transition():
         d = np.zeros(prepared.layout.n_state)
         d[at] = size
         linear = _linear(prepared, start, d[None], _windows(prepared, start))[0, :9]
-        plus, minus = _flown(prepared, start, np.array([d, -d]), _windows(prepared, start))
+        plus, minus = _propagated(prepared, start, np.array([d, -d]), _windows(prepared, start))
         flown = (plus - minus) / 2.0
         for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
             share = 7e-3 if at == 9 and block.start == POS else 2e-3

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.epoch.held import _hold_covariance
+from lvnav_trade.engines.epoch.held import _store_covariance
 
 N, AT = 3, 2
 
@@ -47,9 +47,9 @@ def test_the_last_solution_is_held_where_there_is_no_new_one():
     out = Part(np.zeros((2, N, N)), np.zeros(N))
     joint = Joint(out, State(sources.copy(), mean.copy()), Truth(AT, np.zeros(2, dtype=np.int64), np.array([0, 5])))
     solved = np.array([True, False])
-    _hold_covariance(joint, solved, 0)
+    _store_covariance(joint, solved, 0)
     joint.state.sources[:], joint.state.mean[:] = 0.0, 0.0
-    _hold_covariance(joint, solved, 1)
+    _store_covariance(joint, solved, 1)
     for source, lane in enumerate((0, 5)):
         np.testing.assert_array_equal(out.held[source], sources[0, AT:, AT:, lane])
     np.testing.assert_array_equal(out.held_mean, mean[AT:])

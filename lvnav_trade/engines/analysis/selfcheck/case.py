@@ -14,15 +14,22 @@ from lvnav_trade.scenario import Scenario
 
 
 def check_scenario(scenario: Scenario, seed: int, history: float = 1.0) -> list[Check]:
-    """Return all checks of a scenario; those of statistics have no bounds yet (`check.bounded`).
+    """Return all checks of a scenario; statistical checks have no bounds yet (`check.bounded`).
 
-    seed: of the campaign, so that the same campaign always has the same figures; history: step of histories, s.
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    seed
+        Seed of the campaign, so that the same campaign always has the same figures.
+    history
+        s. Interval of the history times.
     """
     return check_prepared(prepare(scenario, history), seed)
 
 
 def check_prepared(prepared: Prepared, seed: int) -> list[Check]:
-    """Return the same of a case that is prepared."""
+    """Return all checks of a prepared case, as `check_scenario`."""
     history = covariance(prepared)
     return [
         *round_trip(prepared),

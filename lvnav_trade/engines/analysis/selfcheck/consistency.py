@@ -1,4 +1,4 @@
-"""Innovations of some runs against the degrees of freedom that they should have: mean square, refusals of the gate."""
+"""Consistency of the innovations of some runs: mean square, and rejections by the gate."""
 
 import math
 
@@ -14,15 +14,15 @@ from lvnav_trade.records import CovHistory, Floats
 RUNS = 32
 KIND = "innovations"
 GATED = 0.01
-"""Probability that a good measurement is rejected, beyond which linear covariance does not describe the filter."""
+"""Probability of rejecting a valid measurement above which linear covariance does not describe the filter."""
 
 
 def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[Check]:
-    """Return checks of the mean square of a normalised innovation, and of how many lie beyond the gate.
+    """Return checks of the mean square of normalised innovations, and of their number beyond the gate.
 
-    A filter that models all that is true has 1 for each scalar (chi-square with as many degrees of freedom as scalars);
-    of one that does not, linear covariance knows the mean square. Runs are those of the campaign's first numbers; the
-    bounds hold for innovations that are correlated within a run too, because they come from the spread of the runs.
+    For a filter that models the whole truth the mean square is 1 per scalar (chi-square). For any other filter linear
+    covariance gives the expected mean square. The runs are the first of the campaign. Bounds follow from the scatter of
+    the runs, so they also hold for innovations that are correlated within a run.
     """
     reason = _why_not(prepared, history)
     if reason:
@@ -41,7 +41,7 @@ def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[Chec
 
 
 def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> list[Check]:
-    """Return the check of the gate, none without one: how many innovations lie beyond it, of how many are expected."""
+    """Return the check of the number of innovations beyond the gate against that expected; empty without a gate."""
     gate = math.sqrt(prepared.model.gate_squared)
     if math.isinf(gate):
         return []
@@ -59,7 +59,7 @@ def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> 
 
 
 def _law(values: Floats, expected: float, least: float) -> object:
-    """Return the distribution of the mean of values (n_run,) about what is expected; least: its smallest deviation."""
+    """Return the distribution of the mean of values (n_run,) about `expected`; least: smallest standard deviation."""
     return stats.t(len(values) - 1, expected, max(least, float(values.std(ddof=1)) / math.sqrt(len(values))))
 
 

@@ -1,4 +1,4 @@
-"""Statistics of what runs draw, of the IMU and the start: mean, variance and correlation against the cards' numbers."""
+"""Statistics of the draws of IMU errors and initial errors: mean, variance and correlation against the cards."""
 
 import math
 from collections.abc import Iterator
@@ -26,12 +26,12 @@ from lvnav_trade.world.sensors.units import triads_of
 RUNS = 128
 KIND = "draws"
 _STEPS = 400
-"""Steps of the IMU's processes over which their correlation is looked at, at most."""
+"""Largest number of process steps over which correlations are checked."""
 _TICKS, _NOISE_RUNS = 500, 16
 
 
 def moments(what: str, z: Floats, where: str = "") -> list[Check]:
-    """Return checks of mean and variance of draws that should be standard normals."""
+    """Return checks of mean and variance of draws z that should be standard normals."""
     n = z.size
     return [
         Check(KIND, f"{what}, mean (sigma)", float(z.mean()), where=where, law=stats.norm(0.0, 1.0 / math.sqrt(n))),
@@ -40,21 +40,21 @@ def moments(what: str, z: Floats, where: str = "") -> list[Check]:
 
 
 def correlation(what: str, first: Floats, later: Floats, expected: float, seconds: float) -> Check:
-    """Return the check of the correlation of standard normals with what they have become after some seconds."""
+    """Return the check of the correlation between standard normals and their values some seconds later."""
     law = stats.norm(expected, math.sqrt((1.0 + expected**2) / first.size))
     where = f"after {seconds:.3g} s; expected {expected:.3f}"
     return Check(KIND, f"{what}, correlation", float(np.mean(first * later)), where=where, law=law)
 
 
 def of_imu(prepared: Prepared, seed: int) -> list[Check]:
-    """Return the checks of the parameters of the IMU (and of gravity), source by source, and of its white noise."""
+    """Return the checks of the IMU parameters (and of the gravity disturbance) by source, and of the white noise."""
     checks: list[Check] = []
     first, later, lags = _processes(prepared, seed)
     step = prepared.unit.process_ticks * prepared.unit.dt
     for source in dict.fromkeys(block.name for block in prepared.sources):
-        own = [(k, block) for k, block in enumerate(prepared.sources) if block.name == source]
-        k, block = own[0]
-        what, at = label_of(source), [k for k, _ in own]
+        blocks = [(k, block) for k, block in enumerate(prepared.sources) if block.name == source]
+        k, block = blocks[0]
+        what, at = label_of(source), [k for k, _ in blocks]
         begun, grown = np.array(axes(block.sigma)), np.sqrt(_variance(block, step, lags[k]))
         draws, drawn = first[:, at][..., on := begun > 0.0] / begun[on], grown > 0.0
         if on.any():
@@ -72,7 +72,7 @@ def of_imu(prepared: Prepared, seed: int) -> list[Check]:
 
 
 def _variance(block: ErrorTerm, step: float, count: int) -> Floats:
-    """Return the variance (3,) of an error parameter after some steps, by the numbers of its card."""
+    """Return the variance (3,) of an error parameter after `count` steps (s each), by its card."""
     start, rate = np.array(squares(block.sigma)), np.array(squares(block.walk))
     if math.isinf(block.time_constant):
         return np.asarray(start + rate * step * count)
@@ -81,19 +81,19 @@ def _variance(block: ErrorTerm, step: float, count: int) -> Floats:
 
 
 def _lag(block: ErrorTerm, step: float) -> int:
-    """Return after how many steps a parameter is looked at again, 0 for one that does not vary."""
+    """Return the number of steps after which a parameter is checked again; 0 if it does not vary."""
     if math.isinf(block.time_constant):
         return _STEPS if rms(block.walk) > 0.0 else 0
     return min(_STEPS, max(1, round(block.time_constant / step)))
 
 
 def _processes(prepared: Prepared, seed: int) -> tuple[Floats, Floats, list[int]]:
-    """Return the parameters (n_run, n_block, 3) as runs start with them, and after so many steps each."""
+    """Return the parameters (n_run, n_block, 3) at the start of runs and after some steps, and the numbers of steps."""
     unit, (k0, k1) = prepared.unit, seed_words(seed)
     lags = [_lag(block, unit.process_ticks * unit.dt) for block in prepared.sources]
     shape = (RUNS, len(lags), 3)
     first, later, values = np.zeros(shape), np.zeros(shape), np.zeros((max(1, len(lags)), 3))
-    due = {lag: np.array([lag == one for one in lags]) for lag in set(lags)}
+    due = {lag: np.array([lag == other for other in lags]) for lag in set(lags)}
     for run in range(RUNS if lags else 0):
         processes.start(values, unit.sigma, unit.sources, k0, k1, np.uint64(run))
         first[run] = values
@@ -105,7 +105,7 @@ def _processes(prepared: Prepared, seed: int) -> tuple[Floats, Floats, list[int]
 
 
 def _white(prepared: Prepared, seed: int) -> Iterator[tuple[str, Floats]]:
-    """Yield the white noise of every sensor of every unit, (n_run, n_tick, n_axis) in the sigma of its card."""
+    """Yield the white noise of every sensor of every IMU, (n_run, n_tick, n_axis) in sigmas of its card."""
     imu, n = prepared.scenario.imu, min(_TICKS, len(prepared.unit.dtheta))
     if isinstance(imu, ImuCard):
         noise, names = _of_unit(prepared, seed, n)[:, None], [""]
@@ -125,9 +125,9 @@ def _white(prepared: Prepared, seed: int) -> Iterator[tuple[str, Floats]]:
 
 
 def _of_unit(prepared: Prepared, seed: int, n: int) -> Floats:
-    """Return what a unit without other errors adds to increments, (n_run, n, 6)."""
+    """Return the increments' noise of an IMU without other errors, (n_run, n, 6)."""
     unit, tables, out = prepared.unit, np.zeros((2, processes.N_TABLE)), np.zeros((_NOISE_RUNS, n, 6))
-    white = np.array([*unit.white[:6], 0.0, 0.0])  # what quantisation holds back is no noise of its own
+    white = np.array([*unit.white[:6], 0.0, 0.0])  # without quantisation, whose remainder is not white
     for run in range(_NOISE_RUNS):
         processes.corrupt(
             out[run],
@@ -163,7 +163,7 @@ def _of_units(prepared: Prepared, seed: int, n: int) -> Floats:
 
 
 def of_start(prepared: Prepared, seed: int) -> list[Check]:
-    """Return the checks of the errors that the estimate starts with: tilt, heading, velocity, position."""
+    """Return the checks of the initial errors: tilt, heading, velocity, position."""
     (work, _), start, card = new_work(prepared, lanes=False), prepared.start, prepared.scenario.initial
     ref, errors = prepared.reference, np.empty((RUNS, 9))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], prepared.trajectory.theta0)[0]

@@ -1,4 +1,4 @@
-"""Linear against nonlinear propagation over every gap of the measurements, at the errors that the filter assumes."""
+"""Linear against nonlinear propagation over every gap between measurements, at one-sigma errors of the filter model."""
 
 from lvnav_trade.engines.analysis.nonlinearity import nonlinearity
 from lvnav_trade.engines.analysis.selfcheck.check import Check
@@ -8,15 +8,15 @@ from lvnav_trade.layout import state_names
 from lvnav_trade.records import CovHistory
 
 ALLOWED = 0.1
-"""Sigmas at the end of a gap, which a one-sigma error at its beginning may be off its linear propagation."""
+"""Largest deviation of a one-sigma error from its linear propagation over a gap, in sigmas at its end."""
 KIND = "propagation"
 
 
 def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float]) -> list[Check]:
     """Return a check for every gap without measurements, and one for the update intervals at the events.
 
-    Directions are one-sigma errors of the filter's own covariance at the beginning of the gap, each flown plus and
-    minus by the strapdown and by the filter's transition. Figures are in the filter's own sigma at the end.
+    Directions are one-sigma errors of the filter's covariance at the beginning of the gap, propagated with both signs
+    by the strapdown and by the filter's transition. Figures are in formal sigmas at the end.
     """
     if prepared.options.vehicle is not None:
         return [Check(KIND, "transition", reason="samples of the IMU are measurements: there is no window without one")]
@@ -32,7 +32,7 @@ def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float
         found.append(Check(KIND, what, max(index.motion, index.transition), high=ALLOWED, where=where))
     intervals = [(nonlinearity(prepared, formal, t), name) for name, t in events.items()]
     if intervals:
-        index, event = max(intervals, key=lambda one: max(one[0].motion, one[0].transition))
+        index, event = max(intervals, key=lambda item: max(item[0].motion, item[0].transition))
         where = f"{names[index.state]} at {event}"
         found.append(Check(KIND, "update interval", max(index.motion, index.transition), high=ALLOWED, where=where))
     return found

@@ -1,4 +1,4 @@
-"""Jacobian rows of every measurement against central differences of what the filter predicts."""
+"""Jacobian rows of every measurement against central differences of the predicted measurement."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -21,15 +21,20 @@ from lvnav_trade.observables.sensors import measure
 from lvnav_trade.records import Bools, Floats, Ints
 
 EPOCHS = 5
-"""Epochs of the flight at which each measurement is looked at."""
+"""Number of epochs of the flight at which each measurement is checked."""
 ALLOWED = 1e-3
-"""Of the entries of a state, may the differences be off; they have roundings of ranges of 2e7 m."""
+"""Largest relative difference of an entry; differences of ranges of 2e7 m have rounding errors."""
 LEAST = 1e-6
-"""Part of the largest entry of a row, each in the steps of the differences, below which entries count as nothing."""
+"""Fraction of the largest entry of a row, in steps of the differences, below which entries are negligible."""
 
 
 class Rows(NamedTuple):
-    """Rows of an epoch: what each measures; H (n_row, n_state); z (n_row,) measured minus predicted."""
+    """Measurement rows of an epoch.
+
+    names : (n_row,). Measurement of each row.
+    H : (n_row, n_state). Jacobian.
+    z : (n_row,). Measured minus predicted.
+    """
 
     names: tuple[str, ...]
     H: Floats
@@ -40,8 +45,10 @@ RowsAt = Callable[[Prepared, Nominal, int, Floats], Rows]
 
 
 def jacobians(prepared: Prepared) -> list[Check]:
-    """Return a check for each measurement of the filter: the largest difference of an entry of its Jacobian to the
-    central difference of the prediction, as a part of the entry, with state and time.
+    """Return a check for each measurement of the filter, with state and time of its figure.
+
+    The figure is the largest relative difference between an entry of its Jacobian and the central difference of the
+    prediction.
     """
     work, size, names = new_nominal(prepared), sizes(prepared), state_names(prepared.layout)
     quantities = np.array([name.partition(" ")[0] for name in names])
@@ -68,10 +75,10 @@ def jacobians(prepared: Prepared) -> list[Check]:
 
 
 def _off(rows: Floats, differences: Floats, groups: Bools) -> tuple[Floats, Ints]:
-    """Return by how much differences (n_row, n_state) are off the rows at worst, (n_row,), and of which state.
+    """Return the largest relative deviation of differences from rows (n_row, n_state), (n_row,), and its state.
 
-    groups (n_state, n_state): states of one quantity. An entry of a vector may be near zero where the vector is not, so
-    each is compared with the largest of its quantity.
+    groups (n_state, n_state): whether two states belong to the same quantity. A component of a vector may be near zero
+    although the vector is not, so deviations are relative to the largest entry of the quantity.
     """
     large = np.maximum(np.abs(rows), np.abs(differences))
     of_quantity = np.max(np.where(groups, large[:, None, :], 0.0), axis=2)
@@ -81,7 +88,7 @@ def _off(rows: Floats, differences: Floats, groups: Bools) -> tuple[Floats, Ints
 
 
 def _places(prepared: Prepared) -> Iterator[tuple[int, RowsAt]]:
-    """Yield epochs, and what returns their rows: those of the receiver, then those of each sensor."""
+    """Yield epochs with a function that returns their rows: of the receiver, then of each sensor."""
     model, signals, epochs = prepared.model, prepared.signals, range(prepared.t_epoch.size)
     with_rows = np.array([epoch for epoch in epochs if n_measured(model, signals, epoch) > 0], dtype=np.int64)
     for epoch in _spread(with_rows):
@@ -98,31 +105,33 @@ def _spread(epochs: Ints) -> list[int]:
 
 
 def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
-    """Set an estimate that is in error by d. What turns the antenna is known by the gyro bias, or by the rate where
-    that is a state: rows leave other parameters out, so the body rate does here.
+    """Set the estimate to the truth minus the error d.
+
+    The body rate, which moves the antenna, depends on the gyro bias or on the rate state only: Jacobian rows neglect
+    other gyro parameters, so they are removed from d for the rate.
     """
-    own, motion = d.copy(), prepared.layout.motion
+    error, motion = d.copy(), prepared.layout.motion
     for block in prepared.layout.parameters:
         if block.sensor != GYRO or block.driver != CONSTANT or motion >= 0:
-            own[block.offset : block.offset + 3] = 0.0
-    place(prepared, work, epoch, own, time)
+            error[block.offset : block.offset + 3] = 0.0
+    place(prepared, work, epoch, error, time)
     if motion >= 0:
         work.previous[:3] -= prepared.unit.dt * d[motion : motion + 3]
         place_antenna(work, None, None, prepared.model, prepared.unit.dt, epoch)
 
 
 def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Rows:
-    """Return the rows of the receiver that the filter takes."""
+    """Return the receiver rows that the filter processes."""
     model, signals = prepared.model, prepared.signals
     delayed, earlier = prepared.options.delayed, place_earlier(prepared, work, epoch, d)
     _estimate(prepared, work, epoch, d)
     fill_receiver(work, earlier, delayed, model, signals, epoch)
     rows = [(row, channel_of(model, signals, epoch, row)) for row in range(n_measured(model, signals, epoch))]
-    return _dense(prepared, work, [one for one in rows if is_present(delayed, model, epoch, one[1])])
+    return _dense(prepared, work, [pair for pair in rows if is_present(delayed, model, epoch, pair[1])])
 
 
 def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Rows:
-    """Return the rows of sensor k, which measures the truth of the time that the filter takes it for."""
+    """Return the rows of sensor k, which measures the truth at the time of validity in the filter."""
     model, sensors = prepared.model, prepared.sensors
     assert sensors is not None  # the case has this one
     at = row_of(model, work, sensors.channel[k])
@@ -133,7 +142,7 @@ def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Float
 
 
 def _dense(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) -> Rows:
-    """Return rows, each with its channel, with an entry for every state."""
+    """Return rows, given with their channels, as dense Jacobian rows."""
     model, H = prepared.model, np.zeros((len(rows), prepared.layout.n_state))
     for to, (row, channel) in enumerate(rows):
         n = model.n_entry[channel]
@@ -144,9 +153,7 @@ def _dense(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) -> Ro
 
 
 def _samples(prepared: Prepared) -> list[Check]:
-    """Return the check of the rows of the IMU's samples: motion and parameters, by the increments that a unit with such
-    parameters puts out.
-    """
+    """Return the check of the rows of IMU samples, against the increments of an IMU with such parameters."""
     vehicle, layout, dt = prepared.options.vehicle, prepared.layout, prepared.unit.dt
     size, worst, where = sizes(prepared), 0.0, ""
     h = np.zeros((N_SAMPLE, vehicle.columns.shape[1]))
@@ -155,7 +162,7 @@ def _samples(prepared: Prepared) -> list[Check]:
         motion = np.concatenate([prepared.reference.dtheta[tick], prepared.reference.dvel[tick]]) / dt
         fill_samples(h, vehicle.blocks, motion[:3], motion[3:])
         for row in range(N_SAMPLE):
-            np.add.at(H[row], vehicle.columns[row], h[row])  # an entry that is none is a zero of some state
+            np.add.at(H[row], vehicle.columns[row], h[row])  # unused entries add zero
         differences = np.zeros_like(H)
         differences[:, layout.motion : layout.motion + N_SAMPLE] = np.eye(N_SAMPLE)
         for block in layout.parameters:

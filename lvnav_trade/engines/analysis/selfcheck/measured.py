@@ -1,4 +1,4 @@
-"""Statistics of what runs draw, of receiver and sensors: mean, variance and correlation against the cards' numbers."""
+"""Statistics of the draws of receiver and sensor errors: mean, variance and correlation against the cards."""
 
 import math
 from collections import defaultdict
@@ -30,13 +30,16 @@ from lvnav_trade.world.receiver.receiver import DirectSolution
 
 _EPOCHS = 24
 _OF_SENSOR = 8
-"""Further epochs of a sensor that measures at few of the others."""
+"""Number of additional epochs for a sensor that measures at few of the others."""
 
 
 class Drawn(NamedTuple):
-    """What runs draw at some epochs: start (n_run, 2) and steps (n_run, n_epoch, 2) of the clock, bias and drift;
-    shared (n_run, 1 + n_epoch, n_component) errors that measurements share, from the start on; white: by source the
-    noise of measurements, in the sigma of its card.
+    """Draws of runs at some epochs.
+
+    start : (n_run, 2) m, m/s. Initial clock bias and drift.
+    steps : (n_run, n_epoch, 2) m, m/s. Noise of the clock steps.
+    shared : (n_run, 1 + n_epoch, n_component) SI. Correlated measurement errors, at the start and at the epochs.
+    white : White measurement noise by source, in sigmas of its card.
     """
 
     start: Floats
@@ -46,18 +49,18 @@ class Drawn(NamedTuple):
 
 
 def of_measurements(prepared: Prepared, seed: int) -> list[Check]:
-    """Return the checks of the receiver's clock, of all that lasts in measurements, and of their white noise."""
+    """Return the checks of the receiver's clock, of correlated measurement errors, and of white noise."""
     if not prepared.t_epoch.size or not prepared.model.aided:
         return []
     drawn = _drawn(prepared, seed)
     checks = _clock(prepared, drawn) if _ranges(prepared) and prepared.channels.receiver else []
     at, interval = 0, prepared.signals.interval
     for family in prepared.families:
-        own = slice(at, at + len(family.labels))
-        at = own.stop
+        components = slice(at, at + len(family.labels))
+        at = components.stop
         if family.kind == RECORDED:
             continue
-        z = drawn.shared[:, :, own] / family.sigma
+        z = drawn.shared[:, :, components] / family.sigma
         what = label_of(family.source)
         checks += moments(what, z[:, 0], "at the start")
         if math.isfinite(family.time_constant):
@@ -69,7 +72,7 @@ def of_measurements(prepared: Prepared, seed: int) -> list[Check]:
 
 
 def _ranges(prepared: Prepared) -> bool:
-    """Return whether the receiver draws ranges: for the filter, or for a solution of its own."""
+    """Return whether ranges are drawn, for the filter or for the receiver's solution."""
     return bool(prepared.model.tight or solves(prepared.scenario))
 
 
@@ -89,7 +92,7 @@ def _clock(prepared: Prepared, drawn: Drawn) -> list[Check]:
 
 
 def _epochs(prepared: Prepared) -> Ints:
-    """Return epochs over the flight, with some of each sensor; none at which the output stands still."""
+    """Return epochs over the flight, with some of each sensor; without frozen epochs."""
     alive = ~prepared.signals.frozen
     wanted = [np.flatnonzero(alive)]
     wanted += [np.flatnonzero(device.on & alive) for device in prepared.devices]
@@ -101,7 +104,7 @@ def _epochs(prepared: Prepared) -> Ints:
 
 
 def _plain(prepared: Prepared) -> Bools:
-    """Return at which epochs (n_epoch,) no fault makes noise grow."""
+    """Return whether no fault increases the noise at the epochs, (n_epoch,)."""
     plain = np.ones(prepared.t_epoch.size, dtype=np.bool_)
     faults, course = prepared.scenario.faults, prepared.trajectory.course
     for _, _, within, *_ in active(faults, DegradedNoise, course, prepared.t_epoch):
@@ -110,12 +113,12 @@ def _plain(prepared: Prepared) -> Bools:
 
 
 def _drawn(prepared: Prepared, seed: int) -> Drawn:
-    """Let the receiver and the sensors of some runs measure the nominal flight at some epochs, one after another."""
+    """Simulate receiver and sensors of some runs at some epochs of the nominal flight, and return their draws."""
     signals, key, epochs = prepared.signals, seed_words(seed), _epochs(prepared)
     (work, parts), plain, ranges = new_work(prepared, lanes=False), _plain(prepared), _ranges(prepared)
     truth = Truth(prepared.unit, prepared.start, prepared.record)
     start_case = case_of(prepared)
-    # ranges too where a solver would take them; what it makes of them is none of the draws
+    # ranges also if the receiver computes a solution from them, which itself draws nothing
     case = case_of(prepared, model=prepared.model._replace(tight=ranges))
     clean = {epoch: _innovations(prepared, work, epoch, exact=True) for epoch in epochs.tolist()}
     start, steps = np.empty((RUNS, 2)), np.empty((RUNS, epochs.size, 2))
@@ -143,7 +146,7 @@ def _drawn(prepared: Prepared, seed: int) -> Drawn:
 
 
 def _shared_errors(prepared: Prepared, work: Work, epoch: int, channels: Ints) -> Floats:
-    """Return what errors that measurements share add to channels (n,) of what is measured."""
+    """Return the sum of the correlated errors in measured channels (n,) at an epoch."""
     shared = prepared.signals.shared
     if not shared.member.size:
         return np.zeros(channels.size)
@@ -153,7 +156,7 @@ def _shared_errors(prepared: Prepared, work: Work, epoch: int, channels: Ints) -
 
 
 def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work, epoch: int, ranges: bool) -> None:
-    """Add the white noise of what the receiver has measured, in the sigma of its card (or of its loops)."""
+    """Append the white noise of the receiver's measurements, in sigmas of its card (or of its tracking loops)."""
     signals, sky, card = prepared.signals, prepared.sky, prepared.scenario.receiver
     if ranges:
         s = signals.used[epoch, : signals.n_used[epoch]]
@@ -185,8 +188,9 @@ def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work
 def _add_phases(
     white: dict[str, list[Floats]], prepared: Prepared, work: Work, last: Floats | None, epoch: int
 ) -> None:
-    """Add the white noise of the carrier phases that the receiver has measured, in its sigma; last (n_sat, n_kind):
-    those that differences are formed with.
+    """Append the white noise of the receiver's carrier phases, in their sigmas.
+
+    last : (n_sat, n_kind), phases with which differences are formed
     """
     signals, further, n_kind = prepared.signals, prepared.options.further, prepared.model.n_kind
     if further is None or last is None:
@@ -201,8 +205,9 @@ def _add_phases(
 
 
 def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False) -> dict[str, tuple[Floats, Floats]]:
-    """Return by source of noise the innovations (n_scalar,) of the sensors that measure at an epoch, less the errors
-    that last, at the truth; and the sigma of the noise. exact: of measurements without error.
+    """Return innovations at the truth, minus lasting errors, and noise sigmas (n_scalar,) of the sensors at an epoch.
+
+    The result is by noise source. exact : whether measurements have no error
     """
     found, H, z = {}, np.zeros((4, N_ENTRY)), np.zeros(4)
     none = np.zeros(prepared.layout.n_state)

@@ -1,4 +1,4 @@
-"""Check of the error definition: a known error in the estimate is found, and removed by feedback."""
+"""Check of the error definition: a given error of the estimate is recorded correctly, and removed by feedback."""
 
 import numpy as np
 
@@ -15,20 +15,22 @@ from lvnav_trade.layout import state_names, state_outputs
 from lvnav_trade.records import Floats
 
 SIZE = {"attitude": 1e-3, "velocity": 1.0, "position": 100.0}
-"""Errors that are put in (rad, m/s, m); any other state: its unit."""
+"""Errors that are applied (rad, m/s, m); for any other state, its unit."""
 ALLOWED = 1e-6
-"""Part of the error that may be missed: rounding of positions, and of the rotation of a milliradian."""
+"""Largest relative deviation: rounding of positions, and second order of a rotation of a milliradian."""
 
 
 def sizes(prepared: Prepared) -> Floats:
-    """Return the error (n_state,) that is put into each state, SI."""
-    found = state_outputs(prepared.layout, prepared.scenario.frame)
-    return np.array([SIZE.get(one.quantity, 1.0 / one.label_factor) for one in found])
+    """Return the error (n_state,) that is applied to each state, SI."""
+    outputs = state_outputs(prepared.layout, prepared.scenario.frame)
+    return np.array([SIZE.get(output.quantity, 1.0 / output.label_factor) for output in outputs])
 
 
 def round_trip(prepared: Prepared) -> list[Check]:
-    """Return a check for each quantity of the filter's state, at start, middle and end of the flight: a known error is
-    put in, found by the recording of runs, fed back by the filter, and found again. Figures are parts of the error.
+    """Return a check for each quantity of the filter's state, at start, middle and end of the flight.
+
+    A given error is applied, recorded as in runs, fed back by the filter, and recorded again. Figures are relative to
+    the error.
     """
     (work, parts), size, names = new_work(prepared, lanes=False), sizes(prepared), state_names(prepared.layout)
     turn, reported = turns(prepared), np.array(prepared.layout.reported)
@@ -37,12 +39,12 @@ def round_trip(prepared: Prepared) -> list[Check]:
         for state in reported.tolist():
             name, d = names[state], np.zeros(prepared.layout.n_state)
             d[state] = size[state]
-            _put_in(prepared, work, parts, hist, d)
-            found, left = np.zeros_like(d), np.zeros_like(d)
-            found[reported] = turn[hist].T @ _found(prepared, work, parts, hist)
-            _feed_back(prepared, work, parts, found)
-            left[reported] = turn[hist].T @ _found(prepared, work, parts, hist)
-            missed = float(max(np.abs((found - d) / size).max(), np.abs(left / size).max()))
+            _apply_error(prepared, work, parts, hist, d)
+            error, residual = np.zeros_like(d), np.zeros_like(d)
+            error[reported] = turn[hist].T @ _recorded_error(prepared, work, parts, hist)
+            _feed_back(prepared, work, parts, error)
+            residual[reported] = turn[hist].T @ _recorded_error(prepared, work, parts, hist)
+            missed = float(max(np.abs((error - d) / size).max(), np.abs(residual / size).max()))
             quantity = name.partition(" ")[0]
             if not missed <= worst.get(quantity, (-1.0, ""))[0]:
                 worst[quantity] = (missed, f"{name} at {prepared.t_hist[hist]:g} s")
@@ -53,12 +55,12 @@ def round_trip(prepared: Prepared) -> list[Check]:
 
 
 def _tick(prepared: Prepared, hist: int) -> int:
-    """Return the tick that ends at a history time."""
+    """Return the last tick before a history time."""
     return max(0, int(prepared.hist_tick[hist]) - 1)
 
 
-def _put_in(prepared: Prepared, work: Work, parts: Parts, hist: int, d: Floats) -> None:
-    """Set the estimate of a run without true parameters, clock and shared errors to one that is in error by d."""
+def _apply_error(prepared: Prepared, work: Work, parts: Parts, hist: int, d: Floats) -> None:
+    """Set the estimate of a run without true parameters, clock and correlated errors to the truth minus the error d."""
     model, truth, vehicle = prepared.model, prepared.record, prepared.options.vehicle
     work.nav[:] = navigation(truth.q[hist], truth.v[hist], truth.r[hist], d)
     work.P[:] = np.eye(model.n_state)
@@ -74,7 +76,7 @@ def _put_in(prepared: Prepared, work: Work, parts: Parts, hist: int, d: Floats) 
         parts.motion.force[:] = vehicle.force[tick] - d[at + 3 : at + 6]
 
 
-def _found(prepared: Prepared, work: Work, parts: Parts, hist: int) -> Floats:
+def _recorded_error(prepared: Prepared, work: Work, parts: Parts, hist: int) -> Floats:
     """Return the error (n_reported,) that a run records, in reporting axes."""
     of_states = prepared.options._replace(samples=None, report=None, backup=None)
     parts = Parts(units=parts.units, motion=parts.motion)
@@ -83,7 +85,7 @@ def _found(prepared: Prepared, work: Work, parts: Parts, hist: int) -> Floats:
 
 
 def _feed_back(prepared: Prepared, work: Work, parts: Parts, x: Floats) -> None:
-    """Let the filter correct its estimate by an error state x (n_state,), frame i."""
+    """Feed an error state x (n_state,), frame i, back to the estimate."""
     work.x[:] = x
     correct_vehicle(work, parts.motion, prepared.model, prepared.options.vehicle)
     correct(work, None, None, prepared.model)

@@ -1,1 +1,1 @@
-"""What a receiver gives on the nominal flight: start with `signals.py`; `solution.py` has one that solves itself."""
+"""Receiver on the nominal flight: `signals.py` has its measurements, `solution.py` the solution that it computes."""

@@ -21,10 +21,15 @@ HALF_STEP = 0.25  # s to either side of an epoch for the rate of a delay
 
 
 class Delays(NamedTuple):
-    """Delay (m) and its rate (m/s) of code and Doppler, (n_epoch, n_sat, 2) each; zero where a satellite is not
-    tracked: what is true of the troposphere and the ionosphere, and what the filter assumes of them.
+    """Atmospheric delays (m) of the code and their rates (m/s) in the Doppler, (n_epoch, n_sat, 2) each.
 
-    The ionosphere advances the carrier by what it delays the code, so a Doppler's rate has the other sign.
+    They are zero for satellites that are not tracked. The ionosphere advances the carrier as much as it delays the
+    code, so its rate in the Doppler has the opposite sign.
+
+    troposphere : True tropospheric delay.
+    ionosphere : True ionospheric delay.
+    modelled_troposphere : Tropospheric delay in the filter's correction.
+    modelled_ionosphere : Ionospheric delay in the filter's correction.
     """
 
     troposphere: Floats
@@ -34,19 +39,19 @@ class Delays(NamedTuple):
 
     @property
     def left(self) -> Floats:
-        """What the filter's correction leaves of the true delay, (n_epoch, n_sat, 2)."""
+        """Residual delay of the code after the filter's correction, (n_epoch, n_sat, 2) m, m/s."""
         true, taken = self.troposphere + self.ionosphere, self.modelled_troposphere + self.modelled_ionosphere
         return np.asarray(true - taken)
 
     @property
     def left_of_phase(self) -> Floats:
-        """What the filter's correction leaves of the true delay of a carrier phase, m, (n_epoch, n_sat)."""
+        """Residual delay of the carrier phase after the filter's correction, (n_epoch, n_sat) m."""
         air, charge = self.troposphere - self.modelled_troposphere, self.ionosphere - self.modelled_ionosphere
         return np.asarray(air[..., 0] - charge[..., 0])
 
 
 def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: float) -> tuple[Geometry, Floats]:
-    """Return where the antenna stands and looks `shift` seconds after each epoch, and those times (n_epoch,)."""
+    """Return position and lines of sight of the antenna `shift` s after each epoch, and these times (n_epoch,)."""
     t = np.clip(seen.t + shift, trajectory.start, trajectory.end)
     at, _ = antenna(trajectory, receiver, t)
     line = seen.r_i + (t - seen.t)[:, None, None] * seen.v_i - at[:, None, :]
@@ -61,10 +66,10 @@ def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: 
 def delays(
     trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, atmosphere: AtmosphereCard, corrections: CorrectionsCard
 ) -> Delays:
-    """Return true and assumed delays along the nominal flight.
+    """Return true and modelled atmospheric delays along the nominal flight.
 
-    The filter's models are evaluated at the true place of the antenna, not at the estimate: at worst, near the ground
-    and the horizon, they differ by 1 cm per metre of position error.
+    The models of the filter are evaluated at the true position of the antenna instead of the estimate. The difference
+    is at most 1 cm per metre of position error, near the ground and the horizon.
     """
 
     @cache
@@ -78,7 +83,7 @@ def delays(
         seconds = (places()[2][1] - places()[0][1])[:, None]
         return np.where(seen.tracked[:, :, None], np.stack([now, carrier * (after - before) / seconds], axis=2), 0.0)
 
-    # of two frequencies nothing of first order is there, and nothing is corrected
+    # two frequencies remove the ionosphere to first order, so it is neither true nor corrected
     air, charge = atmosphere.troposphere, NoIonosphere() if receiver.is_dual else atmosphere.ionosphere
     air_hat, charge_hat = correction_models(corrections, atmosphere, not receiver.is_dual)
     return Delays(

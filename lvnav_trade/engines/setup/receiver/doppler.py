@@ -1,4 +1,4 @@
-"""Range rates of the Doppler as means over an interval, and as the filter models them."""
+"""Range rates from Doppler as means over an interval, and their model in the filter."""
 
 import numpy as np
 
@@ -12,13 +12,11 @@ from lvnav_trade.world.sky.satellites import satellites
 
 
 def doppler_left(scenario: Scenario, flight: Flight) -> Floats | float:
-    """Return what range rates differ by from those at the epoch because they are means, less what the filter models of
-    that, (n_epoch, n_sat, 2) m, m/s.
+    """Return the residual error of ranges and range rates by the averaging of the Doppler, (n_epoch, n_sat, 2) m, m/s.
 
-    A mean over an interval lags by half of it times the acceleration along the line of sight. The true one is the
-    change of the range over the interval; the model is that product at the epoch, on the nominal flight: an error of
-    1 mg in the filter's own acceleration would change it by 0.1 mm/s in 20 ms. The receiver's clock has the drift of
-    the epoch.
+    A mean over an interval differs from the rate at the epoch by half of the interval times the range acceleration.
+    The true mean is the change of the range over the interval. The filter's model is that product on the nominal
+    flight: an acceleration error of 1 mg would change it by 0.1 mm/s for 20 ms. The clock drift is that of the epoch.
     """
     if not _takes_doppler(scenario):
         return 0.0
@@ -31,7 +29,7 @@ def doppler_left(scenario: Scenario, flight: Flight) -> Floats | float:
 
 
 def _takes_doppler(scenario: Scenario) -> bool:
-    """Return whether the receiver's Doppler is measured, by the filter or by the receiver's own solution."""
+    """Return whether the Doppler is used, by the filter or by the receiver's solution."""
     smoothing = smoothing_of(scenario)
     if solves(scenario):
         return smoothing is None or smoothing.velocity == "doppler"
@@ -39,7 +37,7 @@ def _takes_doppler(scenario: Scenario) -> bool:
 
 
 def _mean_rate(scenario: Scenario, flight: Flight, interval: float) -> Floats:
-    """Return the change of the ranges over an interval (s) up to the epochs, by its length, (n_epoch, n_sat) m/s."""
+    """Return the mean range rate over the interval (s) before each epoch, (n_epoch, n_sat) m/s."""
     trajectory, seen = flight.trajectory, flight.sky
     t = np.maximum(seen.t - interval, trajectory.start)
     at, _ = antenna(trajectory, scenario.receiver, t)

@@ -1,4 +1,4 @@
-"""Further observables of satellites: carrier phases, and differences of two epochs."""
+"""Further satellite observables: carrier phases, and differences of two epochs."""
 
 import numpy as np
 
@@ -24,17 +24,22 @@ L1 = 1.57542e9  # Hz; of a receiver without a link
 
 
 def wavelength(scenario: Scenario) -> float:
-    """Return the wavelength of the carrier (m): of the link, else L1."""
+    """Return the wavelength of the carrier (m): that of the link card, or L1 without one."""
     link = scenario.receiver.link
     return SPEED_OF_LIGHT / L1 if link is None else link.wavelength
 
 
 def linked(seen: Sky, signals: InUse) -> tuple[Bools, Bools, Bools]:
-    """Return whether a satellite begins a new phase; whether it was measured at the epoch before too; and whether its
-    phase went on since then, (n_epoch, n_sat) each.
+    """Return the continuity of the carrier phases, (n_epoch, n_sat) each.
 
-    A new phase begins where a carrier was not followed since the satellite was last used. An output that stands still
-    repeats itself.
+    Returns
+    -------
+    restart
+        Whether the carrier is newly acquired: its tracking was interrupted since the satellite was last used.
+    before
+        Whether the satellite was measured at the previous epoch too.
+    going_on
+        Whether its phase is continuous since then; a frozen output repeats itself.
     """
     shape = seen.tracked.shape
     restart, before, going_on = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
@@ -54,10 +59,18 @@ def linked(seen: Sky, signals: InUse) -> tuple[Bools, Bools, Bools]:
 def further_of(
     scenario: Scenario, flight: Flight, signals: InUse, errors: tuple[CorrelatedError, ...], offsets: Floats
 ) -> Further | None:
-    """Return what is true of further observables, None without any.
+    """Return the truth of the further observables; None without any.
 
-    errors : correlated errors of the case
-    offsets : (n_epoch, n_sat) m, of the times of the satellites' systems
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    signals
+        Satellites in use.
+    errors
+        Correlated errors of the case.
+    offsets
+        (n_epoch, n_sat) m. Offsets of satellite clocks and system times.
     """
     channels, seen = flight.channels, flight.sky
     if not channels.further:
@@ -83,7 +96,7 @@ def further_of(
 
 
 def delayed_of(scenario: Scenario, flight: Flight, filtering: Filtering, signals: InUse) -> Delayed | None:
-    """Return how the filter processes further observables, None without any."""
+    """Return the processing of further observables in the filter; None without any."""
     channels, layout, numbers = flight.channels, filtering.layout, filtering.model
     if not channels.further:
         return None
@@ -98,12 +111,12 @@ def delayed_of(scenario: Scenario, flight: Flight, filtering: Filtering, signals
     first = 0
     for block in layout.extras:
         if block.name in OF_ONE:
-            own = np.array([seen.names.index(label) for label in block.labels], dtype=np.int64)
-            anew = renewed[:, first : first + own.size]
+            satellites = np.array([seen.names.index(label) for label in block.labels], dtype=np.int64)
+            anew = renewed[:, first : first + satellites.size]
             if block.name == "ambiguity":
-                anew[:] = np.where(restart[:, own], model.ambiguity**2, -1.0)
+                anew[:] = np.where(restart[:, satellites], model.ambiguity**2, -1.0)
             else:
-                anew[:] = assumed_sigma(scenario, model, seen, line, OF_ONE[block.name])[:, own] ** 2
+                anew[:] = assumed_sigma(scenario, model, seen, line, OF_ONE[block.name])[:, satellites] ** 2
         first += len(block.labels)
     return Delayed(
         difference=np.array([name in DIFFERENCES for name in channels.observables]),
@@ -117,15 +130,20 @@ def delayed_of(scenario: Scenario, flight: Flight, filtering: Filtering, signals
 
 
 def references_of(scenario: Scenario, flight: Flight, signals: InUse, delayed: Delayed | None) -> Ints:
-    """Return by observable the slot (n_epoch, n_kind) of the satellite that others are differenced with, -1 none.
+    """Return the slot of the reference satellite by observable, (n_epoch, n_kind), -1 none.
 
-    Of several observables with the same unknown of the clock the first one has a reference: what the others say beyond
-    it is independent of the clock. InputError where the name is none of the constellation.
+    Of several observables with the same clock unknown only the first has a reference: relative to it, the others do not
+    depend on the clock.
+
+    Raises
+    ------
+    InputError
+        If the constellation lacks the reference satellite of the filter card.
     """
     card, channels, seen = scenario.filter, flight.channels, flight.sky
-    found = np.full((signals.n_used.size, len(channels.observables)), -1, dtype=np.int64)
+    references = np.full((signals.n_used.size, len(channels.observables)), -1, dtype=np.int64)
     if not channels.tight or card.clock != "differenced":
-        return found
+        return references
     name = card.reference_satellite
     if name is not None and name not in seen.names:
         raise InputError(records=[Mistake(missing_satellite(name, seen.names), "filter.reference_satellite")])
@@ -137,12 +155,12 @@ def references_of(scenario: Scenario, flight: Flight, signals: InUse, delayed: D
                 slots = slots[delayed.present[epoch, len(channels.observables) * use + kind]]
             named = [slot for slot in slots if seen.names[use[slot]] == name]
             if slots.size:
-                found[epoch, kind] = named[0] if named else slots[np.argmax(seen.elevation[epoch, use[slots]])]
-    return found
+                references[epoch, kind] = named[0] if named else slots[np.argmax(seen.elevation[epoch, use[slots]])]
+    return references
 
 
 def _leading(measurements: tuple[str, ...], observables: tuple[str, ...]) -> list[int]:
-    """Return the first measured observable of each unknown of the clock: bias, drift, bias at the epoch before."""
+    """Return the first measured observable of each clock unknown: bias, drift, bias at the previous epoch."""
     first: dict[str, int] = {}
     for kind, name in enumerate(observables):
         if name in measurements:

@@ -15,16 +15,16 @@ from lvnav_trade.world.receiver.dynamics import factors
 
 
 class Lines(NamedTuple):
-    """Lines of sight at the epochs, frame i, and the motion of the vehicle that they belong to.
+    """Lines of sight at the epochs, frame i, and the motion of the vehicle.
 
     trajectory : True flight.
-    t : (n_epoch,) s since lift-off. Times that the measurements are of.
+    t : (n_epoch,) s since lift-off. Times of validity of the measurements.
     at : Motion of the vehicle.
     C_b_i : (n_epoch, 3, 3). Attitude of the vehicle, body to frame i.
-    position : (n_epoch, 3) m. Point that the receiver's solution is for.
+    position : (n_epoch, 3) m. Position of the point of the receiver's solution.
     velocity : (n_epoch, 3) m/s. Velocity of that point.
-    push : (n_epoch, 3) m/s^2. Acceleration of the vehicle, without the swing of the lever arm.
-    sight : (n_epoch, n_sat). From the antenna that hears the satellite to the satellite.
+    push : (n_epoch, 3) m/s^2. Acceleration of the vehicle, without that by the lever arm.
+    sight : (n_epoch, n_sat). Line from the receiving antenna to the satellite.
     acceleration : (n_epoch, n_sat) m/s^2. Second derivative of the range.
     """
 
@@ -46,8 +46,14 @@ class Lines(NamedTuple):
 def lines_of(trajectory: Trajectory, lever_b: Floats, seen: Sky) -> Lines:
     """Return the lines of sight of a flight.
 
-    lever_b : (3,) m, from the IMU to the point that the receiver's solution is for, body axes
-    seen : satellites at the epochs, and which antenna hears them
+    Parameters
+    ----------
+    trajectory
+        True flight.
+    lever_b
+        (3,) m. From the IMU to the point of the receiver's solution, body axes.
+    seen
+        Satellites at the epochs, and the antennas that receive them.
     """
     at = motion(trajectory, seen.t)
     C_b_i = matrices(at.q_b_i)

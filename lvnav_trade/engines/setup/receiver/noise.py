@@ -23,8 +23,18 @@ from lvnav_trade.world.receiver.receiver import ReceiverCard
 def by_channel(
     channels: Channels, n_epoch: int, own: tuple[Any, ...], devices: tuple[Sensor, ...], field: str
 ) -> Floats:
-    """Return a table (n_epoch, n_channel) of values of the receiver's channels (of each observable of the satellites,
-    or of position and velocity), each a number or (n_epoch, n_sat), and of a field of the sensors beside it.
+    """Return a table (n_epoch, n_channel) of values by channel.
+
+    Parameters
+    ----------
+    channels
+        Measurement channels.
+    n_epoch
+        Number of epochs.
+    own
+        Values of the receiver: for each observable, or for position and velocity; a number or (n_epoch, n_sat).
+    devices, field
+        Sensors other than the receiver, and the field of `Sensor` with their values.
     """
     table, n = np.empty((n_epoch, channels.n_channel)), channels.n_receiver
     if channels.tight:
@@ -39,7 +49,7 @@ def by_channel(
 
 
 def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floats:
-    """Return the sigma of range rates (n_epoch, n_sat): of the Doppler, or of differences of carrier phase."""
+    """Return the sigma (n_epoch, n_sat) m/s of range rates from Doppler, or from differences of carrier phase."""
     smoothing, receiver = smoothing_of(scenario), scenario.receiver
     if smoothing is None or smoothing.velocity == "doppler":
         return seen.rate_sigma
@@ -47,14 +57,15 @@ def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floa
 
 
 def phase_sigma(receiver: ReceiverCard, seen: Sky, trajectory: Trajectory) -> Floats:
-    """Return the sigma of carrier phase (n_epoch, n_sat) m."""
+    """Return the sigma (n_epoch, n_sat) m of carrier phases."""
     (grown,) = factors(receiver.noise_by, ("carrier_phase",), trajectory, seen.t)
     return np.full(seen.rate_sigma.shape, receiver.amplification * receiver.carrier_phase_sigma) * grown
 
 
 def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -> tuple[Any, ...]:
-    """Return the sigmas of white noise of a receiver in which nothing has failed, of a difference that of what it is
-    the difference of; see `by_channel`.
+    """Return the sigmas of white noise of a receiver without faults, see `by_channel`.
+
+    The sigma of a difference of two epochs is that of the differenced observable.
     """
     if channels.tight:
         rate = rate_sigma_of(scenario, seen, line.trajectory)
@@ -65,7 +76,7 @@ def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -
 
 
 def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
-    """Return the true sigma, grown by what has failed; `sigma`, which the filter may assume, stays as it is."""
+    """Return the true sigma with the factors of faults; `sigma`, which the filter may use, is not changed."""
     n, grown = channels.n_receiver, sigma.copy()
     n_kind = len(channels.observables)
     factor = np.repeat(failed.noise, n_kind, axis=1) if channels.tight else failed.solution_noise[:, None]
@@ -76,15 +87,19 @@ def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
 def assumed_variance(
     scenario: Scenario, model: ReceiverModel, channels: Channels, seen: Sky, line: Lines, devices: tuple[Sensor, ...]
 ) -> Floats:
-    """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells
-    of its noise where the card says so; one for a receiver that reports the covariance with every solution.
+    """Return the noise variance of the measurements in the filter model, (n_epoch, n_channel) SI squared.
+
+    It is that of the filter's receiver model, or that of the true receiver if the model is `matched`. It is 1 for a
+    receiver that reports a covariance with each solution.
     """
     if channels.tight:
         card = scenario.filter
         own = tuple(assumed_sigma(scenario, model, seen, line, name) ** 2 for name in channels.observables)
         own = tuple(
-            (_of_difference(one) if card.previous_noise == "white" else 0.0 * one) if name in card.differences else one
-            for name, one in zip(channels.observables, own, strict=True)
+            (_of_difference(value) if card.previous_noise == "white" else 0.0 * value)
+            if name in card.differences
+            else value
+            for name, value in zip(channels.observables, own, strict=True)
         )
     elif isinstance(scenario.filter.receiver, str):
         own = tuple(sigma**2 for sigma in true_sigma(scenario, seen, line, channels))
@@ -98,8 +113,8 @@ def assumed_variance(
 
 
 def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lines, observable: str) -> Floats:
-    """Return the one-sigma (n_epoch, n_sat) that the filter assumes of an observable's noise, of a difference that of
-    what it is the difference of.
+    """Return the sigma (n_epoch, n_sat) of an observable's noise in the filter model; for a difference of two epochs,
+    that of the differenced observable.
     """
     if isinstance(scenario.filter.receiver, str):
         return _of_sky(seen, observable)
@@ -115,5 +130,5 @@ def _of_sky(seen: Sky, observable: str) -> Floats:
 
 
 def _of_difference(variance: Floats) -> Floats:
-    """Return the variance (n_epoch, n_sat) of the difference of each epoch with the one before."""
+    """Return the variance (n_epoch, n_sat) of the difference between each epoch and the previous one."""
     return np.asarray(variance + np.vstack([variance[:1], variance[:-1]]))

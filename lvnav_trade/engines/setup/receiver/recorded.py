@@ -1,4 +1,4 @@
-"""Recorded errors of a receiver: their mean, and the part that depends on where a run starts in the recording."""
+"""Recorded errors of a receiver: mean, and deviation by the start of a run in the recording."""
 
 import math
 from typing import Any, NamedTuple
@@ -26,8 +26,8 @@ class Recorded(NamedTuple):
     """Recorded errors of a receiver's solution, by the start of a run in the recording.
 
     mean : (n_epoch, 6) m, m/s. Mean over the starts, frame i.
-    errors : One for each way in which starts differ.
-    values : (n_component, n_start). Sizes of these errors at each start: mean 0, variance 1, uncorrelated.
+    errors : One error for each singular vector of the deviations.
+    values : (n_component, n_start). Coefficients of these errors at each start: mean 0, variance 1, uncorrelated.
     """
 
     mean: Floats
@@ -36,19 +36,29 @@ class Recorded(NamedTuple):
 
 
 def table_of(scenario: Scenario) -> ErrorTable | None:
-    """Return the card of the recording that a scenario's receiver has, if any."""
+    """Return the recorded error table of a scenario's receiver; None without."""
     solution = scenario.receiver.solution
     return solution.error_table if isinstance(solution, DirectSolution) else None
 
 
 def recorded(scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels: Channels, frozen: Bools) -> Recorded:
-    """Return the recorded errors of the receiver's solution at the epochs of a flight; zeros where there are none.
+    """Return the recorded errors of the receiver's solution at the epochs of a flight; zero without a recording.
 
-    A frozen epoch (n_epoch,) has the errors of the one before.
+    The deviations of the starts from their mean are decomposed into singular vectors. With the coefficients of a run
+    their sum is the recording of that run, to rounding. The coefficients are uncorrelated with unit variance, as linear
+    covariance requires, so both engines have the same mean and covariance. The number of sources is at most the number
+    of starts minus one.
 
-    The deviations of the starts from their mean are split into singular vectors: their sum with a run's values is that
-    run's recording again, to rounding, and values of unit variance without correlation are what linear covariance
-    carries. So both engines have the same mean and covariance, and no source more than starts less one is needed.
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    theta0
+        rad. Earth rotation angle at lift-off.
+    line, seen, channels
+        Lines of sight, satellites, measurement channels.
+    frozen
+        (n_epoch,). Whether the receiver repeats the output, and the error, of the previous epoch.
     """
     card, n_epoch = table_of(scenario), seen.t.size
     if card is None or channels.tight:
@@ -69,11 +79,11 @@ def recorded(scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels
 
 
 def values_of(found: Recorded, seed: int, runs: NDArray[Any]) -> Floats:
-    """Return the values (n_component, n_run) that runs have by the starts they draw."""
+    """Return the coefficients (n_component, n_run) of runs, by the starts that they draw."""
     return found.values[:, [start_of(seed, int(run), found.values.shape[1]) for run in runs]]
 
 
 def start_of(seed: int, run: int, n_start: int) -> int:
-    """Return the start that a run draws, 0 to n_start - 1: a matter of seed and run alone."""
+    """Return the start that a run draws, 0 to n_start - 1; it depends on seed and run only."""
     word = philox(np.uint64(0), np.uint64(run), source_word(f"{SOURCE} start"), np.uint64(0), *seed_words(seed))[0]
     return int(word) * n_start >> 32

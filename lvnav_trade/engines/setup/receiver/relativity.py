@@ -1,4 +1,4 @@
-"""Periodic relativistic term of the satellites' clocks: true in the ranges, and as the receiver corrects it."""
+"""Periodic relativistic term of the satellite clocks: in the true ranges, and in the receiver's correction."""
 
 import numpy as np
 
@@ -16,10 +16,10 @@ _CORRECTED_BY_THEIR_SYSTEM = "R"  # GLONASS broadcasts clocks with the term (ICD
 
 
 def relativity_left(scenario: Scenario, flight: Flight) -> Floats | float:
-    """Return what the correction leaves of the satellites' relativistic clock term, (n_epoch, n_sat, 2) m, m/s.
+    """Return the residual of the satellites' relativistic clock term after correction, (n_epoch, n_sat, 2) m, m/s.
 
-    A clock that is ahead marks its signals as sent later, so that they seem to have come less far. The true term is
-    that of the orbital elements; the correction is of position and velocity (`clock_term`).
+    A clock that is ahead stamps its signals as sent later, which shortens the measured range. The true term follows
+    from the orbital elements, the correction from position and velocity (`clock_term`).
     """
     seen = flight.sky
     if not seen.tracked.any():
@@ -41,11 +41,14 @@ def relativity_left(scenario: Scenario, flight: Flight) -> Floats | float:
 
 
 def clock_term(r_i: Floats, v_i: Floats) -> Floats:
-    """Return what the periodic relativistic term of a clock adds to range and range rate, (..., 2) m, m/s.
+    """Return the effect of the periodic relativistic clock term on range and range rate, (..., 2) m, m/s.
 
-    Canepa and Servidia, eq. 3.16: 2 r . v / c as a range. Printed is the lead of the clock, -2 r . v / c^2, in seconds.
+    Canepa and Servidia, eq. 3.16: 2 r . v / c as a range. They print the lead of the clock in seconds, -2 r . v / c^2.
 
-    r_i, v_i : (..., 3) m, m/s, position and velocity at transmission, frame i
+    Parameters
+    ----------
+    r_i, v_i
+        (..., 3) m and m/s. Position and velocity of the satellite at transmission, frame i.
     """
     size = 2.0 / SPEED_OF_LIGHT * np.sum(r_i * v_i, axis=-1)
     rate = 2.0 / SPEED_OF_LIGHT * np.sum(v_i**2 + r_i * falling(r_i, GM), axis=-1)

@@ -1,4 +1,4 @@
-"""Receiver measurements of the true flight, the same in all runs: Signals for the kernels, and their two sides."""
+"""Receiver measurements on the true flight, the same in all runs: true side, filter side, arrays for the kernels."""
 
 from typing import Any, NamedTuple
 
@@ -44,7 +44,7 @@ class InUse(NamedTuple):
 
 
 class Received(NamedTuple):
-    """True side of `Signals`: what the receiver measures, whatever a filter makes of it; fields as there.
+    """True side of `Signals`: measurements of the receiver, independent of the filter; fields as there.
 
     used : (n_epoch, n_slot). Satellite of each slot, -1 none.
     n_used : (n_epoch,). Number of satellites in use, before the filter checks them.
@@ -85,7 +85,7 @@ class Received(NamedTuple):
 
 
 class Assumed(NamedTuple):
-    """Filter side of `Signals`: what the filter assumes of its measurements, (n_epoch, n_channel) unless stated.
+    """Filter side of `Signals`: noise model of the measurements, (n_epoch, n_channel) unless given.
 
     variance : SI squared. Noise variance, with the factor of its tuning.
     scale : Square root of that factor.
@@ -100,12 +100,22 @@ class Assumed(NamedTuple):
 
 
 def _in_solution(line: Lines, tracked: Bools, errors: Floats) -> Floats:
-    """Return what errors of ranges and rates (n_epoch, n_sat, 2) put into a least-squares solution, (n_epoch, 6)."""
+    """Return the errors (n_epoch, 6) of a least-squares solution by errors of ranges and rates (n_epoch, n_sat, 2)."""
     return np.hstack([_shifts(line, tracked, errors[:, :, 0]), _shifts(line, tracked, errors[:, :, 1])])
 
 
 def geometry_of(line: Lines, tracked: Bools, troposphere: Floats, ionosphere: Floats) -> Geometry:
-    """Return what partials of measurements are made of; delays (n_epoch, n_sat, 2) with their rates."""
+    """Return the inputs of partial derivatives of measurements.
+
+    Parameters
+    ----------
+    line
+        Lines of sight.
+    tracked
+        (n_epoch, n_sat). Whether the satellite is tracked.
+    troposphere, ionosphere
+        (n_epoch, n_sat, 2) m, m/s. Delays and their rates.
+    """
     return Geometry(
         rate=line.sight.rate,
         acceleration=line.acceleration,
@@ -120,19 +130,20 @@ def geometry_of(line: Lines, tracked: Bools, troposphere: Floats, ionosphere: Fl
 
 
 def slots(tracked: Bools) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n_epoch, n_slot) satellite in each slot, -1 none, and how many there are, (n_epoch,); tracked: (n_epoch,
-    n_sat).
+    """Return the satellite in each slot, (n_epoch, n_slot), -1 none, and the number of satellites, (n_epoch,).
+
+    tracked : (n_epoch, n_sat). Whether the satellite is tracked.
     """
     n_used = tracked.sum(axis=1).astype(np.int64)
     used = np.full((len(tracked), max(1, int(n_used.max(initial=0)))), -1, dtype=np.int64)
     for epoch in range(len(tracked)):
-        found = np.flatnonzero(tracked[epoch])
-        used[epoch, : found.size] = found
+        satellites = np.flatnonzero(tracked[epoch])
+        used[epoch, : satellites.size] = satellites
     return used, n_used
 
 
 def _shifts(line: Lines, tracked: Bools, errors: Floats) -> Floats:
-    """Return what errors of ranges or rates (n_epoch, n_sat) put into a least-squares solution, (n_epoch, 3)."""
+    """Return the errors (n_epoch, 3) of a least-squares solution by errors of ranges or of rates (n_epoch, n_sat)."""
     shift = np.zeros((len(errors), 3))
     for epoch in np.flatnonzero(np.any(np.where(tracked, errors, 0.0) != 0.0, axis=1)):
         on = tracked[epoch]
@@ -143,28 +154,35 @@ def _shifts(line: Lines, tracked: Bools, errors: Floats) -> Floats:
 
 
 def hold(frozen: Bools, *tables: NDArray[Any]) -> None:
-    """Let every frozen epoch repeat the one before, in place: tables (n_epoch, ...) updated."""
+    """Copy the previous epoch to every frozen epoch; tables (n_epoch, ...) are updated in place."""
     for epoch in np.flatnonzero(frozen):
         for table in tables:
             table[epoch] = table[epoch - 1]
 
 
 def _extra_partial(block: ExtraBlock, geometry: Geometry, channels: Channels, devices: tuple[Sensor, ...]) -> Floats:
-    """Return the partials (n_epoch, n_channel) of the measurements with respect to an extra block's components."""
+    """Return the derivatives (n_epoch, n_channel) of the measurements with respect to a block of extra states."""
     of_sensors = (entering for state, _, entering in sensor_states(block.name, channels) if state.label in block.labels)
-    found = next(of_sensors, partial(block.name, geometry, channels))
+    partials = next(of_sensors, partial(block.name, geometry, channels))
     for at, device in zip(channels.first, devices, strict=True):
         if RELATIVE.get(device.channels.measures) == block.name:
-            found[:, at : at + 3] = device.since[:, None]
-    return found
+            partials[:, at : at + 3] = device.since[:, None]
+    return partials
 
 
 def received_of(scenario: Scenario, flight: Flight, shared: Shared, left: Floats, tabled: Floats) -> Received:
-    """Return what is true of satellites and receiver at the epochs.
+    """Return the true side of satellites and receiver at the epochs.
 
-    shared : correlated measurement errors
-    left : (n_epoch, n_sat, 2) m, m/s that corrections leave of delays and of systems' times, in ranges and rates
-    tabled : (n_epoch, 6) m, m/s, errors of the solution that are the same in every run, frame i
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    shared
+        Correlated measurement errors.
+    left
+        (n_epoch, n_sat, 2) m, m/s. Residual errors of ranges and rates after corrections: delays, clocks, smoothing.
+    tabled
+        (n_epoch, 6) m, m/s. Deterministic errors of the solution, frame i.
     """
     clock, seen, line, failed = scenario.receiver.clock, flight.sky, flight.lines, flight.failed
     used, n_used = slots(seen.tracked)
@@ -175,7 +193,7 @@ def received_of(scenario: Scenario, flight: Flight, shared: Shared, left: Floats
     ranges, rates = np.asarray(line.sight.distance + off), np.asarray(line.sight.rate + off_rate)
     position = line.position + _shifts(line, seen.tracked, off) + tabled[:, :3]
     velocity = line.velocity + _shifts(line, seen.tracked, off_rate) + tabled[:, 3:]
-    if not solves(scenario):  # else the receiver goes on behind a frozen output
+    if not solves(scenario):  # otherwise the receiver continues internally behind a frozen output
         hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
     return Received(
         used=used,
@@ -199,7 +217,7 @@ def received_of(scenario: Scenario, flight: Flight, shared: Shared, left: Floats
 
 
 def assumed_of(scenario: Scenario, flight: Flight, filtering: Filtering) -> Assumed:
-    """Return what the filter assumes of its measurements."""
+    """Return the noise model of the measurements in the filter."""
     seen, line, late_by, channels = flight.sky, flight.lines, flight.delays, flight.channels
     modelled = geometry_of(line, seen.tracked, late_by.modelled_troposphere, late_by.modelled_ionosphere)
     extra = [_extra_partial(block, modelled, channels, flight.devices) for block in filtering.layout.extras]
@@ -212,17 +230,25 @@ def assumed_of(scenario: Scenario, flight: Flight, filtering: Filtering) -> Assu
 
 
 def signals_of(flight: Flight, received: Received, assumed: Assumed, in_use: InUse, reference: Ints) -> Signals:
-    """Return the satellites and the receiver for the kernels: the true side, and what the filter assumes of it.
+    """Return satellites and receiver as arrays for the kernels: true side and filter side.
 
-    in_use : satellites that the filter takes
-    reference : (n_epoch, n_kind) slot of the reference satellite of a difference between satellites, -1 none
+    Parameters
+    ----------
+    flight
+        True flight.
+    received, assumed
+        True side, filter side.
+    in_use
+        Satellites that the filter uses.
+    reference
+        (n_epoch, n_kind). Slot of the reference satellite, -1 none.
     """
     channels, antenna = flight.channels, flight.sky.antenna
-    beside = {
+    common = {
         "n_used": in_use.n_used,
         "antenna": antenna if channels.tight else np.zeros_like(antenna),
         "n_receiver": channels.n_receiver,
         "reference": reference,
         "shift": flight.ranging.n_receiver - channels.n_receiver,
     }
-    return Signals(**(received._asdict() | assumed._asdict() | beside))
+    return Signals(**(received._asdict() | assumed._asdict() | common))

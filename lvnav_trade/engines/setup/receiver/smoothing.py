@@ -1,4 +1,4 @@
-"""Carrier smoothing before a receiver's solution: its gains, and its error on the nominal flight."""
+"""Carrier smoothing in the receiver: gains, and error on the nominal flight."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ from lvnav_trade.sources import PHASE_NOISE
 
 
 def smoothing_gains(scenario: Scenario, seen: Sky) -> Floats | None:
-    """Return the gains (n_epoch, n_sat) of the receiver's carrier smoothing; None where there is none."""
+    """Return the gains (n_epoch, n_sat) of the receiver's carrier smoothing; None without."""
     card = smoothing_of(scenario)
     if card is None:
         return None
@@ -28,11 +28,11 @@ def smoothing_gains(scenario: Scenario, seen: Sky) -> Floats | None:
 def smoothing_numbers(
     scenario: Scenario, gain: Floats | None, seen: Sky, line: Lines, errors: Sequence[EnteringError]
 ) -> Smoothing | None:
-    """Return the smoothing in numbers for the kernels; errors: those that ranges share."""
+    """Return the carrier smoothing as arrays for the kernels; None without. errors: correlated errors of the ranges."""
     if gain is None:
         return None
     n = 2 * len(seen.names)
-    code = [_in_code(one.error) * np.broadcast_to(one.partial[:, 0:n:2], gain.shape) for one in errors]
+    code = [_in_code(item.error) * np.broadcast_to(item.partial[:, 0:n:2], gain.shape) for item in errors]
     return Smoothing(
         gain=gain,
         sigma=phase_sigma(scenario.receiver, seen, line.trajectory),
@@ -42,10 +42,10 @@ def smoothing_numbers(
 
 
 def _in_code(error: CorrelatedError) -> float:
-    """Return how much more of an error is in the code than in the carrier, in units of what is in the code.
+    """Return the difference between the errors of code and carrier, relative to that of the code.
 
-    The ionosphere advances the carrier by what it delays the code; multipath and wild samples are of the code; the rest
-    (satellite's clock, air, time tags, lever arms) is alike in both.
+    The ionosphere advances the carrier as much as it delays the code (2). Multipath and wild samples affect the code
+    only (1). All other errors (satellite clock, troposphere, time tags, lever arms) are equal in both (0).
     """
     if error.kind == "ionosphere_scale":
         return 2.0
@@ -55,15 +55,23 @@ def _in_code(error: CorrelatedError) -> float:
 def smoothing_offsets(
     scenario: Scenario, gain: Floats | None, ionosphere: Floats, slip: Floats, line: Lines
 ) -> Floats | float:
-    """Return what smoothing adds to ranges and range rates on the nominal flight, (n_epoch, n_sat, 2) m, m/s.
+    """Return the error of ranges and rates by carrier smoothing on the nominal flight, (n_epoch, n_sat, 2) m, m/s.
 
-    gain : (n_epoch, n_sat), of `smoothing_gains`
-    ionosphere : (n_epoch, n_sat) m, delay of the code and advance of the carrier
-    slip : (n_epoch, n_sat) cycles of carrier phase lost or gained that the receiver has not noticed
-    line : lines of sight
-
-    A backward difference of phases is the range rate half its interval ago. A slip is taken to occur within the
+    A backward difference of phases is the range rate half of its interval ago. A slip is assumed to occur within the
     interval over which phases are differenced.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    gain
+        (n_epoch, n_sat). Gains of `smoothing_gains`.
+    ionosphere
+        (n_epoch, n_sat) m. Delay of the code and advance of the carrier.
+    slip
+        (n_epoch, n_sat) cycles. Undetected cycle slips.
+    line
+        Lines of sight.
     """
     card = smoothing_of(scenario)
     if card is None or gain is None:

@@ -1,8 +1,8 @@
-"""A receiver's solution on the nominal flight: propagation of its error from epoch to epoch.
+"""Error propagation of a receiver's solution on the nominal flight, from epoch to epoch.
 
-Over an epoch the error s of what the receiver has estimated follows s+ = A s + W w + B c + d: A what is left of the one
-before, w white errors of ranges, rates and clock, c errors that measurements share, d what is the same in every run. A
-simulated solution is the case without memory: s+ = -w - c. See `receivers.cascade` for the receiver's own filter.
+The error s of the receiver's estimate follows s+ = A s + W w + B c + d, with white errors w of ranges, rates and clock,
+correlated measurement errors c, and the deterministic error d. A directly simulated solution has no memory:
+s+ = -w - c. See `receivers.cascade` for the filter of the receiver.
 """
 
 from typing import NamedTuple
@@ -27,7 +27,7 @@ from lvnav_trade.receivers.cascade import (
 from lvnav_trade.receivers.hatch import Smoothing
 from lvnav_trade.records import Bools, Floats, Ints
 
-# Where a white error comes from.
+# Sources of white errors.
 RANGE, RATE, CLOCK, PLACE, SPEED, PHASE = 0, 1, 2, 3, 4, 5
 
 
@@ -63,25 +63,30 @@ class Chain(NamedTuple):
 
 
 def _shared(received: Received, epoch: int, channels: Ints) -> Floats:
-    """Return the partials (n_channel, n_component) of channels at an epoch with respect to what measurements share."""
+    """Return the derivatives (n_channel, n_component) of channels with respect to the correlated errors at an epoch."""
     shared = received.shared
-    found = np.zeros((channels.size, shared.start.size))
+    partials = np.zeros((channels.size, shared.start.size))
     for family in range(len(shared.member)):
         member = shared.member[family, channels]
         rows = np.flatnonzero(member >= 0)
-        found[rows, member[rows]] += shared.partial[family, epoch, channels[rows]]
-    return found
+        partials[rows, member[rows]] += shared.partial[family, epoch, channels[rows]]
+    return partials
 
 
 def simulated(received: Received, assumed: Floats) -> Chain:
-    """Return the chain of a simulated solution: white noise and what its axes share, new at every epoch.
+    """Return the error propagation of a directly simulated solution, which has no memory.
 
-    assumed : (n_epoch, n_channel) SI squared, noise variance that is reported with it
+    Its arrays have the memory order of those of `solved`, so that no further kernel is compiled.
 
-    Its arrays lie in memory as those of `solved` do: in another order they would be a kernel of their own.
+    Parameters
+    ----------
+    received
+        True side of the measurements.
+    assumed
+        (n_epoch, n_channel) SI squared. Noise variance reported with the solution.
     """
     n_epoch, axes = len(received.n_used), np.arange(6)
-    sigma, variance = (np.ascontiguousarray(found[:, axes]) for found in (received.sigma, assumed))
+    sigma, variance = (np.ascontiguousarray(table[:, axes]) for table in (received.sigma, assumed))
     return Chain(
         move=np.zeros((n_epoch, 6, 6)),
         white=np.tile(-np.eye(6), (n_epoch, 1, 1)),
@@ -97,7 +102,7 @@ def simulated(received: Received, assumed: Floats) -> Chain:
 
 
 def _epoch(point: Floats, received: Received, epoch: int) -> tuple[Floats, Floats, Ints]:
-    """Return rows (n_row, 11) at the true point, what is measured beyond them (n_row,), and channels (n_row,)."""
+    """Return Jacobian rows (n_row, 11) at the true point, innovations (n_row,) there, and channels (n_row,)."""
     use = received.used[epoch, : received.n_used[epoch]]
     r_i, v_i = point[epoch, :3], point[epoch, 3:]
     rows = design(r_i, v_i, received.satellite[epoch, use], received.satellite_velocity[epoch, use])
@@ -117,16 +122,16 @@ _NOTHING = Gains(
 
 
 def _coasts(model: ReceiverFilter, n_used: Ints, begun: int) -> Bools:
-    """Return whether the receiver's filter outputs a solution at each epoch: begun, not coasted too long."""
-    found, idle = np.zeros(n_used.size, dtype=bool), 0.0
+    """Return whether the receiver's filter outputs a solution at each epoch: after its start, while it may coast."""
+    outputs, idle = np.zeros(n_used.size, dtype=bool), 0.0
     for k in range(begun, n_used.size):
         idle = 0.0 if n_used[k] > 0 else idle + model.interval
-        found[k] = idle <= model.coast
-    return found
+        outputs[k] = idle <= model.coast
+    return outputs
 
 
 def _gains(solver: Solver, before: Floats, rows: Floats, acceleration: Floats, since: int, fixed: bool) -> Gains:
-    """Return what the receiver does at an epoch, `since` epochs after its first fix, from its covariance before."""
+    """Return the receiver's gains at an epoch, `since` epochs after its first fix, from the previous covariance."""
     model: ReceiverFilter | None = solver.filter
     if model is None:
         return point_solution(solver.point, rows) if fixed else _NOTHING
@@ -136,12 +141,12 @@ def _gains(solver: Solver, before: Floats, rows: Floats, acceleration: Floats, s
 
 
 def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: int, received: Received) -> Floats:
-    """Return what true motion and clock jumps do to the error of the receiver's filter, (n_epoch, 11)."""
+    """Return the deterministic error of the receiver's filter by true motion and clock jumps, (n_epoch, 11)."""
     known = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
     moved = mismatch(model, known, point[:, 3:], point[:, :3])
     moved[:, BIAS] += received.clock_jump[:, 0]
     moved[:, DRIFT] += received.clock_jump[:, 1]
-    # before it starts the filter knows nothing, so all of the acceleration is its error then
+    # at its start the filter has no estimate of the acceleration, so the whole acceleration is its error
     moved[begun, :3] = known[begun]
     return moved
 
@@ -149,9 +154,9 @@ def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: in
 def chain_of(
     solver: Solver | None, has_covariance: bool, received: Received, assumed: Assumed, line: Lines
 ) -> Chain | None:
-    """Return how a solution's error goes on, where solutions come with a covariance of their own.
+    """Return the error propagation of solutions with a reported covariance; None otherwise.
 
-    What a receiver reports that solves for itself is scaled as the filter's tuning scales it.
+    The reported covariance includes the noise factors of the filter's tuning.
     """
     if solver is None:
         return simulated(received, assumed.variance) if has_covariance else None
@@ -162,13 +167,20 @@ def chain_of(
 
 
 def solved(solver: Solver, received: Received, point: Floats, acceleration: Floats, scale: Floats) -> Chain:
-    """Return the chain of a receiver that solves for position and velocity itself.
+    """Return the error propagation of a receiver that computes its position and velocity.
 
     Parameters
     ----------
-    point : (n_epoch, 6) position and velocity of the point that is solved for, frame i, at the times of validity
-    acceleration : (n_epoch, 3) of it (m/s^2)
-    scale : (n_epoch, 6) factor on the sigma that the filter takes for reported
+    solver
+        Settings of the receiver's solution.
+    received
+        True side of the measurements.
+    point
+        (n_epoch, 6) m, m/s. Position and velocity of the point of the solution at the times of validity, frame i.
+    acceleration
+        (n_epoch, 3) m/s^2. Acceleration of that point, frame i.
+    scale
+        (n_epoch, 6). Factor of the filter's tuning on the reported sigmas.
     """
     model: ReceiverFilter | None = solver.filter
     fixed, n_epoch, n_in = received.n_used >= 4, len(point), 2 * received.used.shape[1] + 2
@@ -188,7 +200,7 @@ def solved(solver: Solver, received: Received, point: Floats, acceleration: Floa
     for k in range(n_epoch):
         rows, innovation, channels = _epoch(point, received, k)
         gains = _gains(solver, gains.P, rows, slope[k], k - begun, bool(fixed[k]))
-        n_row = gains.gain.shape[1]  # zero where the receiver takes nothing
+        n_row = gains.gain.shape[1]  # zero if the receiver processes nothing
         channels = channels[:n_row]
         move[k], own[k] = gains.keep @ gains.phi, gains.P
         white[k, :, :n_row], variance[k, :n_row] = -gains.gain, received.sigma[k, channels] ** 2
@@ -212,8 +224,9 @@ def solved(solver: Solver, received: Received, point: Floats, acceleration: Floa
 
 
 def _with_output(chain: Chain, frozen: Bools) -> Chain:
-    """Return the chain with six states more, the error of what the receiver puts out: that of its estimate, or while
-    its output is frozen the one before and what the true motion adds.
+    """Return the chain with six additional states, the error of the receiver's output.
+
+    It is the error of the estimate. While the output is frozen, it is the previous error plus the true motion since.
     """
     n_epoch, m = chain.push.shape
     move = np.zeros((n_epoch, m + 6, m + 6))
@@ -233,11 +246,15 @@ def _with_output(chain: Chain, frozen: Bools) -> Chain:
 
 
 def _with_smoothing(chain: Chain, smoothing: Smoothing, received: Received) -> Chain:
-    """Return the chain of a receiver that smooths its ranges: a state more for every satellite that is ever in use, the
-    error of its average of code minus carrier, and a white error more for every slot, that of the carrier.
+    """Return the chain of a receiver with carrier smoothing of its ranges.
 
-    With the gain a the error of a smoothed range is (1 - a) D + a v + (1 - a) n + (p - (1 - a) d) c, v the white error
-    of the code, n of the carrier, p and d what errors c that measurements share put into code and code minus carrier.
+    For each satellite it has an additional state D, the error of the average of code minus carrier, and for each slot
+    an additional white error, that of the carrier. With the gain a, the error of a smoothed range is
+
+        (1 - a) D + a v + (1 - a) n + (p - (1 - a) d) c,
+
+    v white error of the code, n of the carrier; p and d derivatives of code and of code minus carrier with respect to
+    the correlated errors c.
     """
     ever = np.flatnonzero(np.any(smoothing.gain > 0.0, axis=0))
     m, n_slot, more = chain.move.shape[1], received.used.shape[1], ever.size
@@ -264,9 +281,9 @@ def _with_smoothing(chain: Chain, smoothing: Smoothing, received: Received) -> C
 
 
 def _code_minus_carrier(received: Received, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
-    """Return code minus carrier of a satellite with respect to the components (n_component,) that are shared."""
-    found = np.zeros(received.shared.start.size)
+    """Return the derivatives (n_component,) of code minus carrier of a satellite with respect to correlated errors."""
+    partials = np.zeros(received.shared.start.size)
     for family, member in enumerate(received.shared.member[:, 2 * satellite].tolist()):
         if member >= 0:
-            found[member] += smoothing.code[family, epoch, satellite]
-    return found
+            partials[member] += smoothing.code[family, epoch, satellite]
+    return partials
