@@ -1,4 +1,4 @@
-"""A trajectory of the user's own: the card that says which columns of a file hold what, in which unit and frame."""
+"""Card of a trajectory in a user's file: the columns with their units and frames, and the events."""
 
 import re
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ Three = Annotated[tuple[str, ...], Field(min_length=3, max_length=3)]
 
 
 class TimeColumn(Card):
-    """The column of time, and what it shows at lift-off."""
+    """The column of time, and its value at lift-off."""
 
     column: str
     unit: TimeUnit
@@ -99,11 +99,11 @@ class AttitudeColumns(Card):
 
 
 class TableTrajectory(OutsideFlight):
-    """A trajectory in a file of the user's own, CSV or Parquet, one row per time.
+    """A trajectory in a user's file, CSV or Parquet, with a row for each time.
 
-    Force may jump at the events, and only there. Where velocity is given, the true velocity is a spline through its
-    rows and the true position its integral; the rows of position are what that is held against. Where it is not, the
-    true position is a spline through the rows. Without attitude, the body's x axis lies along the specific force.
+    The specific force may jump at the events only. With velocity columns the true velocity is a spline through their
+    rows and the true position its integral, which is compared with the position rows. Without them the true position is
+    a spline through the position rows. Without attitude columns the body x axis lies along the specific force.
     """
 
     kind: Literal["table"] = "table"
@@ -152,7 +152,7 @@ class TableTrajectory(OutsideFlight):
     )
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
-    coast_after_injection: ClassVar[float] = 0.0  # nothing is added behind the last row
+    coast_after_injection: ClassVar[float] = 0.0  # the flight ends with the last row
 
     def _faults(self) -> Iterator[str]:
         parts = [part for part in (self.position, self.velocity, self.attitude) if part is not None]
@@ -170,7 +170,7 @@ class TableTrajectory(OutsideFlight):
             yield "moving_reference needs a velocity: without it nothing tells how the point moves"
 
     def _without_effect(self) -> Iterator[str]:
-        """Yield the settings that differ from the default and have no effect, as columns are stated or missing."""
+        """Yield the settings that differ from their default and have no effect with the columns of the card."""
         missing = {
             "largest_force_angle": self.attitude is None,
             "attitude_noise": self.attitude is None,

@@ -1,4 +1,4 @@
-"""Contradictions within a user's file: how large a residual may be for an inertial unit, and the refusal beyond."""
+"""Contradictions within a user's file: largest residuals allowed for an IMU, and the refusal of larger residuals."""
 
 import math
 from collections.abc import Sequence
@@ -7,24 +7,27 @@ from typing import NamedTuple
 from lvnav_trade.errors import InputError
 from lvnav_trade.world.sensors.imu import ImuCard
 
-ALLOWED = 0.1  # of the unit's one-sigma growth
-SHORTEST = 10.0  # s; a shorter interval counts as one of this length, rows know no better
-_ROUNDINGS = 5.0  # sigmas of a row's noise by which the worst of thousands may be off without meaning anything
+ALLOWED = 0.1  # of the one-sigma error growth of the IMU
+SHORTEST = 10.0  # s; shorter intervals count as this long, because rows are not more accurate
+_ROUNDINGS = 5.0  # sigmas of a row's noise that the worst of thousands of rows may reach by chance
 _SHOWN = {  # unit in messages, SI units to it, and what contradicts what
     "position": ("m", 1.0, "its velocity, integrated, and its position part"),
     "velocity": ("m/s", 1.0, "the spline and its velocity part"),
     "attitude": ("deg", 180.0 / math.pi, "the spline and its attitude part"),
 }
 PRECISION = {"position": 1e-6, "velocity": 1e-8, "attitude": 1e-9}
-"""What rounding of doubles and of the spline's equations leaves of rows that agree: m, m/s, rad."""
+"""Rounding errors of consistent rows after the spline fit: m, m/s, rad."""
 
 
 class Residual(NamedTuple):
-    """The worst contradiction of one stretch between events.
+    """The worst contradiction of a part between events.
 
-    what: position (integrated velocity minus rows, since the first row of the stretch), velocity or attitude (truth
-    minus rows). start, end s of the stretch, time s of the worst row, size of the vector there (m, m/s, rad), noise one
-    sigma of a component of a row.
+    what : "position" (integrated velocity minus rows since the first row of the part), "velocity" or "attitude" (truth
+        minus rows).
+    start, end : s. The part.
+    time : s. The worst row.
+    size : m, m/s or rad. Length of the residual vector there.
+    noise : m, m/s or rad. One sigma of a component of a row.
     """
 
     what: str
@@ -36,11 +39,19 @@ class Residual(NamedTuple):
 
 
 def growth(imu: ImuCard, what: str, interval: float) -> float:
-    """Return one sigma per axis of what an inertial unit alone adds to an error over an interval (s), SI.
+    """Return one sigma per axis of the error growth due to an IMU over an interval, SI.
 
-    White noise of density n and a constant bias b (repeatability and instability) of the sensor that integrates into
-    it: attitude and velocity n^2 T + (b T)^2, position n^2 T^3 / 3 + (b T^2 / 2)^2. What else the card holds would only
-    widen it.
+    Parameters
+    ----------
+    imu : ImuCard
+    what : {"position", "velocity", "attitude"}
+    interval : float
+        T (s).
+
+    Notes
+    -----
+    For white noise with root PSD n and a constant bias b (repeatability and instability) of the sensor, the variance is
+    n^2 T + (b T)^2 for attitude and velocity, n^2 T^3 / 3 + (b T^2 / 2)^2 for position. Other errors are neglected.
     """
     sensor = imu.gyro if what == "attitude" else imu.accel
     bias = math.hypot(sensor.bias_repeatability, sensor.instability_sigma)
@@ -50,21 +61,23 @@ def growth(imu: ImuCard, what: str, interval: float) -> float:
 
 
 def limit(residual: Residual, imu: ImuCard) -> float:
-    """Return the size (SI) up to which a residual is allowed: a tenth of the growth, and what the rows' noise makes;
-    rounding in any case, which is all that there is with an ideal unit.
+    """Return the largest allowed residual (SI): a tenth of the error growth plus the effect of the rows' noise.
+
+    Rounding errors are always allowed, also for an ideal IMU.
     """
     interval = max(residual.end - residual.start, SHORTEST)
     return max(ALLOWED * growth(imu, residual.what, interval) + _ROUNDINGS * residual.noise, PRECISION[residual.what])
 
 
 def require_consistent(residuals: Sequence[Residual], imu: ImuCard, file: str, missing: str = "") -> None:
-    """InputError with place and size of the worst residual, where one is beyond its limit for this unit; missing: what
-    is said of events that the card does not declare.
+    """Raise InputError if a residual exceeds its limit for this IMU, with time and size of the worst.
+
+    missing : Warning about events that the card does not declare, for the end of the message.
     """
-    beyond = [one for one in residuals if one.size > limit(one, imu)]
-    if not beyond:
+    excessive = [residual for residual in residuals if residual.size > limit(residual, imu)]
+    if not excessive:
         return
-    worst = max(beyond, key=lambda one: one.size / limit(one, imu))
+    worst = max(excessive, key=lambda residual: residual.size / limit(residual, imu))
     unit, factor, text = _SHOWN[worst.what]
     raise InputError(
         f"{file}: {text} by {worst.size * factor:.3g} {unit} at {worst.time:.9g} s (from {worst.start:.9g} s on); "
@@ -75,5 +88,5 @@ def require_consistent(residuals: Sequence[Residual], imu: ImuCard, file: str, m
 
 
 def added(missing: str) -> str:
-    """Return what is said of missing events as the end of a message."""
+    """Return a warning about missing events as the end of a message."""
     return f" {missing}" if missing else ""

@@ -1,4 +1,4 @@
-"""Columns of a user's file, CSV or Parquet: numbers and texts by the names of the columns, each row with its place."""
+"""Columns of a user's file, CSV or Parquet: numbers and texts by column name, and the place of each row."""
 
 import csv
 import difflib
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-FEWEST = 12  # rows from which a flight can be rebuilt
-_PREFIXED = "DELTA_BYTE_ARRAY"  # an encoding of texts whose unpacked size no metadata state
+FEWEST = 12  # rows; smallest number for a trajectory
+_PREFIXED = "DELTA_BYTE_ARRAY"  # a text encoding whose unpacked size is not in the metadata
 
 
 def read_columns(
@@ -34,12 +34,30 @@ def read_columns(
     what: str = "a trajectory",
     blanks: tuple[str, ...] = (),
 ) -> tuple[Floats, list[str]]:
-    """Return the columns `names` of a CSV or Parquet file (n, n_name), and the place of each row, for messages.
+    """Return columns of numbers of a CSV or Parquet file, (n, n_name), and the place of each row for messages.
 
-    A name that ends in .parquet or .pq is Parquet; anything else is text with one line of headers, in which lines that
-    begin with # are comments. Where the first line is one of numbers, the last comment before it that names as many
-    columns is the header. InputError names file, row and fault: no such file, no such column, a field that is no finite
-    number, fewer rows than `what` they are of needs. blanks: columns in which a missing number is NaN.
+    A file named .parquet or .pq is Parquet. Any other file is text with a header line; lines that begin with # are
+    comments. If the first line has numbers, the last comment before it with as many names is the header.
+
+    Parameters
+    ----------
+    path : str
+        File.
+    names : list of str
+        Names of the columns.
+    delimiter : str
+        Separator of a text file.
+    fewest : int
+        Smallest number of rows.
+    what : str
+        Kind of data with that smallest number, for messages.
+    blanks : tuple of str
+        Columns in which a missing number is NaN.
+
+    Raises
+    ------
+    InputError
+        No such file, no such column, a field that is no finite number, too few rows. The message names file and row.
     """
     table, places = _numbers(path, names) if _is_parquet(path) else _text(path, names, delimiter, blanks)
     if len(table) < fewest:
@@ -51,7 +69,7 @@ def read_columns(
 
 
 def read_texts(path: str, name: str, delimiter: str = ",") -> list[str]:
-    """Return a column of texts of a file that `read_columns` has read, row by row; InputError where it has none."""
+    """Return a column of texts, row by row, of a file that `read_columns` has read; InputError if there is none."""
     if not _is_parquet(path):
         head = _head(path, delimiter)
         _refuse_missing(f"{path}:{head.number}", [name], head.titles)
@@ -59,14 +77,14 @@ def read_texts(path: str, name: str, delimiter: str = ",") -> list[str]:
         return [_fields(line, delimiter, f"{path}:{number}")[at].strip() for number, line in head.lines]
     import pyarrow as pa
 
-    with _parquet(path, (name,)) as file:  # as a dictionary, so that a text that repeats is in memory once
+    with _parquet(path, (name,)) as file:  # as a dictionary, so that repeated texts are in memory once
         kind = _column_type(path, file, name)
         if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
             raise InputError(f"{path}: column {name!r} is of {kind}, not of texts")
         _try_first_row(file, [name])
         _refuse_large(path, file, [name])
         column = file.read(columns=[name]).column(0).combine_chunks().cast(pa.dictionary(pa.int32(), pa.string()))
-        column.validate(full=True)  # damage may leave indices that no text has
+        column.validate(full=True)  # a damaged file may have indices without a text
         texts, index = column.dictionary.to_pylist(), column.indices.to_pylist()
     longest = max(map(len, texts), default=0)
     if longest > FIELD_LENGTH:
@@ -75,7 +93,7 @@ def read_texts(path: str, name: str, delimiter: str = ",") -> list[str]:
 
 
 def column_names(path: str, delimiter: str = ",") -> list[str]:
-    """Return the names of the columns of a CSV or Parquet file; InputError where it cannot be read."""
+    """Return the names of the columns of a CSV or Parquet file; InputError if it cannot be read."""
     if not _is_parquet(path):
         return _head(path, delimiter, empty=True).titles
     with _parquet(path) as file:
@@ -83,13 +101,13 @@ def column_names(path: str, delimiter: str = ",") -> list[str]:
 
 
 def refuse_first(wrong: NDArray[np.bool_], path: str, places: list[str], fault: Callable[[int], str]) -> None:
-    """InputError with place and fault of the first row that is wrong (n,)."""
+    """Raise InputError for the first row that is wrong (n,); `fault` returns its message."""
     for k in np.flatnonzero(wrong)[:1]:
         raise InputError(f"{path}:{places[k]}: {fault(int(k))}")
 
 
 def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
-    """Return the intervals (n - 1,) between times t (n,) in s; InputError where they repeat or go back."""
+    """Return the intervals (n - 1,) between times t (n,) in s; InputError if times repeat or decrease."""
     interval = np.diff(t)
     for k in np.flatnonzero(interval <= 0.0)[:1]:
         fault = "repeats" if interval[k] == 0.0 else "goes back from"
@@ -114,7 +132,10 @@ def _is_parquet(path: str) -> bool:
 
 @contextmanager
 def _parquet(path: str, texts: tuple[str, ...] = ()) -> "Iterator[pq.ParquetFile]":
-    """Open a Parquet file; what its library refuses within is an InputError. texts: columns read as dictionaries."""
+    """Open a Parquet file and turn errors of its library into InputError.
+
+    texts : Columns to read as dictionaries.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -134,13 +155,13 @@ def _numbers(path: str, names: list[str]) -> tuple[Floats, list[str]]:
         _try_first_row(file, names)
         _refuse_large(path, file, names)
         table = file.read(columns=names)
-        # not safely: whole numbers beyond 2**53, such as nanoseconds since 1970, are rounded as those of a CSV file are
+        # unsafe cast: integers beyond 2**53, such as nanoseconds since 1970, are rounded as in a CSV file
         columns = [table.column(name).cast(pa.float64(), safe=False).to_numpy() for name in names]
     return np.column_stack(columns).astype(float), [f"row {number}" for number in range(1, table.num_rows + 1)]
 
 
 def _column_type(path: str, file: "pq.ParquetFile", name: str) -> "pa.DataType":
-    """Return the type of a column, of a dictionary that of its values; InputError where the file has no such column."""
+    """Return the type of a column, for a dictionary that of its values; InputError if there is no such column."""
     import pyarrow as pa
 
     _refuse_missing(path, [name], list(file.schema_arrow.names))
@@ -149,7 +170,7 @@ def _column_type(path: str, file: "pq.ParquetFile", name: str) -> "pa.DataType":
 
 
 def _refuse_no_number(path: str, name: str, kind: "pa.DataType") -> None:
-    """InputError where a column's type is none of numbers."""
+    """Raise InputError if the type of a column is not numeric."""
     from pyarrow import types
 
     if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
@@ -163,8 +184,10 @@ def _refuse_no_number(path: str, name: str, kind: "pa.DataType") -> None:
 
 
 def _try_first_row(file: "pq.ParquetFile", names: list[str]) -> None:
-    """Read a row of each group whose pages are small: damaged statistics of a column are an error here, but end the
-    process where the description of the column is asked for.
+    """Read a row of each group with small pages.
+
+    Damaged statistics of a column raise an error here; without this read they end the process when the metadata of the
+    column are accessed.
     """
     groups = [k for k in range(file.num_row_groups) if file.metadata.row_group(k).total_byte_size <= DATA_BYTES]
     for group in groups:
@@ -172,12 +195,12 @@ def _try_first_row(file: "pq.ParquetFile", names: list[str]) -> None:
 
 
 def _refuse_large(path: str, file: "pq.ParquetFile", names: list[str]) -> None:
-    """InputError where a file has too many rows, or its columns `names` are too large unpacked."""
-    held = file.metadata
-    if held.num_rows > DATA_ROWS:
-        raise InputError(f"{path}: {held.num_rows} rows; at most {DATA_ROWS} are read")
-    at = [k for k in range(held.num_columns) if held.schema.column(k).path.split(".")[0] in names]
-    chunks = [held.row_group(group).column(k) for group in range(held.num_row_groups) for k in at]
+    """Raise InputError if a file has too many rows, or its columns `names` are too large unpacked."""
+    metadata = file.metadata
+    if metadata.num_rows > DATA_ROWS:
+        raise InputError(f"{path}: {metadata.num_rows} rows; at most {DATA_ROWS} are read")
+    at = [k for k in range(metadata.num_columns) if metadata.schema.column(k).path.split(".")[0] in names]
+    chunks = [metadata.row_group(group).column(k) for group in range(metadata.num_row_groups) for k in at]
     size = sum(chunk.total_uncompressed_size for chunk in chunks)
     if size > DATA_BYTES:
         raise InputError(f"{path}: {', '.join(names)}: unpacked {size} bytes; at most {DATA_BYTES} are read")
@@ -189,7 +212,7 @@ def _refuse_large(path: str, file: "pq.ParquetFile", names: list[str]) -> None:
 
 
 class _Head(NamedTuple):
-    """The header of a text file: its line, the names of the columns, and the numbered lines of data behind it."""
+    """Header of a text file: its line number, the names of the columns, and the numbered lines of data."""
 
     number: int
     titles: list[str]
@@ -197,7 +220,7 @@ class _Head(NamedTuple):
 
 
 def _head(path: str, delimiter: str, empty: bool = False) -> _Head:
-    """Return the header of a text file; InputError where it has none, or is empty and may not be (`empty`)."""
+    """Return the header of a text file; InputError if it has none, or is empty unless `empty` allows it."""
     comments: list[tuple[int, str]] = []
     lines: list[tuple[int, str]] = []
     for number, line in enumerate(read_text(path, DATA_BYTES).splitlines(), start=1):
@@ -254,7 +277,7 @@ def _text(path: str, names: list[str], delimiter: str, blanks: tuple[str, ...]) 
 
 
 def _fields(line: str, delimiter: str, where: str) -> list[str]:
-    """Return the fields of a line; InputError where one is longer than any number or name."""
+    """Return the fields of a line; InputError if a field is longer than any number or name."""
     longest = max(map(len, line.split(delimiter))) if len(line) > FIELD_LENGTH else 0
     if longest > FIELD_LENGTH:
         raise InputError(f"{where}: a field of {longest} characters; at most {FIELD_LENGTH} are read")

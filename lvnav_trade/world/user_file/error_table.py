@@ -1,4 +1,4 @@
-"""A recording of a receiver's errors, of the user's own: the card, its rows, and what a flight sees of them."""
+"""Recorded errors of a receiver from a user's file: card, rows, and errors along a flight."""
 
 from collections.abc import Iterator
 from typing import ClassVar, Literal, NamedTuple
@@ -19,15 +19,15 @@ from lvnav_trade.world.user_file.table import content_of
 
 FEWEST = 2
 MOST_STARTS = 400
-_LARGEST = 1e6  # m; beyond, the columns hold positions
-_FASTEST = 2e4  # m/s; beyond, the columns hold something else
+_LARGEST = 1e6  # m; with larger values the columns are positions, not errors
+_FASTEST = 2e4  # m/s; with larger values the columns are not velocity errors
 _GAP = 3.0  # times the median interval
-_SLACK = 1e-6  # s by which a flight may reach beyond the rows
+_SLACK = 1e-6  # s; tolerance of the first and last time
 _ENDINGS = {"m": ("km", "cm", "mm", "m"), "m/s": ("km_s", "cm_s", "mm_s", "m_s")}
 
 
 class _ErrorColumns(Card):
-    """Three columns of error, and the SI unit of what they hold."""
+    """Three columns of error, and their unit."""
 
     SI: ClassVar[str]
 
@@ -41,7 +41,7 @@ class _ErrorColumns(Card):
 
     @property
     def known_unit(self) -> str:
-        """The stated unit, or the one that the names of all columns end in."""
+        """Unit of the card, or else the common ending of the columns' names."""
         common = (end for end in _ENDINGS[self.SI] if all(name.endswith(f"_{end}") for name in self.columns))
         return self.unit or next(common, "").replace("_", "/")
 
@@ -63,12 +63,12 @@ class VelocityErrorColumns(_ErrorColumns):
 
 
 class ErrorTable(Card):
-    """What a receiver's solution was wrong by, recorded over time in a file of the user's own, CSV or Parquet.
+    """Errors of a receiver's solution recorded over time in a user's file, CSV or Parquet.
 
-    Between rows errors are straight lines. In frames ecef and ned the velocity is relative to the Earth, in frame eci
-    inertial; ned is that of the true place. With several starts every run begins somewhere else in the recording, at
-    one of so many equally spaced places; with one, all runs have the same errors, which linear covariance then carries
-    in its mean.
+    Errors are linear between rows. The velocity is relative to the Earth in frames ecef and ned, and inertial in frame
+    eci; ned refers to the true position. With several starts each run begins at one of that number of equally spaced
+    points of the recording. With a single start all runs have the same errors, which are part of the mean in linear
+    covariance.
     """
 
     file: str = Field(
@@ -97,8 +97,11 @@ class ErrorTable(Card):
 
 
 class Recording(NamedTuple):
-    """Rows: t (n,) s since lift-off; errors (n, 6) of position (m) and velocity (m/s), solution minus truth, in the
-    table's frame; period (s) after which the first row follows the last one.
+    """Rows of a recording.
+
+    t : (n,) s since lift-off.
+    errors : (n, 6) m, m/s. Errors of position and velocity, solution minus truth, in the frame of the table.
+    period : s. Time after which the recording repeats.
     """
 
     t: Floats
@@ -107,13 +110,13 @@ class Recording(NamedTuple):
 
 
 def recording(card: ErrorTable) -> Recording:
-    """Return the rows of a card's file; InputError names file, row and fault."""
+    """Return the rows of a card's file; InputError names file, row and error."""
     return _recording((card.model_dump_json(), content_of(card.file)), card)
 
 
 @remembered(4)
 def _recording(identity: tuple[str, str], card: ErrorTable) -> Recording:
-    """Return the rows of a card; identity: the card and the digest of its file: a changed one is read again."""
+    """Return the rows of a card, cached by `identity`: the card and the digest of its file."""
     parts = [part for part in (card.position, card.velocity) if part is not None]
     names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
     table, places = read_columns(card.file, names, card.delimiter, FEWEST, "a recording")
@@ -145,7 +148,7 @@ def _recording(identity: tuple[str, str], card: ErrorTable) -> Recording:
 
 
 def refuse_short(card: ErrorTable, start: float, end: float) -> None:
-    """InputError where the file is broken, or its rows do not reach over a flight from start to end (s) and must."""
+    """Raise InputError if the file cannot be read, or with `outside: refuse` does not cover the flight (start, end)."""
     rows = recording(card)
     if card.outside == "refuse" and (start < rows.t[0] - _SLACK or end > rows.t[-1] + _SLACK):
         raise InputError(
@@ -155,7 +158,7 @@ def refuse_short(card: ErrorTable, start: float, end: float) -> None:
 
 
 def sampled(card: ErrorTable, t: Floats) -> Floats:
-    """Return the errors (n_start, n, 6) at times t (n,) of a flight, one for each start, in the table's frame, SI."""
+    """Return the errors (n_start, n, 6) for each start at times t (n,) s since lift-off, frame of the table, SI."""
     rows = recording(card)
     shifts = rows.period * np.arange(card.starts) / card.starts
     times, errors = rows.t, rows.errors
@@ -164,18 +167,26 @@ def sampled(card: ErrorTable, t: Floats) -> Floats:
         wanted = times[0] + np.mod(t[None, :] + shifts[:, None] - times[0], rows.period)
     else:
         wanted = t[None, :]
-    found = np.stack([np.interp(wanted, times, column) for column in errors.T], axis=-1)
+    samples = np.stack([np.interp(wanted, times, column) for column in errors.T], axis=-1)
     if card.outside == "zero":
-        found[(wanted < times[0] - _SLACK) | (wanted > times[-1] + _SLACK)] = 0.0
-    return found
+        samples[(wanted < times[0] - _SLACK) | (wanted > times[-1] + _SLACK)] = 0.0
+    return samples
 
 
 def in_frame_i(errors: Floats, frame: str, r_i: Floats, theta: Floats) -> Floats:
-    """Return errors (..., n, 6) of a frame (ned, ecef, eci) in frame i, at true places r_i (n, 3) and Earth angles
-    theta (n,).
+    """Return errors of position and velocity in frame i, (..., n, 6).
 
-    A place that is wrong by d turns with the Earth: inertial velocity is wrong by OMEGA x d beside the Earth-relative
-    error.
+    A position error d in Earth-fixed axes adds OMEGA x d to the error of the inertial velocity.
+
+    Parameters
+    ----------
+    errors : (..., n, 6) m, m/s
+        Errors in the axes of `frame`.
+    frame : {"ned", "ecef", "eci"}
+    r_i : (n, 3) m, frame i
+        True positions.
+    theta : (n,) rad
+        Earth angles.
     """
     if frame == "eci":
         return errors

@@ -1,4 +1,4 @@
-"""Guesses of a user's columns: by their names first, else by the size of their numbers."""
+"""Guesses of the meaning of a user's columns, by their names, or else by the size of their numbers."""
 
 import re
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ _WITH_UNIT = re.compile(
     rf"(.+?)[\s_]*[\[(_ ](?:{'|'.join(sorted(map(re.escape, _UNITS), key=len, reverse=True))})[\])]?"
 )
 _TIME = ("t", "time", "met", "elapsed", "elapsed_time", "mission_time", "flight_time", "timestamp")
-_CLOCKS = (  # columns that count from something else than lift-off
+_CLOCKS = (  # columns of time whose origin is not lift-off
     "tow",
     "gps_tow",
     "time_of_week",
@@ -96,7 +96,12 @@ _QUIET, _SPANS = 0.3, 20  # in units/s^2: a flight in m is faster over so many p
 
 
 class Guess(NamedTuple):
-    """A part of a trajectory card (`time`, `position`, ...), its content, and why."""
+    """A guessed part of a trajectory card.
+
+    part : Field of the card, such as `time` or `position`.
+    content : Its content.
+    why : Reason of the guess.
+    """
 
     part: str
     content: Any
@@ -111,12 +116,13 @@ class _Column(NamedTuple):
 
 
 def epoch_of(file: str, found: Sequence[Guess], near: str) -> tuple[str, str] | None:
-    """Return lift-off in UTC and why, from a clock that the column of time is: of GPS weeks, of GPS or of Unix time.
+    """Return lift-off in UTC and the reason, if the column of time is seconds of GPS week, GPS time or Unix time.
 
-    None where it is another clock, or no column numbers the weeks. near: a time in UTC; a week number of ten bits is of
-    the era nearest to it.
+    None for another clock, or without a column of GPS weeks.
+
+    near : ISO 8601 time in UTC that selects the era of a week number of ten bits.
     """
-    content = {one.part: one.content for one in found}
+    content = {part.part: part.content for part in found}
     time, delimiter = content["time"], content.get("delimiter", ",")
     liftoff = time.get("liftoff", 0.0) * parse(f"1 {time['unit']}", "s")
     name = _column(time["column"]).name
@@ -136,8 +142,8 @@ def epoch_of(file: str, found: Sequence[Guess], near: str) -> tuple[str, str] | 
 
 
 def left_out(file: str, found: Sequence[Guess]) -> list[str]:
-    """Return the titles of the columns of a file that no guess takes."""
-    content = {one.part: one.content for one in found}
+    """Return the titles of the columns of a file that no guess uses."""
+    content = {part.part: part.content for part in found}
     taken = {content["time"]["column"]}
     for part in ("position", "velocity", "attitude"):
         taken |= {*content.get(part, {}).get("columns", ())}
@@ -145,10 +151,11 @@ def left_out(file: str, found: Sequence[Guess]) -> list[str]:
 
 
 def guess(file: str, time_column: str | None = None) -> list[Guess]:
-    """Return what a trajectory card says of a file's columns; InputError where time or position are not found.
+    """Return the guessed parts of a trajectory card for a file: CSV with commas, semicolons or tabs, or Parquet.
 
-    time_column: title of the column of time, where it is not to be guessed. The file is CSV, with commas, semicolons or
-    tabs between its fields, or Parquet.
+    InputError if time or position are not found.
+
+    time_column : Title of the column of time; None: guess it.
     """
     delimiter = max((",", ";", "\t"), key=lambda one: len(column_names(file, one)))
     columns = [_column(title) for title in column_names(file, delimiter)]
@@ -185,7 +192,7 @@ def guess(file: str, time_column: str | None = None) -> list[Guess]:
 
 
 def is_clock(title: str) -> bool:
-    """Return whether a column of time counts from something else than lift-off, by its name."""
+    """Return whether the origin of a column of time is not lift-off, according to its name."""
     return _column(title).name in _CLOCKS
 
 
@@ -209,13 +216,13 @@ def _why(named: str, otherwise: str) -> str:
 
 
 def _named(columns: Sequence[_Column], wanted: Sequence[Sequence[str]]) -> list[_Column] | None:
-    """Return the columns whose names are among those wanted, one of each; None where one is missing."""
+    """Return a column for each of several lists of names; None if a column is missing."""
     found = [next((one for name in names for one in columns if one.name == name), None) for names in wanted]
     return None if None in found else [one for one in found if one is not None]
 
 
 def _three(columns: Sequence[_Column], forms: Sequence[str]) -> list[_Column] | None:
-    """Return three columns whose names differ in x, y and z."""
+    """Return three columns whose names differ in x, y and z only; None if there are none."""
     for form in forms:
         found = _named(columns, [(form.format(x=axis),) for axis in "xyz"])
         if found is not None:
@@ -224,7 +231,7 @@ def _three(columns: Sequence[_Column], forms: Sequence[str]) -> list[_Column] | 
 
 
 def _height_unit(t: Floats, height: Floats) -> str:
-    """Return the unit of heights (n,) at times t (n,) in s: km where no flight could be so slow in m."""
+    """Return the unit of heights (n,) at times t (n,) s: km if in metres the flight would be too slow, otherwise m."""
     even = np.linspace(t[0], t[-1], _SPANS + 1)
     step = max(float(even[1] - even[0]), 1e-9)
     quickest = float(np.max(np.abs(np.diff(np.interp(even, t, height), 2)))) / step**2
@@ -233,8 +240,9 @@ def _height_unit(t: Floats, height: Floats) -> str:
 
 
 def _position(file: str, columns: Sequence[_Column], values: Any, t: Floats) -> tuple[Guess, Floats]:
-    """Return position, frame "unknown" where x, y and z do not say theirs, and its rows (n, 3), m or as they are; at
-    times t (n,) in s.
+    """Return the guess of position, and its rows (n, 3), in m for x, y, z, at times t (n,) s.
+
+    The frame is "unknown" if the names of x, y and z do not contain it.
     """
     geodetic = _named(columns, _GEODETIC)
     if geodetic is not None:
@@ -273,7 +281,7 @@ def _velocity(columns: Sequence[_Column], values: Any) -> Guess | None:
 
 
 def _frame(place: Floats, t: Floats) -> tuple[str, str]:
-    """Return the frame of x, y and z: one that turns with the Earth where the first rows are at rest in it."""
+    """Return the frame of x, y and z, and the reason: Earth-fixed if the first rows are at rest, else inertial."""
     speed = float(np.linalg.norm(place[1] - place[0]) / (t[1] - t[0]))
     turning = OMEGA * float(np.hypot(*place[0, :2]))
     if speed < 0.5 * turning:

@@ -1,8 +1,8 @@
-"""A recorded log of an inertial unit, CSV or Parquet: rates or increments of three gyros and accelerometers.
+"""Recorded log of an IMU, CSV or Parquet: rates or increments of three gyros and three accelerometers.
 
-Columns are named by what they hold and end in their unit: `t_s` (or time_ms, t_us, ...); `gyro_x_deg_s` is a rate,
-`gyro_x_rad` an increment; `accel_x_g` a specific force, `accel_x_m_s` an increment; y and z the same. `deg_per_s` is
-understood as `deg_s`. A row holds what the unit put out since the row before it.
+Columns are named by their quantity and end in its unit: `t_s` (or time_ms, t_us, ...); `gyro_x_deg_s` is a rate,
+`gyro_x_rad` an increment; `accel_x_g` is a specific force, `accel_x_m_s` an increment; y and z the same. `deg_per_s` is
+read as `deg_s`. A row is the output of the IMU since the previous row.
 """
 
 import math
@@ -23,14 +23,14 @@ from lvnav_trade.world.user_file.data_file import (
 from lvnav_trade.world.user_file.rows import si
 
 FEWEST = 12
-_UNEVEN = 0.1  # of the interval, by which a row may be early or late
-_LAG, _MOST_STEPS = 60, 5000  # rows over which stamps are compared; late stamps that are looked at
-_FEW, _PART = 4, 0.02  # rows, and part of them, that are early or late without the stamps being a host's
-_FARTHEST = 5.0  # intervals by which a stamp of a host is late at most
-_FASTEST, _STRONGEST = 400.0, 2e4  # rad/s and m/s^2 beyond any unit: 64 turns a second, 2000 g
-_SOME = 2.0  # m/s^2, of a vehicle that is not in free fall
+_UNEVEN = 0.1  # of the interval; tolerance of evenly spaced rows
+_LAG, _MOST_STEPS = 60, 5000  # rows over which time stamps are compared; largest number of late stamps examined
+_FEW, _PART = 4, 0.02  # number and fraction of uneven rows above which the stamps are those of a host computer
+_FARTHEST = 5.0  # intervals; largest delay of a stamp of a host
+_FASTEST, _STRONGEST = 400.0, 2e4  # rad/s and m/s^2 beyond the range of any IMU: 64 turns a second, 2000 g
+_SOME = 2.0  # m/s^2; a vehicle with more specific force is not in free fall
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-# Endings of columns: the unit, and whether a column is of increments.
+# Endings of column names: the unit, and whether the column contains increments.
 _GYRO = {
     "rad_s": ("rad/s", False),
     "mrad_s": ("mrad/s", False),
@@ -54,8 +54,12 @@ _SI = {"gyro": ("rad/s", "rad"), "accel": ("m/s**2", "m/s")}
 
 
 class ImuLog(NamedTuple):
-    """t (n,) s at the end of each interval, as the log counts it; dt s; gyro (n, 3) rad/s and accel (n, 3) m/s^2, means
-    over the interval, axes of the log.
+    """IMU data of a log, means over the sampling intervals, axes of the log.
+
+    t : (n,) s. End of each interval, time of the log.
+    dt : s. Sampling interval.
+    gyro : (n, 3) rad/s. Angular rate.
+    accel : (n, 3) m/s^2. Specific force.
     """
 
     t: Floats
@@ -72,13 +76,23 @@ def read_log(
     end: float = math.inf,
     counted: bool = False,
 ) -> ImuLog:
-    """Return the rows of a log; InputError names file, row and fault: a column, a number, a gap, uneven sampling.
+    """Return the IMU data of a log.
 
     Parameters
     ----------
-    gap : rows may be uneven and that far apart (s); none: they are even, and dt is the interval of each
-    start, end : part of the log, s after its first row; what is wrong with the times of other rows does not matter
-    counted : rows are evenly spaced and their times scatter, as those of a host do: rows are counted
+    file, delimiter : str
+        CSV or Parquet file, and separator of a CSV file.
+    gap : float, optional
+        Longest interval (s) of unevenly spaced rows. None: rows are evenly spaced.
+    start, end : float
+        Part of the log (s after its first row); the times of other rows are not checked.
+    counted : bool
+        Whether to number the rows, for evenly spaced rows whose time stamps scatter, such as those of a host computer.
+
+    Raises
+    ------
+    InputError
+        A missing column, a text that is no number, a gap, uneven sampling. The message names file, row and error.
     """
     titles = column_names(file, delimiter)
     time, scale = time_column(file, titles)
@@ -94,14 +108,14 @@ def read_log(
     steps = dt if gap is None else np.diff(t, prepend=t[0] - dt)[:, None]
     means = {}
     for at, (part, (_, unit, increments)) in zip((1, 4), found.items(), strict=True):
-        with np.errstate(over="ignore"):  # endless is beyond any unit as well
+        with np.errstate(over="ignore"):  # infinite values are refused below
             means[part] = table[:, at : at + 3] * si(unit, _SI[part][increments]) / (steps if increments else 1.0)
     _refuse_impossible(means["gyro"], means["accel"], file, places)
     return ImuLog(t, dt, means["gyro"], means["accel"])
 
 
 def _refuse_impossible(gyro: Floats, accel: Floats, file: str, places: list[str]) -> None:
-    """InputError for the first row (n,) that no unit puts out: beyond any range, or zeros among rows with forces."""
+    """Raise InputError for the first impossible row: beyond the range of any IMU, or zeros next to a specific force."""
     with np.errstate(over="ignore"):
         rate, force = np.linalg.norm(gyro, axis=1), np.linalg.norm(accel, axis=1)
     refuse_first(rate > _FASTEST, file, places, lambda k: f"a rate of {rate[k]:.4g} rad/s; is the unit right?")
@@ -119,7 +133,7 @@ def _refuse_impossible(gyro: Floats, accel: Floats, file: str, places: list[str]
 
 
 def time_column(file: str, titles: Sequence[str]) -> tuple[str, float]:
-    """Return the name of the column of time and its unit in s; InputError where there is none."""
+    """Return the name of the column of time and its unit in s; InputError if there is none."""
     for name in titles:
         start, _, end = name.rpartition("_")
         if start in ("t", "time") and end in TIMES:
@@ -128,7 +142,7 @@ def time_column(file: str, titles: Sequence[str]) -> tuple[str, float]:
 
 
 def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], str, bool]:
-    """Return the names of the columns of x, y and z of a triad, their unit, and whether they are increments."""
+    """Return the names of the x, y and z columns of a triad, their unit, and whether they are increments."""
     endings = _GYRO if part == "gyro" else _ACCEL
     known = {title.replace("_per_", "_"): title for title in titles}
     for end, (unit, increments) in endings.items():
@@ -142,7 +156,7 @@ def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], st
 
 
 def _interval(t: Floats, file: str, places: list[str]) -> float:
-    """Return the interval (s) of rows at times t (n,); InputError where they leave a gap, scatter or are uneven."""
+    """Return the interval (s) of rows at times t (n,); InputError for a gap, scatter or uneven sampling."""
     steps = np.diff(t)
     dt = float(np.median(steps))
     uneven = np.abs(steps - dt) > _UNEVEN * dt
@@ -165,7 +179,7 @@ def _interval(t: Floats, file: str, places: list[str]) -> float:
 
 
 def _refuse_scatter(t: Floats, file: str) -> None:
-    """InputError where times (n,) scatter about rows of which none is missing."""
+    """Raise InputError if times t (n,) scatter although no row is missing."""
     dt, sigma = _scatter(t)
     if sigma > 0.0:
         raise InputError(
@@ -176,10 +190,10 @@ def _refuse_scatter(t: Floats, file: str) -> None:
 
 
 def _scatter(t: Floats) -> tuple[float, float]:
-    """Return the interval (s) of evenly spaced rows whose times (n,) scatter, and one sigma of that (s); sigma 0 where
-    rows are missing, or the rate changes.
+    """Return the interval (s) of evenly spaced rows whose times t (n,) scatter, and one sigma of the scatter (s).
 
-    A missing row moves all times behind it by an interval, a late stamp only its own.
+    The sigma is 0 if rows are missing or the rate changes. A missing row shifts all later times by an interval, a late
+    stamp only its own time.
     """
     lag, count = min(_LAG, t.size // 4), np.arange(t.size)
     dt = float(np.median(t[lag:] - t[:-lag])) / lag
@@ -191,20 +205,20 @@ def _scatter(t: Floats) -> tuple[float, float]:
         if np.median(off[k + 1 : k + 1 + lag]) - np.median(off[max(0, k + 1 - lag) : k + 1]) > 0.5 * dt:
             return dt, 0.0
     slope, base = np.polyfit(count, t, 1)
-    left = t - slope * count - base
-    return float(slope), float(np.std(left)) if np.max(np.abs(left)) < _FARTHEST * dt else 0.0
+    residual = t - slope * count - base
+    return float(slope), float(np.std(residual)) if np.max(np.abs(residual)) < _FARTHEST * dt else 0.0
 
 
 def _evenly(t: Floats, file: str, places: list[str]) -> Floats:
-    """Return times (n,) of evenly spaced rows from times that scatter; InputError where rows are missing."""
+    """Return the times (n,) of evenly spaced rows from times that scatter; InputError if rows are missing."""
     dt, sigma = _scatter(t)
     if sigma == 0.0 and np.any(np.abs(np.diff(t) - dt) > _UNEVEN * dt):
-        _interval(t - t[0], file, places)  # names the row
+        _interval(t - t[0], file, places)  # raises the error with the row
     return np.asarray(t[0] + dt * np.arange(t.size))
 
 
 def _uneven(t: Floats, file: str, places: list[str], longest: float) -> float:
-    """Return the mean interval (s) of uneven rows; InputError where they leave a longer gap."""
+    """Return the mean interval (s) of uneven rows; InputError for a gap longer than `longest` (s)."""
     steps = refuse_unordered(t, file, places)
     refuse_first(
         steps > longest,
@@ -216,10 +230,10 @@ def _uneven(t: Floats, file: str, places: list[str], longest: float) -> float:
 
 
 def _part(t: Floats, start: float, end: float, file: str) -> slice:
-    """Return the rows from one time to another (s after the first row); InputError where they are too few."""
+    """Return the rows from start to end (s after the first row); InputError if there are too few."""
     since = t - t[0]
     first, last = np.searchsorted(since, [start - 1e-9, end + 1e-9])
-    here = slice(int(first) if start > 0.0 else 0, int(last) if math.isfinite(end) else t.size)
-    if here.stop - here.start < FEWEST:
-        raise InputError(f"{file}: {here.stop - here.start} rows from {start:g} to {end:g} s, needs {FEWEST} or more")
-    return here
+    rows = slice(int(first) if start > 0.0 else 0, int(last) if math.isfinite(end) else t.size)
+    if rows.stop - rows.start < FEWEST:
+        raise InputError(f"{file}: {rows.stop - rows.start} rows from {start:g} to {end:g} s, needs {FEWEST} or more")
+    return rows

@@ -1,9 +1,10 @@
-"""A recorded log of a vehicle: increments of its inertial unit and solutions of its receiver, and the card of both.
+"""Recorded log of a vehicle: the card, increments of the IMU, and solutions and ranges of the receiver.
 
-The unit's file is that of `imu_log`, its rows perhaps uneven. The receiver's has the columns `t_s`, `latitude_deg`,
-`longitude_deg`, `height_m` above the ellipsoid (WGS-84), `v_north_m_s`, `v_east_m_s`, `v_down_m_s`, and perhaps
-one-sigma `sigma_north_m`, `sigma_east_m`, `sigma_down_m`, `sigma_v_north_m_s`, `sigma_v_east_m_s`, `sigma_v_down_m_s`.
-A file of ranges has `t_s`, `satellite` (as in RINEX, such as G05), `pseudorange_m`, `range_rate_m_s`, a row each.
+The IMU file is that of `imu_log`, possibly with uneven rows. The receiver file has the columns `t_s`, `latitude_deg`,
+`longitude_deg`, `height_m` above the ellipsoid (WGS-84), `v_north_m_s`, `v_east_m_s`, `v_down_m_s`, and optionally the
+sigmas `sigma_north_m`, `sigma_east_m`, `sigma_down_m`, `sigma_v_north_m_s`, `sigma_v_east_m_s`, `sigma_v_down_m_s`. A
+file of ranges has `t_s`, `satellite` (as in RINEX, such as G05), `pseudorange_m`, `range_rate_m_s`, with a row for each
+satellite and epoch.
 """
 
 import os
@@ -25,11 +26,11 @@ from lvnav_trade.world.user_file.ranges_file import Ranges, RangesFile, read_ran
 from lvnav_trade.world.user_file.solutions import ReceiverFile, read_solutions
 
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
-_GAP = 0.1  # s without rows of the unit that increments may bridge
+_GAP = 0.1  # s; longest gap between IMU rows that increments may bridge
 
 
 class UnitFile(Card):
-    """The file of the inertial unit."""
+    """The file of the IMU."""
 
     file: str
     delimiter: str = Field(",", min_length=1, max_length=1)
@@ -108,15 +109,18 @@ class Recording(NamedTuple):
 
 def turning(axes: tuple[str, ...]) -> Floats:
     """Return the matrix (3, 3) from the axes of a log to body axes."""
-    found = np.zeros((3, 3))
+    matrix = np.zeros((3, 3))
     for row, axis in enumerate(axes):
-        found[row, "xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
-    return found
+        matrix[row, "xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
+    return matrix
 
 
 def read_recording(card: NavigationLog, folder: Path) -> Recording:
-    """Return the rows of a log whose files are named from a folder, without those that cannot be true; InputError names
-    file, row and fault.
+    """Return the usable data of a log.
+
+    folder : Folder to which the file names of the card are relative.
+
+    InputError names file, row and error.
     """
     found, unit_file = read_solutions(card.gnss, folder), os.fspath(folder / card.imu.file)
     zero, epoch = found.zero, first_row_utc(card, found.zero, found.file)
@@ -146,10 +150,21 @@ def read_recording(card: NavigationLog, folder: Path) -> Recording:
 
 
 def first_row_utc(card: NavigationLog, seconds: float, file: str) -> str:
-    """Return the ISO 8601 time (UTC) of a log's first row, whose column of time shows so many seconds.
+    """Return the ISO 8601 time (UTC) of a log's first row.
 
-    InputError where the column cannot be in that unit, or leap seconds lie between the card's epoch and the row and
-    neither card nor epoch says whether the column counts them.
+    Parameters
+    ----------
+    card : NavigationLog
+    seconds : float
+        Time of the row in the file (s).
+    file : str
+        Name of the file for messages.
+
+    Raises
+    ------
+    InputError
+        The time cannot be in that unit, or leap seconds lie between the card's epoch and the row and it is unknown
+        whether the column counts them.
     """
     utc = utc_time(card.epoch)
     scale = card.time_scale or {GPS_ORIGIN: "gps", UNIX_ORIGIN: "unix"}.get(utc)

@@ -1,4 +1,4 @@
-"""Pseudoranges and range rates in a log: one row for each satellite and epoch, of one signal."""
+"""Recorded pseudoranges and range rates: a row for each satellite and epoch, of a single signal."""
 
 import os
 import re
@@ -18,19 +18,24 @@ _NAME = re.compile(r"([A-Za-z])\s*([0-9]{1,3})")
 _COLUMNS = ("pseudorange_m", "range_rate_m_s")
 _FEWEST = 4
 _SAME = 1e-3  # s between rows of one epoch
-_NEAREST, _FARTHEST, _FASTEST = 1e5, 1e9, 3e4  # m, m, m/s with both clocks
+_NEAREST, _FARTHEST, _FASTEST = 1e5, 1e9, 3e4  # m, m, m/s; limits with the errors of both clocks
 
 
 class RangesFile(Card):
-    """The file of pseudoranges and range rates, for filters that take them."""
+    """The file of pseudoranges and range rates, for filters that measure them."""
 
     file: str
     delimiter: str = Field(",", min_length=1, max_length=1)
 
 
 class Ranges(NamedTuple):
-    """Rows of ranges: t (n,) s from the receiver's first row; satellites (n,) names by `satellite_name`; values (n, 2)
-    pseudorange (m) and range rate (m/s), as measured, NaN where there is none; notes: on rows without them.
+    """Recorded ranges, n rows.
+
+    t : (n,) s. Time since the first row of the receiver.
+    satellites : (n,). Names as from `satellite_name`.
+    values : (n, 2) m, m/s. Measured pseudorange and range rate; NaN if missing.
+    file : Name of the file.
+    notes : Remarks on rows with missing values.
     """
 
     t: Floats
@@ -41,14 +46,27 @@ class Ranges(NamedTuple):
 
 
 def satellite_name(text: str) -> str:
-    """Return the name of a satellite as RINEX writes it: G05 of `G 5`, `G5`, `g05`; other names as they are."""
-    found = _NAME.fullmatch(text.strip())
-    return f"{found[1].upper()}{int(found[2]):02d}" if found else text.strip()
+    """Return the RINEX name of a satellite, such as G05 for `G 5`, `G5`, `g05`; other names are unchanged."""
+    match = _NAME.fullmatch(text.strip())
+    return f"{match[1].upper()}{int(match[2]):02d}" if match else text.strip()
 
 
 def read_ranges(card: RangesFile, folder: Path, zero: float) -> Ranges:
-    """Return the ranges of a file, times from `zero` s of it on; InputError names file, row and fault: a number that no
-    receiver measures, a row without a satellite, two rows of a satellite at one time.
+    """Return the ranges of a file.
+
+    Parameters
+    ----------
+    card : RangesFile
+    folder : Path
+        Folder to which the file name is relative.
+    zero : float
+        Time (s) of the file from which the result counts.
+
+    Raises
+    ------
+    InputError
+        A number that no receiver measures, a row without a satellite, two rows of a satellite at the same time. The
+        message names file, row and error.
     """
     file = os.fspath(folder / card.file)
     time, scale = time_column(file, column_names(file, card.delimiter))
@@ -90,11 +108,11 @@ def _named(file: str, places: list[str], gone: Bools) -> str:
 
 
 def _refuse_second(t: Floats, names: tuple[str, ...], file: str, places: list[str]) -> None:
-    """InputError for the first row of a satellite whose time is that of another row of it."""
+    """Raise InputError for the first two rows of a satellite at the same time."""
     _, number = np.unique(names, return_inverse=True)
     order = np.lexsort((t, number))
-    again = (np.diff(number[order]) == 0) & (np.diff(t[order]) < _SAME)
-    pairs = [sorted((int(order[k]), int(order[k + 1]))) for k in np.flatnonzero(again)]
+    repeated = (np.diff(number[order]) == 0) & (np.diff(t[order]) < _SAME)
+    pairs = [sorted((int(order[k]), int(order[k + 1]))) for k in np.flatnonzero(repeated)]
     for first, second in sorted(pairs, key=lambda pair: pair[1])[:1]:
         raise InputError(
             f"{file}:{places[second]}: {quoted(names[second])} at {t[second]:.9g} s again, as in {places[first]}: keep "

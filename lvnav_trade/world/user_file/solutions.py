@@ -1,7 +1,7 @@
-"""Solutions of a receiver in a log: read, and held against their velocities and each other.
+"""Recorded solutions of a receiver: reading, and consistency of positions with velocities and with each other.
 
-Rows without a fix and single rows that cannot be true are left out and counted. A column that cannot be true as a whole
-(a wrong unit, two columns exchanged) is refused.
+Rows without a fix and single impossible rows are omitted and counted. A column that is wrong as a whole (a wrong unit,
+two columns exchanged) is refused.
 """
 
 import os
@@ -29,14 +29,14 @@ from lvnav_trade.world.user_file.imu_log import time_column
 PLACE, MOTION = ("latitude_deg", "longitude_deg", "height_m"), ("v_north_m_s", "v_east_m_s", "v_down_m_s")
 SIGMAS = tuple(f"sigma_{part}" for part in ("north_m", "east_m", "down_m", "v_north_m_s", "v_east_m_s", "v_down_m_s"))
 FEWEST = 3  # solutions of a log
-MOST_WILD = 0.1  # part of the rows that may be left out as wild; where there are more the log contradicts itself
-_NAMED = 5  # rows that a note names
+MOST_WILD = 0.1  # largest fraction of rows omitted as outliers; with more the log contradicts itself
+_NAMED = 5  # rows that a note lists
 _LOWEST, _HIGHEST, _FASTEST = -2e3, 1e9, 2e4  # m, m, m/s
 _SMALLEST, _LARGEST = np.repeat([1e-4, 1e-5], 3), np.repeat([1e5, 1e3], 3)  # sigmas, m and m/s
-_JUMP, _SCATTERS = 10.0, 15.0  # m, and median misses of the log, by which a wild position misses
-_UNSEEN = 100.0 / 8.0  # m/s^2: by which a change of acceleration of 100 m/s^2 between rows bends the path
-_WINDOWS, _FEWEST_WINDOWS, _PATH = (10.0, 30.0), 5, 30.0  # s; m that the vehicle covers in a window
-_MISSED, _FITS = 0.3, 0.1  # part of the path by which velocities miss it that contradict it, that fit it
+_JUMP, _SCATTERS = 10.0, 15.0  # m, and median residuals of the log: thresholds of an outlier
+_UNSEEN = 100.0 / 8.0  # m/s^2; deviation of the path, over dt^2, due to an acceleration of 100 m/s^2 between rows
+_WINDOWS, _FEWEST_WINDOWS, _PATH = (10.0, 30.0), 5, 30.0  # s; number; m, shortest path in a window
+_MISSED, _FITS = 0.3, 0.1  # residual over path from which velocities contradict positions, and below which they agree
 
 
 class ReceiverFile(Card):
@@ -52,9 +52,16 @@ class ReceiverFile(Card):
 
 
 class Solutions(NamedTuple):
-    """Rows that are used: t (m,) s of the file; place (m, 3) latitude, longitude (rad), height (m); moving (m, 3) m/s
-    north, east, down; sigma (m, 6) of both, NaN without columns; lines (m,) of the file; zero: time (s) of the first
-    row of the file; notes: on rows that are left out.
+    """Solutions that are used, m rows.
+
+    file : Name of the file.
+    t : (m,) s. Times of the file.
+    place : (m, 3) rad, rad, m. Latitude, longitude, height.
+    moving : (m, 3) m/s. Velocity north, east, down.
+    sigma : (m, 6) m, m/s. Sigmas of position and velocity; NaN without columns of it.
+    lines : (m,). Lines of the file.
+    zero : s. Time of the first row of the file.
+    notes : Remarks on omitted rows.
     """
 
     file: str
@@ -67,7 +74,7 @@ class Solutions(NamedTuple):
     notes: tuple[str, ...] = ()
 
     def only(self, used: Bools, note: str = "") -> "Solutions":
-        """Return the rows that are used (m,), with a note on the others; InputError where too few are left."""
+        """Return the rows with `used` (m,), with a note on the others; InputError if too few remain."""
         if used.all():
             return self
         if np.count_nonzero(used) < FEWEST:
@@ -78,7 +85,7 @@ class Solutions(NamedTuple):
 
 
 def read_solutions(card: ReceiverFile, folder: Path) -> Solutions:
-    """Return the solutions of a file that can be true; InputError names file, row and fault."""
+    """Return the consistent solutions of a file; InputError names file, row and error."""
     file = os.fspath(folder / card.file)
     titles = column_names(file, card.delimiter)
     time, scale = time_column(file, titles)
@@ -101,12 +108,12 @@ def read_solutions(card: ReceiverFile, folder: Path) -> Solutions:
 
 
 def refuse_impossible(rows: Floats, file: str, places: list[str]) -> None:
-    """InputError for the first of the rows (n, 6) of a file, in its units, that no vehicle can have."""
+    """Raise InputError for the first of the rows (n, 6), in the units of the file, that is impossible."""
     for name, column, low, high in zip(PLACE, rows.T, (-90.0, -360.0, _LOWEST), (90.0, 360.0, _HIGHEST), strict=False):
         for k in np.flatnonzero((column < low) | (column > high))[:1]:
             bound = high if column[k] > high else low
             raise InputError(f"{file}:{places[k]}: {name} is {column[k]:.9g}, beyond {bound:g}; is the unit right?")
-    with np.errstate(over="ignore"):  # endless is too fast as well
+    with np.errstate(over="ignore"):  # an infinite speed is refused as well
         speed = np.linalg.norm(rows[:, 3:], axis=1)
     refuse_first(speed > _FASTEST, file, places, lambda k: f"a speed of {speed[k]:.6g} m/s; is the unit right?")
 
@@ -124,7 +131,7 @@ def _fixed(found: Solutions) -> tuple[Bools, str]:
 
 
 def left_out(found: Solutions, gone: Bools, why: str) -> str:
-    """Return what is said of rows (m,) that are left out."""
+    """Return the note on omitted rows `gone` (m,)."""
     which = [found.lines[k] for k in np.flatnonzero(gone)]
     named = ", ".join(which[:_NAMED]) + (", ..." if len(which) > _NAMED else "")
     place = f"{os.path.basename(found.file)}:{named}"
@@ -132,7 +139,7 @@ def left_out(found: Solutions, gone: Bools, why: str) -> str:
 
 
 def _weighed(found: Solutions, used: bool) -> Solutions:
-    """Return the solutions whose sigmas can be true, or all of them where sigmas are not used."""
+    """Return the solutions with possible sigmas, or all of them if sigmas are not used."""
     wrong = ~((found.sigma >= _SMALLEST) & (found.sigma <= _LARGEST))
     rows = np.asarray(wrong.any(axis=1))
     if not used:
@@ -156,7 +163,7 @@ def _weighed(found: Solutions, used: bool) -> Solutions:
 
 
 def consistent(found: Solutions) -> Solutions:
-    """Return the solutions without those that contradict the others; InputError where the log does so as a whole."""
+    """Return the solutions without outliers; InputError if positions and velocities of the log are inconsistent."""
     r_e, v_e = _earth_fixed(found.place, found.moving)
     used, worst = _on_path(found.t, r_e, v_e)
     gone = np.logical_not(used)
@@ -166,7 +173,7 @@ def consistent(found: Solutions) -> Solutions:
         _refuse_contradiction(found)
         return found
     _refuse_contradiction(found)
-    k = int(np.argmax(used[1:] != used[:-1])) + 1  # the path leaves the longest run there, or joins it
+    k = int(np.argmax(used[1:] != used[:-1])) + 1  # first row at which the consistent run begins or ends
     raise InputError(
         f"{found.file}:{found.lines[k]}: the position is not where the rows before and their velocities lead; "
         f"{np.count_nonzero(gone)} of {gone.size} solutions so, by up to {_length(worst)}"
@@ -183,15 +190,16 @@ def _earth_fixed(place: Floats, moving: Floats) -> tuple[Floats, Floats]:
 
 
 def _on_path(t: Floats, r_e: Floats, v_e: Floats) -> tuple[Bools, float]:
-    """Return which rows (m,) are where the path through the longest run of consistent rows leads, and by how much (m)
-    the worst of the others misses it.
+    """Return which rows (m,) lie on the path through the longest run of consistent rows.
+
+    The second result is the largest distance (m) of another row from that path.
     """
     dt = np.diff(t)
     misses = np.linalg.norm(np.diff(r_e, axis=0) - 0.5 * (v_e[1:] + v_e[:-1]) * dt[:, None], axis=1)
     allowed = max(_JUMP, _SCATTERS * float(np.median(misses)))
 
     def miss(i: int, j: int) -> float:
-        """Return by how much (m) row j misses the path from row i beyond what is allowed; below 0 it fits."""
+        """Return the distance (m) of row j from the path from row i, less the allowed distance; negative: it fits."""
         lag = abs(t[j] - t[i])
         led = 0.5 * (v_e[i] + v_e[j]) * (t[j] - t[i])
         return float(np.linalg.norm(r_e[j] - r_e[i] - led)) - allowed - _UNSEEN * lag**2
@@ -240,7 +248,10 @@ _READINGS: tuple[tuple[str, _Change], ...] = (
 
 
 def _refuse_contradiction(found: Solutions) -> None:
-    """InputError where positions move otherwise than velocities say, over all the log or along one axis of it."""
+    """Raise InputError if positions and velocities disagree, in the whole log or along an axis.
+
+    The message offers the interpretation of the columns, if any, with which they agree.
+    """
     missed = _missed(found.t, found.place, found.moving)
     axis = int(np.argmax(missed)) if missed.size else 0
     if not missed.size or missed[axis] <= _MISSED:
@@ -258,9 +269,10 @@ def _refuse_contradiction(found: Solutions) -> None:
 
 
 def _missed(t: Floats, place: Floats, moving: Floats) -> Floats:
-    """Return by which part of the path integrated velocities miss the positions, a median over windows: of the whole
-    vector, and of the axes north, east, down where the vehicle moves along one (0 elsewhere); (4,), or (0,) where it
-    moves in too few windows.
+    """Return the difference of integrated velocities and positions over the path, as a median over windows.
+
+    The result (4,) is for the whole vector and for the axes north, east and down, 0 for an axis without motion. It is
+    empty if the vehicle moves in too few windows.
     """
     r_e, v_e = _earth_fixed(place, moving)
     step = np.diff(t)
@@ -285,7 +297,7 @@ def _missed(t: Floats, place: Floats, moving: Floats) -> Floats:
 
 
 def _windows(t: Floats, span: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return first and last rows of windows of about `span` s, half a window apart, without a longer gap in them."""
+    """Return first and last rows of windows of about `span` s, half a window apart, without gaps in them."""
     starts = np.searchsorted(t, np.arange(t[0], t[-1] - span, 0.5 * span))
     ends = np.minimum(np.searchsorted(t, t[starts] + span), t.size - 1)
     gaps = np.concatenate([[0], np.cumsum(np.diff(t) > max(2.0, 3.0 * float(np.median(np.diff(t)))))])
