@@ -1,4 +1,4 @@
-"""Radar altimeter: height over the ellipsoid, less the mean height of the ground, which is known."""
+"""Radar altimeter: height above ground; the mean height of the ground over the ellipsoid is known."""
 
 import math
 from collections.abc import Mapping
@@ -19,9 +19,7 @@ from lvnav_trade.units import Fraction, Length, LengthSigma, TimeConstant
 
 
 class AltimeterModel(SensorModel):
-    """Radar altimeter as the filter models it: white noise, and white noise in proportion to the height; its bias as a
-    state.
-    """
+    """Radar altimeter as the filter models it: white noise, constant and proportional to height; bias as a state."""
 
     states: ClassVar[Mapping[str, StateUnit]] = {"bias": StateUnit("altitude_bias", "m", "m", 1.0)}
 
@@ -36,8 +34,10 @@ class AltimeterModel(SensorModel):
 
 
 class AltimeterCard(SensorCard):
-    """A radar altimeter: height above ground, near the ground. It points down whatever the attitude, and its place is
-    the IMU's; the mean height of the ground over the ellipsoid is known and subtracted.
+    """A radar altimeter: height above ground, near the ground.
+
+    It points down independently of attitude, from the position of the IMU. The mean height of the ground over the
+    ellipsoid is known and subtracted.
     """
 
     measurement: ClassVar[str] = "altitude"
@@ -86,7 +86,7 @@ class AltimeterCard(SensorCard):
 
 @jit
 def fill(H, z, at, observed, nav):
-    """Set a Jacobian row at `at`, and measured minus predicted height (m); nav (10,) navigation state, frame i."""
+    """Set a Jacobian row at `at`, and the innovation (m); nav (10,): navigation state, frame i."""
     height, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
     h = H[at]
     clear(h)

@@ -24,7 +24,7 @@ class AttitudeModel(SensorModel):
 
 
 class AttitudeReferenceCard(SensorCard):
-    """A magnetometer, horizon or star sensor by its performance: true attitude plus white noise on each axis."""
+    """A generic attitude sensor (magnetometer, horizon or star sensor): true attitude plus white noise on each axis."""
 
     measurement: ClassVar[str] = "attitude"
     model: ClassVar[type[SensorModel]] = AttitudeModel
@@ -43,8 +43,9 @@ class AttitudeReferenceCard(SensorCard):
 
 @jit
 def measure(out, truth, e0, e1, e2):
-    """Set out (4,) to the measured attitude, a quaternion from the body to a frame: the true one turned by errors (rad)
-    about the axes of that frame.
+    """Set out (4,) to the measured attitude, a quaternion from the body to a frame.
+
+    It is the true attitude rotated by errors (rad) about the axes of that frame.
     """
     q0, q1, q2, q3 = from_rotation(e0, e1, e2)
     out[0], out[1], out[2], out[3] = multiply(q0, q1, q2, q3, truth[0], truth[1], truth[2], truth[3])

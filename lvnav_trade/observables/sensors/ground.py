@@ -1,12 +1,13 @@
-"""Ground radar or ranging station: range, azimuth and elevation of the vehicle from a place on the Earth, any of them.
+"""Ground radar or ranging station: range, azimuth and elevation of the vehicle from a station, or some of them.
 
-With d = r - s from the station s to the vehicle, and the station's north, east and up,
+With the line d = r - s from the station s to the vehicle, and the station's north, east and up,
 
     range = |d|,  azimuth = atan2(d.east, d.north),  elevation = asin(d.up / |d|)
 
-z = h(r) + b_range + b_angle - dh/dd e_s + c (excess, 0, bending) + v: biases, survey error e_s of the station, a share
-c of the refraction (`kernels/media/sight.py`) that the station's own correction leaves, white noise v. What the filter
-knows at an epoch is the station's place and axes, and a direction from which angles count, so that none jumps at north.
+z = h(r) + b_range + b_angle - dh/dd e_s + c (excess, 0, bending) + v, with biases, the survey error e_s of the station,
+the fraction c of the refraction (`kernels/media/sight.py`) after the station's correction, and white noise v. The
+filter knows position and axes of the station, and a reference direction from which angles count, so that the azimuth
+does not jump at north.
 """
 
 import math
@@ -33,8 +34,8 @@ from lvnav_trade.world.conditions import ELEVATIONS, SightConditions
 
 Scalar = Literal["range", "azimuth", "elevation"]
 SCALARS: tuple[Scalar, ...] = ("range", "azimuth", "elevation")
-# Where the numbers of what is known stand: the station's place, the horizontal direction of reference and up (3 each,
-# frame i), azimuth, elevation and its cosine and sine of the reference, and which scalars there are: 1 + 2 + 4 for all.
+# Indices of the known parameters: station position, horizontal reference direction and up (3 each, frame i); azimuth,
+# elevation, and cosine and sine of the elevation of the reference; scalars as a bit mask: 1 + 2 + 4 for all.
 PLACE, AHEAD, UP, AZIMUTH, ELEVATION, COSINE, SINE, WHICH = 0, 3, 6, 9, 10, 11, 12, 13
 
 
@@ -57,8 +58,12 @@ class StationModel(SensorModel):
 
 
 class Look(NamedTuple):
-    """Lines of sight from a station: values (n, 3) range m, azimuth and elevation rad; partials (n, 3, 3) of them with
-    respect to the vehicle's position; place, north, east, up (n, 3) of the station; all frame i.
+    """Lines of sight from a station, frame i.
+
+    values : (n, 3) m, rad, rad. Range, azimuth, elevation.
+    partials : (n, 3, 3). Their derivatives by the vehicle's position.
+    place : (n, 3) m. Position of the station.
+    north, east, up : (n, 3). Axes of the station.
     """
 
     values: Floats
@@ -70,7 +75,7 @@ class Look(NamedTuple):
 
 
 class StationCard(SensorCard, SightConditions):
-    """A radar or a ranging station on the ground that tracks the vehicle's IMU, its measurements sent up to the filter.
+    """A radar or ranging station on the ground that tracks the IMU and sends its measurements to the filter.
 
     It measures above its elevation mask (elevation_above) and within its longest range.
     """
@@ -121,7 +126,7 @@ class StationCard(SensorCard, SightConditions):
 
     @property
     def scalars(self) -> tuple[str, ...]:
-        """What it measures, in the order of range, azimuth, elevation."""
+        """Measured scalars, in the order range, azimuth, elevation."""
         return tuple(name for name in SCALARS if name in self.measures)
 
     @property
@@ -146,7 +151,7 @@ class StationCard(SensorCard, SightConditions):
         return Look(values, partials, place, north, east, up)
 
     def truth(self, flight: FlightView) -> Floats:
-        """Return range (m), azimuth and elevation (rad) as far as it measures them, (n_epoch, n_scalar)."""
+        """Return the measured scalars among range (m), azimuth and elevation (rad), (n_epoch, n_scalar)."""
         return self.look(flight).values[:, self._own]
 
     def noise_sigma(self, flight: FlightView) -> Floats:
@@ -154,7 +159,7 @@ class StationCard(SensorCard, SightConditions):
         return np.array([[self.range_sigma, self.angle_sigma, self.angle_sigma]])[:, self._own]
 
     def assumed_variance(self, model: SensorModel, flight: FlightView) -> Floats:
-        """Return the variance (1, n_scalar) that a filter assumes, of what is measured."""
+        """Return the variance (1, n_scalar) that a filter assumes for the measured scalars."""
         return model.variance(flight)[:, self._own]
 
     def available(self, flight: FlightView) -> Bools:
@@ -168,7 +173,7 @@ class StationCard(SensorCard, SightConditions):
         return next((name for name in ELEVATIONS if name in self.stated), "longest_range")
 
     def known(self, model: SensorModel, flight: FlightView) -> Floats:
-        """Return where the station stands and from which direction angles count, (n_epoch, 14)."""
+        """Return the parameters of the station and the reference of its angles, (n_epoch, 14): `PLACE` to `WHICH`."""
         look, n = self.look(flight), flight.t.size
         _, azimuth, elevation = look.values.T
         ahead = np.cos(azimuth)[:, None] * look.north + np.sin(azimuth)[:, None] * look.east
@@ -232,8 +237,9 @@ class StationCard(SensorCard, SightConditions):
 
 @jit
 def fill(H, z, at, observed, nav, known):
-    """Set the Jacobian rows of the scalars that there are from `at` on, and measured minus predicted (m, rad); known
-    (14,): see above.
+    """Set the Jacobian rows of the measured scalars from `at` on, and the innovations (m, rad).
+
+    known : (14,) parameters by the indices above.
     """
     x, y, w = nav[R] - known[PLACE], nav[R + 1] - known[PLACE + 1], nav[R + 2] - known[PLACE + 2]
     fx, fy, fz, ux, uy, uz = known[AHEAD], known[AHEAD + 1], known[AHEAD + 2], known[UP], known[UP + 1], known[UP + 2]

@@ -1,7 +1,8 @@
-"""Difference of two inertial units: increments of one minus those of the other, summed since the last measurement.
+"""Difference of two IMUs: increments of the first minus those of the second, summed since the previous measurement.
 
-z - z_hat = T (b - b_hat) + v, body axes: b the bias of the first minus that of the second, T s since the measurement
-before. Where units are weighted by their noise, v is not correlated with the noise of the fused increments.
+z - z_hat = T (b - b_hat) + v, body axes, with the bias b of the first minus that of the second, and the time T (s)
+since the previous measurement. If IMUs are weighted by their noise, v is uncorrelated with the noise of the fused
+increments.
 """
 
 from typing import Annotated, ClassVar, Literal, Self
@@ -18,7 +19,7 @@ from lvnav_trade.units import AngleRandomWalk, VelocityRandomWalk
 
 
 class AngleDifferenceModel(SensorModel):
-    """Difference of angle increments as the filter models it: the random walks of both units together, per axis."""
+    """Difference of angle increments as the filter models it: combined random walk of both IMUs per axis."""
 
     noise_field: ClassVar[str] = "random_walk"
 
@@ -26,7 +27,7 @@ class AngleDifferenceModel(SensorModel):
 
 
 class VelocityDifferenceModel(SensorModel):
-    """Difference of velocity increments as the filter models it: the random walks of both units, per axis."""
+    """Difference of velocity increments as the filter models it: combined random walk of both IMUs per axis."""
 
     noise_field: ClassVar[str] = "random_walk"
 
@@ -34,7 +35,7 @@ class VelocityDifferenceModel(SensorModel):
 
 
 class ImuDifferenceCard(SensorCard):
-    """What two of several inertial units differ by; its errors are those of the units."""
+    """Difference of two IMUs of an array; its errors are those of the IMUs."""
 
     labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     jacobian: ClassVar[tuple[str, ...]] = ()
@@ -54,12 +55,12 @@ class ImuDifferenceCard(SensorCard):
         return self
 
     def truth(self, flight: FlightView) -> Floats:
-        """Return zeros (n_epoch, 3): what is measured is the units' own errors."""
+        """Return zeros (n_epoch, 3), because the difference consists of the errors of the IMUs."""
         return np.zeros((flight.t.size, 3))
 
 
 class AngleDifferenceCard(ImuDifferenceCard):
-    """Difference of the angle increments of two inertial units, body axes."""
+    """Difference of the angle increments of two IMUs, body axes."""
 
     measurement: ClassVar[str] = "angle_difference"
     model: ClassVar[type[SensorModel]] = AngleDifferenceModel
@@ -70,7 +71,7 @@ class AngleDifferenceCard(ImuDifferenceCard):
 
 
 class VelocityDifferenceCard(ImuDifferenceCard):
-    """Difference of the velocity increments of two inertial units, body axes, lever arms as the set has them."""
+    """Difference of the velocity increments of two IMUs, body axes, with the lever-arm setting of the array."""
 
     measurement: ClassVar[str] = "velocity_difference"
     model: ClassVar[type[SensorModel]] = VelocityDifferenceModel
@@ -82,7 +83,7 @@ class VelocityDifferenceCard(ImuDifferenceCard):
 
 @jit
 def fill(H, z, at, observed):
-    """Set three Jacobian rows from `at` on, without entries of the navigation state, and what is measured."""
+    """Set three Jacobian rows from `at` on, which are zero for the navigation state, and the innovations."""
     for axis in range(3):
         clear(H[at + axis])
         z[at + axis] = observed[axis]

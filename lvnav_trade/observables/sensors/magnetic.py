@@ -1,7 +1,7 @@
 """Magnetometer: the Earth's field in body axes, three scalars.
 
-z = (1 + S) C_b_i' B(r) + b + v with soft iron S, hard iron b, noise v. The filter computes B at its own place from a
-map along the flight, field and gradient by IGRF-14: the second order of 10 km of position error is below 1 nT.
+z = (1 + S) C_b_i' B(r) + b + v with soft iron S, hard iron b, noise v. The filter computes B at its estimated position
+from a map along the flight, field and gradient by IGRF-14. Second-order terms of a 10 km position error are below 1 nT.
 """
 
 import math
@@ -32,9 +32,7 @@ FIELD, GRADIENT, PLACE = 0, 3, 12
 
 
 class MagnetometerModel(SensorModel):
-    """Magnetometer as the filter models it: white noise, a field of IGRF-14 up to a degree, hard and soft iron as
-    states.
-    """
+    """Magnetometer as the filter models it: white noise, IGRF-14 up to a degree, hard and soft iron as states."""
 
     states: ClassVar[Mapping[str, StateUnit]] = {
         "hard_iron": StateUnit("hard_iron", "T", "nT", _NANOTESLA),
@@ -49,7 +47,7 @@ class MagnetometerModel(SensorModel):
     )
 
     def known(self, flight: FlightView) -> Floats:
-        """Return the map along the flight (n_epoch, 15), frame i: field T, gradient T/m, place m."""
+        """Return the map along the flight (n_epoch, 15), frame i: field (T), gradient (T/m), position (m)."""
         year, r_e = geomagnetism.year_of(flight.epoch), ecef_from_eci(flight.r_i, flight.theta)
         field = eci_from_ecef(geomagnetism.field(r_e, year, self.degree), flight.theta)
         C_i_e = rotation_i_e(flight.theta)
@@ -58,7 +56,7 @@ class MagnetometerModel(SensorModel):
 
 
 class MagnetometerCard(SensorCard):
-    """A three-axis magnetometer: the Earth's field in body axes, with what the vehicle's own iron adds to it."""
+    """A three-axis magnetometer: the Earth's field in body axes, with hard and soft iron of the vehicle."""
 
     measurement: ClassVar[str] = "magnetic_field"
     model: ClassVar[type[SensorModel]] = MagnetometerModel
@@ -77,7 +75,7 @@ class MagnetometerCard(SensorCard):
     )
 
     def matched(self) -> SensorModel:
-        """Return the filter model that takes every number from this card, and the whole field."""
+        """Return the filter model with all numbers of this card and the full degree of the field."""
         own = {name: getattr(self, name) for name in self.model.model_fields if name != "degree"}
         return self.model.model_construct(**own)
 
@@ -88,7 +86,7 @@ class MagnetometerCard(SensorCard):
         return np.asarray(np.einsum("nij,ni->nj", matrices(flight.q_b_i), field))
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
-        """Return hard iron, of each axis, and soft iron, each entry in proportion to the field of its axis."""
+        """Return hard iron by axis, and soft iron by matrix entry, proportional to the field of the entry's axis."""
         return (
             CorrelatedError("hard iron", "hard iron", self.hard_iron, "hard_iron", math.inf, _AXES, each_scalar(3)),
             CorrelatedError("soft iron", "soft iron", self.soft_iron, "soft_iron", math.inf, SOFT, self._distorted),
@@ -110,7 +108,7 @@ class MagnetometerCard(SensorCard):
 
 @jit
 def fill(H, z, at, observed, nav, known):
-    """Set three Jacobian rows from `at` on, and measured minus predicted field (T, body axes); known (15,): the map."""
+    """Set three Jacobian rows from `at` on, and the innovations (T, body axes); known (15,): map at the epoch."""
     x, y, w = nav[R] - known[PLACE], nav[R + 1] - known[PLACE + 1], nav[R + 2] - known[PLACE + 2]
     g = GRADIENT
     bx = known[FIELD] + known[g] * x + known[g + 1] * y + known[g + 2] * w

@@ -1,9 +1,9 @@
-"""Baro-altimeter: the height that the static pressure has in the standard atmosphere.
+"""Baro-altimeter: height from static pressure in the standard atmosphere.
 
-z = h + b + s h + k v^2 / (2 g) + v: b of the reference pressure and the instrument, s in proportion to the height (air
-that is dT warmer than the standard's T is thicker by dT / T), k of the pressure that the flow adds at the port, in
-shares of the dynamic pressure rho v^2 / 2, and white noise of the pressure, which is a height of dp / (rho g). Row and
-measured value are those of an altimeter.
+z = h + b + s h + k v^2 / (2 g) + v, with the bias b of reference pressure and instrument; the scale error s (air that
+is dT warmer than the standard temperature T expands by dT / T); the port error k, the fraction of the dynamic pressure
+rho v^2 / 2 added at the port; and the noise v = dp / (rho g) of a white pressure noise dp. Jacobian and innovation are
+those of an altimeter.
 """
 
 import math
@@ -26,7 +26,7 @@ _GRAVITY = 9.80665
 
 
 def _height_per_pressure(height: Floats) -> Floats:
-    """Return by how much height (m) a pascal stands, (n_epoch, 1); above the layers of the standard as at their top."""
+    """Return the height per pressure, 1 / (rho g), (n_epoch, 1) m/Pa; constant above the layers of the standard."""
     density = [atmosphere(min(h, TOP_OF_LAYERS))[0] for h in height.tolist()]
     return 1.0 / (np.array(density)[:, None] * _GRAVITY)
 
@@ -50,8 +50,9 @@ class BarometerModel(SensorModel):
 
 
 class BarometerCard(SensorCard):
-    """A baro-altimeter: pressure altitude, where there is air. Its height stands for that over the ellipsoid: geoid and
-    reference pressure are known and subtracted, up to the bias.
+    """A baro-altimeter: pressure altitude, available in the air.
+
+    It is converted to height over the ellipsoid: geoid and reference pressure are known, except for the bias.
     """
 
     measurement: ClassVar[str] = "pressure_altitude"
@@ -109,7 +110,7 @@ def _of_height(flight: FlightView) -> Floats:
 
 
 def _of_flow(flight: FlightView) -> Floats:
-    """Return the height (n_epoch, 1, 1) that the dynamic pressure stands for: rho v^2 / 2 over rho g."""
+    """Return the height (n_epoch, 1, 1) m equivalent to the dynamic pressure: (rho v^2 / 2) / (rho g)."""
     speed = np.linalg.norm(earth_velocity(flight.r_i, flight.v_i), axis=1)
     return np.asarray(speed**2 / (2.0 * _GRAVITY))[:, None, None]
 

@@ -1,7 +1,7 @@
-"""Star tracker: attitude in axes of its own, better across than about its boresight.
+"""Star tracker: attitude in sensor axes, more accurate across than about the boresight.
 
-Axes s: z along the boresight, x and y across. z - z_hat = C_s_i' att + v, with v of one-sigma `across` about x and y
-and `about` about z.
+Axes s: z along the boresight, x and y across. z - z_hat = C_s_i' att + v; the sigma of v is `across` about x and y, and
+`about` about z.
 """
 
 import math
@@ -51,14 +51,12 @@ class StarTrackerModel(SensorModel):
         return np.square([[self.across, self.across, self.about]])
 
     def known(self, flight: FlightView) -> Floats:
-        """Return its mounting (n_epoch, 4), a quaternion from its axes to the body's."""
+        """Return the mounting (n_epoch, 4), a quaternion from sensor axes to body axes."""
         return np.tile(axes_of(self.boresight), (flight.t.size, 1))
 
 
 class StarTrackerCard(SensorCard):
-    """A star tracker: attitude in inertial axes, while neither Sun nor Earth is near its field of view and the body
-    turns slowly enough.
-    """
+    """A star tracker: inertial attitude, available away from Sun and Earth and at low body rates."""
 
     measurement: ClassVar[str] = "stellar_attitude"
     model: ClassVar[type[SensorModel]] = StarTrackerModel
@@ -95,7 +93,7 @@ class StarTrackerCard(SensorCard):
         yield from no_direction(self.boresight)
 
     def truth(self, flight: FlightView) -> Floats:
-        """Return its attitude (n_epoch, 4), a quaternion from its axes to frame i."""
+        """Return the attitude of the tracker (n_epoch, 4), a quaternion from sensor axes to frame i."""
         return np.asarray(product(flight.q_b_i, np.broadcast_to(axes_of(self.boresight), flight.q_b_i.shape)))
 
     def noise_sigma(self, flight: FlightView) -> Floats:
@@ -117,7 +115,7 @@ class StarTrackerCard(SensorCard):
         return on
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
-        """Return misalignment and low-frequency error, each of the three axes by itself."""
+        """Return misalignment and low-frequency error, independent on the three axes."""
         time = self.low_frequency_time or math.inf
         each = each_scalar(len(self.labels))
         return (
@@ -144,8 +142,9 @@ class StarTrackerCard(SensorCard):
 
 @jit
 def measure(out, truth, e0, e1, e2):
-    """Set out (4,) to the measured attitude, a quaternion from the tracker's axes to frame i: the true one turned by
-    errors (rad) about those axes.
+    """Set out (4,) to the measured attitude, a quaternion from sensor axes to frame i.
+
+    It is the true attitude rotated by errors (rad) about sensor axes.
     """
     q0, q1, q2, q3 = from_rotation(e0, e1, e2)
     out[0], out[1], out[2], out[3] = multiply(truth[0], truth[1], truth[2], truth[3], q0, q1, q2, q3)
@@ -153,8 +152,9 @@ def measure(out, truth, e0, e1, e2):
 
 @jit
 def fill(H, z, at, observed, nav, known):
-    """Set three Jacobian rows from `at` on, and the small rotation (rad, axes of the tracker) from estimate to
-    measurement; known (4,): the mounting.
+    """Set three Jacobian rows from `at` on, and the innovations; known (4,): mounting.
+
+    The innovation is the small rotation (rad, sensor axes) from estimate to measurement.
     """
     s0, s1, s2, s3 = multiply(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], known[0], known[1], known[2], known[3])
     d0, d1, d2, d3 = multiply(s0, -s1, -s2, -s3, observed[0], observed[1], observed[2], observed[3])

@@ -4,8 +4,8 @@ Axes s: z along the boresight, x and y across. With u = C_i^s s the direction s 
 
     alpha = atan2(u_x, u_z),  beta = atan2(u_y, u_z),  z = (alpha, beta) + b + v
 
-with a bias b and white noise v of each angle. Truth and filter have s from the same almanac (`world/sky/sun.py`): what
-that is wrong by, 0.01 deg, is part of the bias.
+with a bias b and white noise v of each angle. Truth and filter compute s from the same almanac (`world/sky/sun.py`),
+whose error of 0.01 deg is part of the bias.
 """
 
 import math
@@ -46,7 +46,7 @@ class SunSensorModel(SensorModel):
         return no_direction(self.boresight)
 
     def known(self, flight: FlightView) -> Floats:
-        """Return mounting and Sun (n_epoch, 7): quaternion from the sensor's axes to the body's, direction, frame i."""
+        """Return mounting and Sun (n_epoch, 7): quaternion from sensor axes to body axes; direction, frame i."""
         mounting = np.tile(axes_of(self.boresight), (flight.t.size, 1))
         return np.hstack([mounting, sun_direction(flight.epoch, flight.t, flight.theta)])
 
@@ -90,7 +90,7 @@ class SunSensorCard(SensorCard):
         return "field_of_view"
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
-        """Return its bias, of each angle by itself."""
+        """Return the independent biases of both angles."""
         time = self.bias_time or math.inf
         return (CorrelatedError("sun sensor bias", "sun bias", self.bias, "bias", time, self.labels, each_scalar(2)),)
 
@@ -102,14 +102,14 @@ class SunSensorCard(SensorCard):
 
 @jit
 def measure(out, truth, e0, e1):
-    """Set out (4,) to cosine and sine of both measured angles: the true ones, truth[:2] (rad), plus errors (rad)."""
+    """Set out (4,) to cosine and sine of both measured angles: true angles truth[:2] (rad) plus errors (rad)."""
     out[0], out[1] = turned(math.cos(truth[0]), math.sin(truth[0]), e0)
     out[2], out[3] = turned(math.cos(truth[1]), math.sin(truth[1]), e1)
 
 
 @jit
 def fill(H, z, at, observed, nav, known):
-    """Set two Jacobian rows from `at` on, and measured minus predicted angles (rad); known (7,): mounting and Sun."""
+    """Set two Jacobian rows from `at` on, and the innovations (rad); known (7,): mounting and Sun."""
     q0, q1, q2, q3 = multiply(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], known[0], known[1], known[2], known[3])
     c = matrix(q0, q1, q2, q3)
     sx, sy, sz = known[SUN], known[SUN + 1], known[SUN + 2]

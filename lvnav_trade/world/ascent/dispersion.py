@@ -1,4 +1,4 @@
-"""Off-nominal missions: a vehicle that differs from its card, flown with the steering that was solved for the card."""
+"""Off-nominal missions: an ascent of a dispersed vehicle with the steering of the nominal vehicle."""
 
 import math
 
@@ -10,16 +10,16 @@ from lvnav_trade.world.ascent.legs import Aim, Flight, fly_ascent, law_span
 from lvnav_trade.world.ascent.targeting import left_in_orbit, require_possible, solve
 from lvnav_trade.world.ascent.vehicle import Boosters, Stage, VehicleAscent
 
-_EMPTY = 1e-6  # kg of propellant that count as none
-_GROUND = 1e3  # m below the start: the Earth is no sphere
-_DEPLETION = 20  # corrections of the time at which a stage is empty
+_EMPTY = 1e-6  # kg; less propellant counts as none
+_GROUND = 1e3  # m below the start, because the Earth is not a sphere
+_DEPLETION = 20  # largest number of corrections of the depletion time
 
 
 def flown(card: VehicleAscent) -> tuple[VehicleAscent, Aim, Flight]:
-    """Return the vehicle that is flown, its aim and its ascent: those of the card, or dispersed as the card says.
+    """Return vehicle, aim and ascent of a card, dispersed if the card says so.
 
-    Under guidance that is the nominal flight: there, vehicles differ from run to run. InputError where the card's own
-    vehicle does not reach the orbit, or the dispersed one cannot be flown.
+    With guidance the result is nominal, because vehicles differ between runs. InputError if the nominal vehicle does
+    not reach the orbit, or the dispersed vehicle cannot fly.
     """
     aim = solve(card)
     if card.dispersion is None or card.guidance != "nominal":
@@ -45,7 +45,7 @@ def fly_dispersed(card: VehicleAscent, aim: Aim, how: Dispersion) -> tuple[Vehic
 
 
 def _require_aloft(flight: Flight) -> None:
-    """InputError where a flight falls back to the ground, by more than a kilometre below its start."""
+    """Raise InputError if a flight falls more than a kilometre below its start."""
     start = float(np.linalg.norm(flight.legs[0].y[0, :3]))
     for leg in flight.legs:
         low = np.linalg.norm(leg.y[:, :3], axis=1) < start - _GROUND
@@ -55,7 +55,7 @@ def _require_aloft(flight: Flight) -> None:
 
 
 def dispersed(card: VehicleAscent, how: Dispersion) -> VehicleAscent:
-    """Return a vehicle card with other thrust, specific impulse and masses; InputError where it cannot be flown."""
+    """Return a vehicle card with dispersed thrust, specific impulse and masses; InputError if it cannot fly."""
     vehicle = card.vehicle
     fairing = vehicle.fairing
     changed = vehicle.model_copy(
@@ -81,7 +81,7 @@ def _motor(motor: Stage | Boosters, how: Dispersion) -> Stage | Boosters:
 
 
 def pitched(aim: Aim, up: float) -> Aim:
-    """Return an aim whose kick is less by an angle (rad), and whose law has an elevation that is more by it."""
+    """Return an aim with the pitch programme raised by an angle `up` (rad): less kick, and a law of more elevation."""
     if up == 0.0:
         return aim
     first, last = (math.tan(math.atan(slope) + up) for slope in (aim.tangent, aim.tangent_end))
@@ -89,7 +89,7 @@ def pitched(aim: Aim, up: float) -> Aim:
 
 
 def _until_empty(card: VehicleAscent, aim: Aim, span: float, number: int, burn: str) -> Aim:
-    """Return the aim with a burn of a stage no longer than its propellant lasts."""
+    """Return the aim with the burn of a stage limited by its propellant."""
     stage = card.vehicle.stages[number - 1]
     flow = stage.full_thrust / stage.exhaust_speed
     for _ in range(_DEPLETION):

@@ -1,4 +1,4 @@
-"""By how much a launch vehicle differs from its card: spreads of the vehicle, and what a mission flies of them."""
+"""Dispersions of a launch vehicle: its spreads, and the dispersions of a mission."""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal, get_args
@@ -25,9 +25,9 @@ SOURCES: tuple[SourceName, ...] = get_args(SourceName)
 
 
 class SpreadsCard(units.NamedCard):
-    """One sigma of everything in which vehicles and days of one kind differ; zero: no difference.
+    """Dispersions of the vehicle and the atmosphere, one sigma; zero: none.
 
-    Motors, stages and their separations are drawn independently of one another.
+    Motors, stages and their separations are drawn independently.
     """
 
     thrust: units.Fraction = Field(0.0, description="one-sigma of the vacuum thrust of each motor")
@@ -55,11 +55,11 @@ class SpreadsCard(units.NamedCard):
 
 
 class Dispersion(units.Card):
-    """How the vehicle that is flown differs from the one that the steering is solved for.
+    """Deviation of the simulated vehicle from the nominal vehicle, for which the steering is solved.
 
-    Fixed: factors that all motors have in common, or multiples of the vehicle's own spreads. Drawn: anew in every run.
-    A motor burns as long as its propellant lasts. Without guidance, steering and times are the nominal ones, and
-    nothing corrects the orbit that is missed.
+    Fixed deviations are factors common to all motors, or multiples of the vehicle's spreads. Drawn deviations differ
+    between runs. A motor burns until its propellant is depleted. Without guidance steering and times are nominal, so
+    that the orbit error is not corrected.
     """
 
     thrust: Factor = Field(1.0, description="factor on the vacuum thrust of all motors")
@@ -92,18 +92,18 @@ class Dispersion(units.Card):
 
     @property
     def is_common(self) -> bool:
-        """Whether factors or the pitch programme change something."""
+        """Whether common factors or the pitch programme differ from nominal."""
         return (self.thrust, self.specific_impulse, self.mass, self.pitch_program) != (1.0, 1.0, 1.0, 0.0)
 
     @property
     def drawn(self) -> tuple[SourceName, ...]:
-        """Names of the spreads that every run draws; `all` are those of the vehicle that are not zero."""
+        """Names of the spreads that are drawn in every run; `all` stands for all spreads of the vehicle above zero."""
         if self.draw == "all":
             return SOURCES
         return () if self.draw == "none" else self.draw
 
     def misfits(self, spreads: SpreadsCard | None) -> Iterator[str]:
-        """Yield what asks for a spread that a vehicle does not have."""
+        """Yield the input errors of settings that need a spread of the vehicle that is missing."""
         named = {*self.sigmas, *(self.draw if isinstance(self.draw, tuple) else ())}
         if spreads is None and (named or self.drawn):
             yield "dispersion asks for spreads, and the vehicle has none; give vehicle.dispersions"

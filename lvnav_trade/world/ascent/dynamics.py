@@ -1,4 +1,4 @@
-"""Equations of motion of a point-mass launcher, and their integration over one leg."""
+"""Equations of motion of a point-mass launch vehicle, and their integration over a leg."""
 
 import math
 from typing import NamedTuple
@@ -15,8 +15,9 @@ Rates = tuple[float, float, float, float, float, float, float]
 
 
 class Unthrottled(NamedTuple):
-    """Motors that burn as they are built to: at `since` (s) vacuum thrust (N) and mass flow (kg/s), and their slopes
-    (N/s, kg/s^2); exit area (m^2) of all together.
+    """Total of the burning motors that cannot be throttled: thrust and mass flow linear in time.
+
+    At time `since` (s): vacuum thrust (N) and mass flow (kg/s), and their slopes (N/s, kg/s^2); exit area (m^2).
     """
 
     since: float
@@ -31,8 +32,10 @@ NOTHING = Unthrottled(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Engine(NamedTuple):
-    """What pushes during a leg: an engine that can be throttled, of vacuum thrust (N), mass flow (kg/s), exit area
-    (m^2), limit of thrust over mass (m/s^2, infinite for none), and the motors beside it that cannot.
+    """Propulsion of a leg: an engine that can be throttled, and motors that cannot.
+
+    Of the engine: vacuum thrust (N), mass flow (kg/s), exit area (m^2), and limit of thrust over mass (m/s^2, infinite
+    for none).
     """
 
     thrust: float
@@ -43,7 +46,7 @@ class Engine(NamedTuple):
 
 
 class Drag(NamedTuple):
-    """Reference area (m^2) and drag coefficients over Mach number, held constant outside the table."""
+    """Reference area (m^2) and drag coefficients over Mach number, constant outside the table."""
 
     area: float
     mach: Floats
@@ -91,7 +94,7 @@ def thrust_beside(t: float, pressure: float, motors: Unthrottled) -> tuple[float
 
 @jit
 def coefficient_at(mach: float, drag: Drag) -> float:
-    """Return the drag coefficient at a Mach number: as `np.interp`, of which the compiler takes 3 s."""
+    """Return the drag coefficient at a Mach number, as `np.interp`, which takes 3 s to compile."""
     last = drag.mach.size - 1
     if mach >= drag.mach[last]:
         return drag.coefficient[last]
@@ -114,7 +117,7 @@ def drag_factor(r: tuple[float, float, float], w: tuple[float, float, float], dr
 
 @jit
 def rates(t: float, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Rates:
-    """Return the time derivative of y (7,): inertial position (m), velocity (m/s) and mass (kg)."""
+    """Return the time derivative of the state y (7,): position (m) and velocity (m/s) in frame i, mass (kg)."""
     r = (y[0], y[1], y[2])
     v = (y[3], y[4], y[5])
     w = (v[0] + OMEGA * r[1], v[1] - OMEGA * r[0], v[2])
@@ -171,7 +174,7 @@ def fly(
 
 @making_arrays
 def time_to_mass(t0: float, mass: float, h: float, y0: Floats, steering: Steering, engine: Engine, drag: Drag) -> float:
-    """Return how long the engine burns from t0, state y0 (7,), until `mass` (kg) is left, stepping by h (s)."""
+    """Return the burn time (s) from t0, state y0 (7,), to a remaining `mass` (kg), integrated with step h (s)."""
     t, y = t0, y0
     while y[6] > mass:
         before = y

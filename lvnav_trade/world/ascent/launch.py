@@ -1,4 +1,4 @@
-"""A solved ascent made truth: splines over pad and legs, named events, facts for the report."""
+"""True trajectory of a solved ascent: splines over pad and legs, events, facts for the report."""
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
@@ -18,7 +18,7 @@ from lvnav_trade.world.truth import Phase, Trajectory, joined, pad_phase, spline
 
 
 def build_ascent(card: VehicleAscent) -> Trajectory:
-    """Return the true flight of a vehicle card; InputError where the orbit is out of its reach."""
+    """Return the true trajectory of a vehicle card; InputError if it cannot reach the orbit."""
     vehicle, aim, flight = flown(card)
     theta0 = flight.steering.theta0
     attitude = _attitude(card, aim, flight)
@@ -39,12 +39,12 @@ def build_ascent(card: VehicleAscent) -> Trajectory:
 def site_phase(
     site: Site, theta0: float, hold: float, attitude: BSpline, spin: PPoly | None = None
 ) -> tuple[Phase, ...]:
-    """Return the rest on the pad of a site, from `hold` seconds before lift-off; nothing where there is no hold."""
+    """Return the phase at rest on the pad, from `hold` s before lift-off, in a tuple; an empty tuple without a hold."""
     return pad_phase(frames.ecef_from_eci(pad_state(site, theta0)[0], theta0), theta0, 0.0, hold, attitude, spin)
 
 
 def pad_knots(hold: float, step: float) -> Floats:
-    """Return times before lift-off, about `step` apart, at which the attitude on the pad is sampled."""
+    """Return the knots of the attitude on the pad, `hold` s before lift-off and about `step` s apart."""
     return np.linspace(-hold, 0.0, int(np.ceil(hold / step)) + 1)[:-1]
 
 

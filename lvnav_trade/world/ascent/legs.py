@@ -1,4 +1,4 @@
-"""Staged ascent from a vehicle card: motors and legs, simulated for given steering from the pad to the final coast."""
+"""Staged ascent of a vehicle card with given steering: motors and legs from the pad to the final coast."""
 
 import math
 from typing import NamedTuple
@@ -12,14 +12,14 @@ from lvnav_trade.world.ascent.dynamics import NOTHING, Drag, Engine, Unthrottled
 from lvnav_trade.world.ascent.steering_law import Steering
 from lvnav_trade.world.ascent.vehicle import Boosters, Motor, Site, Stage, VehicleAscent, VehicleCard
 
-_Burning = tuple[Motor, int, float]  # motor, how many, time of ignition
-STEP = 0.25  # s, of integration and of the truth's knots; halving it moves injection by 0.3 m
+_Burning = tuple[Motor, int, float]  # motor, number of motors, time of ignition
+STEP = 0.25  # s; step of the integration and of the knots; halving it moves injection by 0.3 m
 COASTING = Engine(0.0, 0.0, 0.0, 1.0)
 _SLIVER = 1e-9  # s; a piece of a burn shorter than this is rounding
 
 
 class Cut(NamedTuple):
-    """A point of a stage's burn, `after` s from its ignition: mass (kg) dropped there, and the event's name."""
+    """A point in the burn of a stage, `after` s from ignition: mass (kg) dropped there, and name of the event."""
 
     after: float
     drop: float = 0.0
@@ -27,7 +27,7 @@ class Cut(NamedTuple):
 
 
 def cuts(vehicle: VehicleCard, number: int) -> list[Cut]:
-    """Return the points of stage `number`'s first burn at which thrust jumps or bends, or mass is dropped, in order."""
+    """Return, in order, the points of the first burn of a stage at which thrust jumps or bends, or mass is dropped."""
     stage, fairing = vehicle.stages[number - 1], vehicle.fairing
     found = [Cut(after) for after in _bends(stage)]
     if fairing is not None and fairing.stage == number:
@@ -42,9 +42,9 @@ def cuts(vehicle: VehicleCard, number: int) -> list[Cut]:
 
 
 def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end: float) -> Engine:
-    """Return what pushes between begin and end, s since lift-off, with stage `number` lit at `ignition`.
+    """Return the propulsion between begin and end (s since lift-off) with stage `number` ignited at `ignition` (s).
 
-    Between two neighbouring `cuts` every thrust is straight. An end at infinity is for a stage without bends.
+    Between two successive `cuts` every thrust is linear in time. The end is infinite for a stage without bends.
     """
     stage = vehicle.stages[number - 1]
     middle = 0.5 * (begin + end)
@@ -61,10 +61,10 @@ def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end
 
 
 def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
-    """Return the speed in m/s that the vehicle gains in empty space with a payload in kg, all propellant burnt.
+    """Return the ideal velocity gain (m/s) of the vehicle with a payload (kg), with all propellant burnt.
 
-    Boosters burn together with as much of the first stage's propellant as flows meanwhile; the fairing stays until
-    the end of the burn in which it is released.
+    Boosters burn together with the propellant that the first stage consumes in that time. The fairing is counted to the
+    end of the burn in which it is released.
     """
     mass, gain = payload, 0.0
     for number in range(len(vehicle.stages), 0, -1):
@@ -82,7 +82,11 @@ def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
 
 
 def _joint_gain(groups: tuple[Boosters, ...], stage: Stage, beside: float, mass: float) -> float:
-    """Return the speed gained while the boosters burn beside a part (kg) of the stage; mass (kg) is what remains."""
+    """Return the velocity gain (m/s) while boosters and stage burn together.
+
+    beside : kg. Propellant of the stage burnt in that time.
+    mass : kg. Mass at the end.
+    """
     parts = [(group.number * group.propellant, group.exhaust_speed) for group in groups]
     parts.append((beside, stage.exhaust_speed))
     total = sum(propellant for propellant, _ in parts)
@@ -91,12 +95,12 @@ def _joint_gain(groups: tuple[Boosters, ...], stage: Stage, beside: float, mass:
 
 
 def _bends(motor: Motor) -> list[float]:
-    """Return the points of a motor's thrust profile, s after its ignition: guidance may let it burn beyond the last."""
+    """Return the points of a motor's thrust profile, s after ignition; with guidance it may burn beyond the last."""
     return [] if motor.profile is None else [part * motor.full_burn for part in motor.profile.part[1:]]
 
 
 def _thrust_at(motor: Motor, after: float) -> float:
-    """Return the vacuum thrust in N of a motor `after` s from its ignition; beyond its burn time that of the end."""
+    """Return the vacuum thrust (N) of a motor `after` s from ignition; constant after its burn time."""
     if motor.profile is None:
         return motor.full_thrust
     part, level = motor.profile.part, motor.profile.thrust
@@ -107,7 +111,7 @@ def _thrust_at(motor: Motor, after: float) -> float:
 
 
 def _together(burning: list[_Burning], begin: float, end: float) -> Unthrottled:
-    """Return the sum of motors over a stretch where each is straight."""
+    """Return the total of motors over an interval in which the thrust of each is linear."""
     total = np.zeros(5)
     for motor, number, ignition in burning:
         first, last = (_thrust_at(motor, t - ignition) for t in (begin, end))
@@ -117,11 +121,12 @@ def _together(burning: list[_Burning], begin: float, end: float) -> Unthrottled:
 
 
 class Aim(NamedTuple):
-    """What is solved for: launch azimuth and kick (rad), law of the steered stages, burns and coasts (s).
+    """Unknowns of the targeting: launch azimuth and kick (rad), steering law, burns and coasts (s).
 
-    tangent and tangent_end are tan of the elevation at the start of the law and `burn` seconds after the ignition of
-    the stage that is cut off in orbit; coast and burn_2 belong to the last burn, level, of an ascent by a parking
-    orbit. yaw (rad, to the right) turns the plane of the law out of that of the velocity, for a prescribed azimuth.
+    tangent and tangent_end are the tangents of the elevation at the start of the law, and `burn` s after the ignition
+    of the stage that is cut off in orbit. coast and burn_2 are those of the last, level burn of an ascent through a
+    parking orbit. yaw (rad, to the right) rotates the plane of the law out of that of the velocity, if the azimuth is
+    prescribed.
     """
 
     azimuth: float
@@ -135,7 +140,7 @@ class Aim(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """A stretch of flight without a jump: times (n,), states (n, 7), engine; steering holds for the whole ascent."""
+    """A phase of flight without a jump: times (n,) s, states (n, 7), engine. The steering is that of the ascent."""
 
     name: str
     t: Floats
@@ -173,23 +178,24 @@ def lift_off_mass(card: VehicleAscent) -> float:
 
 
 def mass_above(card: VehicleAscent, number: int) -> float:
-    """Return the mass in kg that stage `number` carries in orbit: full stages above it and the payload."""
+    """Return the mass (kg) above stage `number` in orbit: full stages and the payload."""
     above = card.vehicle.stages[number:]
     return float(sum(stage.propellant + stage.dry for stage in above) + card.vehicle.payload)
 
 
 def law_span(card: VehicleAscent, aim: Aim) -> float:
-    """Return about how long (s) it is from the start of the steering law to the (first) cut-off in orbit; only scales
-    the law.
+    """Return the approximate time (s) from the start of the steering law to the (first) cut-off in orbit.
+
+    It only scales the law.
     """
     stages = card.vehicle.stages[card.steered_from - 1 : card.inserting]
     span = sum((stage.full_burn + stage.separation_delay for stage in stages[:-1]), start=aim.burn)
     span += sum(stage.ignition_delay for stage in stages)
-    return max(1.0, float(span))  # a solver on its way may ask for no burn at all
+    return max(1.0, float(span))  # an iteration of the solver may have no burn at all
 
 
 class Pilot:
-    """Flies leg after leg, keeping state, steering and events."""
+    """Simulation of an ascent leg by leg, with its state, steering and events."""
 
     def __init__(self, card: VehicleAscent, aim: Aim, span: float | None) -> None:
         vehicle = card.vehicle
@@ -219,7 +225,7 @@ class Pilot:
         self.events = {"liftoff": 0.0, "kick": card.vertical_rise}
 
     def leg(self, name: str, duration: float, engine: Engine = COASTING) -> None:
-        """Fly a stretch without a jump for a duration (s)."""
+        """Integrate a leg without a jump for a duration (s)."""
         if duration <= 0.0:
             return
         n_step = max(8, math.ceil(duration / STEP))
@@ -228,21 +234,21 @@ class Pilot:
         self.t, self.y = float(t[-1]), y[-1].copy()
 
     def begin_law(self, k: int, tangent: float, rate: float, yaw: float = 0.0) -> None:
-        """Let steering law k start now, in the present orbital plane or turned from it to the right by yaw."""
+        """Start steering law k, in the present orbital plane or rotated from it to the right by yaw (rad)."""
         s = self.steering
         s.law_start[k], s.tangent[k], s.rate[k] = self.t, tangent, rate
         normal = unit(np.cross(self.y[:3], self.y[3:6]))
         s.normal_i[k] = math.cos(yaw) * normal - math.sin(yaw) * np.cross(unit(self.y[:3]), normal)
 
     def burn(self, number: int, duration: float | None, again: bool = False) -> None:
-        """Burn for a duration, or until the propellant is gone, from cut to cut; a second burn has no cuts."""
+        """Burn for a duration (s), or until the propellant is depleted, from cut to cut; a second burn has no cuts."""
         vehicle = self.card.vehicle
         stage, mark = vehicle.stages[number - 1], "_2" if again else ""
         begin, elapsed = self.t, 0.0
         self.events[f"stage{number}_ignition{mark}"] = begin
         left = self.y[6] - stage.propellant
         left -= sum(group.number * group.propellant for group in vehicle.boosters if number == 1)
-        # a stage that may be throttled burns until it is empty, which is not known before it is flown
+        # the depletion time of a stage that can be throttled follows from the integration
         if duration is None and (stage.thrust is None or vehicle.max_load is None):
             duration = stage.full_burn
         name = f"stage {number} burn{mark.replace('_', ' ')}"
@@ -268,26 +274,26 @@ class Pilot:
         self.events[f"stage{number}_cutoff{mark}"] = self.t
 
     def stage(self, number: int) -> None:
-        """Fly a stage that is not cut off in orbit, from the coast before it to its separation."""
+        """Simulate a stage that is not cut off in orbit, from the coast before ignition to its separation."""
         self.ignite_after(number)
         self.burn(number, None)
         self.separate(number)
         self.y[6] -= self.card.vehicle.stages[number - 1].dry
 
     def separate(self, number: int) -> None:
-        """Coast to the separation of a stage, whose mass the caller takes off."""
+        """Coast to the separation of a stage, whose mass the caller subtracts."""
         self.leg(f"stage {number} coast", self.card.vehicle.stages[number - 1].separation_delay)
         self.events[f"stage{number}_separation"] = self.t
 
     def ignite_after(self, number: int) -> None:
-        """Coast to the ignition of a stage, beginning the linear-tangent law with the first steered one."""
+        """Coast to the ignition of a stage; the first steered stage starts the linear-tangent law."""
         if number == self.card.steered_from:
             rate = (self.aim.tangent_end - self.aim.tangent) / self.span
             self.begin_law(0, self.aim.tangent, rate, self.aim.yaw)
         self.leg(f"coast before stage {number}", self.card.vehicle.stages[number - 1].ignition_delay)
 
     def into_orbit(self) -> None:
-        """Fly the stage that is cut off in orbit, and the last burn where that orbit is a parking orbit."""
+        """Simulate the stage that is cut off in orbit, and the last burn if that orbit is a parking orbit."""
         number, last = self.card.inserting, len(self.card.vehicle.stages)
         self.ignite_after(number)
         self.burn(number, self.aim.burn)
@@ -304,10 +310,19 @@ class Pilot:
 
 
 def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True, span: float | None = None) -> Flight:
-    """Return the ascent that a vehicle card flies with the given aim, from lift-off to the end of the final coast.
+    """Return the ascent of a vehicle with given steering, from lift-off to the end of the final coast.
 
-    Without the final coast the last state is that of injection. The last stage may burn more than its propellant: the
-    caller checks for a shortfall. span (s): of the steering law, where it is that of another vehicle.
+    The last stage may burn more than its propellant: the caller checks for a shortfall.
+
+    Parameters
+    ----------
+    card : VehicleAscent
+    aim : Aim
+        Steering, burns and coasts.
+    final_coast : bool
+        Without it the last state is that of injection.
+    span : float, optional
+        Time scale of the steering law (s), if the law is that of another vehicle.
     """
     pilot = Pilot(card, aim, span)
     for number in range(1, card.inserting):

@@ -1,4 +1,4 @@
-"""Limits of a flight that comes from a file: beyond them it is refused, unless its card raises them."""
+"""Plausibility limits of a trajectory from a file. It is refused beyond them, unless its card raises the limits."""
 
 import math
 from typing import NamedTuple
@@ -32,10 +32,10 @@ _SHOWN = {  # by field: what it limits, unit in messages, SI units of it, and wh
 
 
 class OutsideFlight(FlightCard):
-    """What cards of flights that come from a file have in common: how far beyond the usual they may go.
+    """Base of the cards of trajectories from a file: plausibility limits.
 
-    A flight that exceeds a limit is refused. A higher limit lets it fly, and the report then begins with what is beyond
-    the usual one, which is the default.
+    A trajectory that exceeds a limit is refused. With a higher limit in its card it is accepted, and the report begins
+    with the values beyond the default limits.
     """
 
     highest_load: AccelerationLimit = Field(
@@ -53,7 +53,7 @@ class OutsideFlight(FlightCard):
 
 
 class Peak(NamedTuple):
-    """The largest value (SI) of what a field of the card limits, and its time in s."""
+    """Largest value (SI) of a limited quantity, with the field of its limit, and its time in s."""
 
     field: str
     size: float
@@ -61,7 +61,7 @@ class Peak(NamedTuple):
 
 
 def peaks(flight: Trajectory) -> tuple[Peak, ...]:
-    """Return the largest specific force (m/s^2), body rate across the roll axis and about it (rad/s) of a flight."""
+    """Return the largest specific force (m/s^2), rate across the roll axis and roll rate (rad/s) of a trajectory."""
     spans = ((one.start, one.end, max(8, math.ceil((one.end - one.start) / _STEP)) + 2) for one in flight.phases)
     t = np.concatenate([np.linspace(*span)[1:-1] for span in spans])
     at = motion(flight, t)
@@ -74,10 +74,11 @@ def peaks(flight: Trajectory) -> tuple[Peak, ...]:
 
 
 def within_limits(flight: Trajectory, card: OutsideFlight, file: str, further: tuple[Peak, ...] = ()) -> Trajectory:
-    """Return a flight with a remark on what its card allows beyond the usual.
+    """Return a trajectory with remarks on values beyond the default limits.
 
-    further: peaks beside those of `peaks`. InputError with value, time and limit of everything that is beyond what the
-    card allows, each at its field.
+    further : Peaks in addition to those of `peaks`.
+
+    InputError with value, time and limit of every quantity beyond the limits of the card, each at its field.
     """
     found = [*further, *peaks(flight)]
     refused = [peak for peak in found if peak.size > getattr(card, peak.field)]
@@ -95,7 +96,7 @@ def within_limits(flight: Trajectory, card: OutsideFlight, file: str, further: t
 
 
 def _usual(card: OutsideFlight, field: str) -> float:
-    """Return the limit that a card has unless it states another (SI)."""
+    """Return the default of a limit (SI)."""
     return float(type(card).model_fields[field].default)
 
 

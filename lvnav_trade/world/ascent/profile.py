@@ -1,4 +1,4 @@
-"""An ascent from a speed and altitude record: the card, and the flight rebuilt over the great circle of its track."""
+"""Ascent rebuilt from a record of speed and altitude: the card, and the flight along a great-circle ground track."""
 
 import math
 import re
@@ -43,7 +43,7 @@ from lvnav_trade.world.oscillation import OscillationCard
 from lvnav_trade.world.truth import NOTE, WARNING, Phase, Trajectory, joined, motion, position_spline
 
 _STEP = 0.5  # s between knots
-_COARSEST = 5.0  # s over which the force of a record is averaged, at most, to tell a jump from noise
+_COARSEST = 5.0  # s; longest interval over which the force is averaged to distinguish a jump from noise
 _UPRIGHT = (4.0, 12.0)  # s; thrust is vertical before, along the specific force after, blended between
 _BREAK = re.compile(r"stage\d+_(ignition|cutoff)(_\d+)?$")
 
@@ -51,9 +51,9 @@ _BREAK = re.compile(r"stage\d+_(ignition|cutoff)(_\d+)?$")
 class RecordedAscent(OutsideFlight):
     """A trajectory rebuilt from a record of Earth-relative speed and altitude against time.
 
-    The file is CSV with the header ``time_s,speed_m_s,altitude_m``; lines that begin with # are comments. Altitude
-    counts from the site. Thrust is taken to jump at the events ``stageN_ignition`` and ``stageN_cutoff``, and to be off
-    from a cut-off to the next ignition.
+    The file is CSV with the header ``time_s,speed_m_s,altitude_m``; lines that begin with # are comments. Altitude is
+    relative to the site. Thrust jumps at the events ``stageN_ignition`` and ``stageN_cutoff``, and is zero from a
+    cut-off to the next ignition.
     """
 
     kind: Literal["profile"] = "profile"
@@ -96,7 +96,7 @@ Course = list[tuple[Floats, Floats, Floats]]  # of each stretch between breaks: 
 
 
 class Stretch(NamedTuple):
-    """A stretch of a rebuilt flight and its position spline, frame i."""
+    """A phase of a rebuilt flight and its position spline, frame i."""
 
     name: str
     start: float
@@ -121,8 +121,10 @@ def course(site: Site, azimuth: float, climb: Climb, breaks: list[float], theta0
 
 
 def _on_circle(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return latitude and longitude (n,) along the circle, and the way north and east (n, 2) in m per rad of it, at
-    angles psi (n,) from the site and heights (n,) in m.
+    """Return latitude and longitude (n,) rad along the circle, and its derivatives north and east (n, 2) m/rad.
+
+    psi : (n,) rad. Angles from the site.
+    height : (n,) m. Heights.
     """
     sine = math.sin(site.latitude)
     ratio = (1.0 - ECCENTRICITY_2) / (1.0 - ECCENTRICITY_2 * sine * sine)  # of the radii of meridian and prime vertical
@@ -137,10 +139,10 @@ def _on_circle(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple
 
 
 def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Floats, first: float) -> Floats:
-    """Return the angle (n,) flown along the circle at times t (n,), `first` at the start.
+    """Return the angle (n,) rad along the circle at times t (n,) s; `first` is the angle at the start.
 
-    The rate is level speed over the radius of curvature, which hardly depends on the angle: four rounds of quadrature
-    leave 1e-11 rad.
+    The rate is horizontal speed over the radius of curvature, which hardly depends on the angle: four iterations of the
+    quadrature are accurate to 1e-11 rad.
     """
     level, height = climb.level(inside), site.height + climb.altitude(inside)
     psi = np.full_like(t, first)
@@ -166,10 +168,10 @@ def _injected(way: Course) -> dict[str, float]:
 
 
 def tracks_of(way: Course, coast: float) -> list[Stretch]:
-    """Return the stretches to injection and the final coast of `coast` seconds.
+    """Return the phases to injection and the final coast of `coast` seconds.
 
-    Velocity is interpolated and integrated to position, each stretch from the end of the one before: both are
-    continuous; position leaves the fitted altitude by less than a millimetre.
+    Velocity is interpolated and integrated to position, each phase from the end of the previous phase, so that both are
+    continuous. The position differs from the fitted altitude by less than a millimetre.
     """
     stretches: list[Stretch] = []
     for number, (t, r, v) in enumerate(way, start=1):
@@ -182,7 +184,7 @@ def tracks_of(way: Course, coast: float) -> list[Stretch]:
 def _final_coast(last: Stretch, duration: float) -> Stretch:
     state = np.concatenate([last.position(last.end), last.position(last.end, 1), [1.0]])
     none, no_vectors = np.zeros(0), np.zeros((0, 3))
-    # Without thrust and drag nothing of the steering acts.
+    # Without thrust and drag the steering has no effect.
     idle = Steering(np.eye(3)[2], np.eye(3)[0], 0.0, np.inf, 1.0, 0.0, np.inf, 1.0, none, no_vectors, none, none)
     vacuum = Drag(0.0, np.array([0.0, 1.0]), np.zeros(2))
     t, y = fly(last.end, duration, max(8, int(np.ceil(duration / _STEP))), state, idle, COASTING, vacuum)
@@ -212,12 +214,17 @@ def _pointing(
 
 
 def rebuild(card: RecordedAscent) -> Trajectory:
-    """Return the flight of a recorded ascent.
+    """Return the true trajectory of a recorded ascent.
 
-    Altitude and level speed are fitted together to the record; the ground track is a great circle of the ellipsoid's
-    normals (fixed to the Earth) from the site by the azimuth; the body's x axis lies along the specific force, drag and
-    thrust not being distinguished, and turns smoothly through the coasts. InputError where the record is broken or does
-    not reach injection, the inclination is out of reach, or the flight is beyond a limit of the card.
+    Altitude and horizontal speed are fitted together to the record. The ground track is a great circle of the normals
+    of the ellipsoid (fixed to the Earth), which leaves the site by the azimuth. The body x axis lies along the specific
+    force, without a distinction of drag and thrust, and rotates smoothly in coasts.
+
+    Raises
+    ------
+    InputError
+        The record cannot be read or does not reach injection, the site cannot reach the inclination, or the flight
+        exceeds a limit of the card.
     """
     record, notes = _until_injection(card, read(card.file))
     breaks = sorted(time for name, time in card.events.items() if _BREAK.match(name) and time < record.t[-1])
@@ -249,14 +256,14 @@ def rebuild(card: RecordedAscent) -> Trajectory:
 
 
 def _misfit(card: RecordedAscent, record: Record, climb: Climb) -> Peak:
-    """Return the misfit with the time of the row that is farthest off, in sigmas."""
+    """Return the normalised RMS misfit, with the time of the worst row."""
     speed = (climb.speed(record.t) - record.speed) / card.speed_noise
     altitude = (climb.altitude(record.t) - record.altitude) / card.altitude_noise
     return Peak("highest_misfit", climb.misfit, float(record.t[np.argmax(np.hypot(speed, altitude))]))
 
 
 def _until_injection(card: RecordedAscent, record: Record) -> tuple[Record, list[str]]:
-    """Return the rows from lift-off, where the vehicle rests, to injection, and what is said of holes in them."""
+    """Return the rows from lift-off, at rest, to injection, and the remarks on gaps in them."""
     injection = card.events["injection"]
     for name, time in card.events.items():
         if not 0.0 <= time <= injection:
@@ -278,7 +285,7 @@ def _until_injection(card: RecordedAscent, record: Record) -> tuple[Record, list
 
 
 def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:
-    """Return the azimuth of the card, or the one that ends in the card's inclination."""
+    """Return the azimuth (rad) of the card, or the azimuth that leads to the card's inclination."""
     if card.azimuth is not None:
         return card.azimuth
     inclination = card.inclination or 0.0

@@ -1,4 +1,4 @@
-"""A record of time, speed and altitude: reading it, the climb fitted to it, and how far a flight lies from it."""
+"""Record of time, speed and altitude: its reader, the fit of a climb, and the differences of a flight from it."""
 
 import math
 from itertools import pairwise
@@ -22,16 +22,16 @@ from lvnav_trade.world.truth import Trajectory, motion
 
 HEADER = ["time_s", "speed_m_s", "altitude_m"]
 _SPACING = 5.0  # s between knots
-LONGEST_HOLE = _SPACING  # s that the fit bridges whatever the rate: between two knots it resolves nothing
-_COAST_NOISE = 0.2  # m/s^2, how far a coast may depart from free fall on a sphere that does not turn
+LONGEST_HOLE = _SPACING  # s; longest gap that the fit bridges, the interval of its knots
+_COAST_NOISE = 0.2  # m/s^2; allowed deviation of a coast from free fall on a non-rotating sphere
 _WEIGHTS = (-3.0, 5.0)  # log10 of the weight of squared jerk between which the record's noise is sought
 _STEPS = 12  # of the fit, at most; a handful are usual
-_UPRIGHT = 30.0  # m/s; a slower vehicle still climbs as it stood on its pad
-_STEEPEST = 1e-3  # m/s; below this the speed has no direction and its row no derivative
+_UPRIGHT = 30.0  # m/s; a slower vehicle climbs vertically
+_STEEPEST = 1e-3  # m/s; below this speed its direction and derivative are undefined
 
 
 class Record(NamedTuple):
-    """Time since lift-off (n,) s, Earth-relative speed (n,) m/s, altitude over the site (n,) m."""
+    """A record: time since lift-off (n,) s, Earth-relative speed (n,) m/s, altitude over the site (n,) m."""
 
     t: Floats
     speed: Floats
@@ -41,8 +41,8 @@ class Record(NamedTuple):
 def read(path: str) -> Record:
     """Return the record in a CSV file with the header ``time_s,speed_m_s,altitude_m``; # begins a comment line.
 
-    InputError names file, line and fault: no such file, wrong header, a field that is no finite number, a time that
-    does not rise, a negative speed, fewer than 12 rows.
+    InputError with file and line: no such file, wrong header, a field that is no finite number, a time that does not
+    rise, a negative speed, fewer than 12 rows.
     """
     rows: list[list[float]] = []
     for index, (number, line) in enumerate(text_lines(path, DATA_BYTES)):
@@ -77,11 +77,11 @@ def _row(fields: list[str], before: list[float] | None, where: str) -> list[floa
 
 
 def differences(recorded: Recorded, flight: Trajectory, site: Site) -> dict[str, float | str]:
-    """Return the facts of the comparison: flight minus record.
+    """Return the facts of the comparison, flight minus record.
 
-    Of speed relative to the Earth (m/s) and altitude over the site (m): RMS, the greatest and its time (s), over the
-    record from lift-off to injection; of every event on record the difference in s. InputError where the record is
-    broken.
+    For speed relative to the Earth (m/s) and altitude over the site (m) they are RMS, largest difference and its time
+    (s) from lift-off to injection; for every recorded event the time difference (s). InputError if the record cannot be
+    read.
     """
     facts: dict[str, float | str] = {"compared_with": recorded.source}
     if recorded.file is not None:
@@ -96,7 +96,7 @@ def differences(recorded: Recorded, flight: Trajectory, site: Site) -> dict[str,
 
 
 def residual_facts(of: str, record: Record, speed: Floats, altitude: Floats) -> dict[str, float]:
-    """Return RMS and worst of speed (n,) in m/s and altitude (n,) in m against a record, and when (s) it is worst."""
+    """Return RMS and largest difference of speed (n,) m/s and altitude (n,) m from a record, and its time (s)."""
     facts: dict[str, float] = {}
     residuals = (("speed", "m_s", speed - record.speed), ("altitude", "m", altitude - record.altitude))
     for name, unit, residual in residuals:
@@ -108,8 +108,10 @@ def residual_facts(of: str, record: Record, speed: Floats, altitude: Floats) -> 
 
 
 def force_along(record: Record) -> Floats:
-    """Return the mean specific force along the path (n - 1,) in m/s^2 over each interval of a record: acceleration and
-    the part of gravity along the climb, which begins upright. The Earth neither turns nor is round here.
+    """Return the mean specific force along the path (n - 1,) m/s^2 over each interval of a record.
+
+    It is the acceleration plus the component of gravity along the path, which starts vertically. The Earth is assumed
+    flat and not rotating.
     """
     interval, mean = np.diff(record.t), 0.5 * (record.speed[1:] + record.speed[:-1])
     rise = np.diff(record.altitude) / interval
@@ -191,7 +193,7 @@ class _Problem(NamedTuple):
         return csc_array(block_array(rows))
 
     def start(self) -> Floats:
-        """Return coefficients to start from: altitude alone, then what is left of the speed."""
+        """Return initial coefficients: a fit of altitude alone, then of the horizontal speed that remains."""
         record = self.record
         h = _regularised(self.height / self.noise[1], self.jerk_h, record.altitude / self.noise[1])
         level = np.sqrt(np.maximum(record.speed**2 - (self.climb @ h) ** 2, 0.0))
@@ -200,9 +202,9 @@ class _Problem(NamedTuple):
     def solve(self, c: Floats) -> tuple[Floats, Floats]:
         """Return coefficients and residuals of the fit, from the start c.
 
-        Levenberg and Marquardt's steps, because the speed rows are not linear. In the vertical rise the speed does not
-        see the level speed, hence the damping; the cost there is flat, and steps that gain less than 1e-5 of it end the
-        search.
+        Levenberg-Marquardt steps, because the speed is not linear in the coefficients. In the vertical rise the speed
+        does not depend on the horizontal speed, hence the damping. The cost is flat there, so that the iteration ends
+        with a step that reduces it by less than 1e-5.
         """
         r, damping = self.residual(c), 1e-3
         for _ in range(_STEPS):
@@ -232,11 +234,19 @@ def _regularised(rows: csc_array, rough: csc_array, values: Floats) -> Floats:
 def smooth(
     record: Record, breaks: list[float], coasts: list[tuple[float, float]], noise_speed: float, noise_altitude: float
 ) -> Climb:
-    """Return the smoothest climb (least integrated square of jerk) that fits the record to its own noise.
+    """Return the smoothest climb (least integrated square of jerk) that fits the record within its noise.
 
-    Starts at rest; `breaks` are the times inside the record where acceleration jumps; in the `coasts` free fall is
-    asked for. Weights are the noises (one sigma, m/s and m). Where no smoothness makes the weighted RMS residual one,
-    the nearest is taken.
+    The climb starts at rest. If no smoothness gives a normalised RMS residual of 1, the nearest is used.
+
+    Parameters
+    ----------
+    record : Record
+    breaks : list of float
+        Times (s) within the record at which acceleration jumps.
+    coasts : list of (float, float)
+        Intervals (s) of free fall.
+    noise_speed, noise_altitude : float
+        One sigma of the record (m/s, m).
     """
     problem = _problem(record, breaks, coasts, (noise_speed, noise_altitude))
     latest = problem.start()
@@ -280,7 +290,7 @@ def _design(knots: Floats, degree: int, t: Floats, order: int, fixed: int) -> cs
 def _problem(
     record: Record, breaks: list[float], coasts: list[tuple[float, float]], noise: tuple[float, float]
 ) -> _Problem:
-    """Return the rows; at rest at the start means two zero coefficients of altitude and one of speed."""
+    """Return the least-squares problem; rest at the start means two zero coefficients of altitude and one of speed."""
     t = record.t
     knots_h, knots_u = _knots(t, breaks, 5), _knots(t, breaks, 4)
     fine = np.linspace(t[0], t[-1], 4 * len(knots_h))

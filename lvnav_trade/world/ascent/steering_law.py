@@ -16,7 +16,7 @@ from lvnav_trade.world.truth import attitude_spline, body_axes
 
 Direction = tuple[float, float, float]
 _STEP = 0.5  # s between knots of the attitude
-_DAMPING = 5.0  # s, in which the turn of the body dies away where no thrust follows
+_DAMPING = 5.0  # s; time in which the body rate decays if no thrust follows
 _PEAK = 1.875  # peak slope of the quintic smoothstep
 
 
@@ -100,8 +100,8 @@ def _linear_tangent(t: float, r: Direction, k: int, s: Steering) -> Direction:
 def direction(t: float, r: Direction, v: Direction, s: Steering) -> Direction:
     """Return the unit vector of the thrust in frame i at time t, position r (m) and inertial velocity v (m/s).
 
-    Each law hands over to the next with a quintic weight, so that the direction has a continuous rate wherever velocity
-    is continuous: at ignition and cut-off too, because in a gravity turn thrust and drag do not turn the velocity.
+    Successive laws are blended with a quintic weight, so that the rate of the direction is continuous. This includes
+    ignition and cut-off, because in a gravity turn thrust and drag do not rotate the velocity.
     """
     u = _tilted(t, s)
     weight = smoothstep((t - s.follow_start) / s.kick_duration)
@@ -142,8 +142,9 @@ def smoothsteps(x: Floats) -> Floats:
 def ascent_attitude(t: Floats, x: Floats, right_e: Floats, theta0: float, roll: Roll) -> BSpline:
     """Return the quaternion spline of a body whose x axis is x (n, 3), frame i, at times t (n,).
 
-    `right_e` (3,), fixed to the Earth, is the right-hand side of the launch plane, which zero roll refers to. One
-    spline serves all phases, so attitude and body rate are continuous across them.
+    All phases share this spline, so that attitude and body rate are continuous between them.
+
+    right_e : (3,), frame e. Right-hand side of the launch plane, to which zero roll refers.
     """
     right = eci_from_ecef(right_e, earth_angle(theta0, t))
     return attitude_spline(t, quaternions(body_axes(x, right, roll_angle(roll, t))))
@@ -155,10 +156,11 @@ def stretch_knots(begin: float, end: float) -> Floats:
 
 
 def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]) -> list[Floats]:
-    """Return the directions (n, 3) at the knots of successive stretches, those where two stretches meet once.
+    """Return the directions (n, 3) at the knots of successive phases, with each common knot only once.
 
-    thrusts: spline of the direction of the specific force over a stretch, of length one at its knots; None in a coast,
-    where the body turns from the thrust before it to the one after it. At least one stretch is powered.
+    times : Knots (s) of each phase.
+    thrusts : Spline of the direction of the specific force in each phase, of unit length at its knots. None in a coast,
+        in which the body turns from the previous thrust to the next. At least one phase is powered.
     """
     powered = [k for k, thrust in enumerate(thrusts) if thrust is not None]
     found = []
@@ -176,10 +178,9 @@ def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]
 
 
 def _through_coast(t: Floats, before: tuple[Any, float] | None, after: tuple[Any, float] | None) -> Floats:
-    """Return the directions (n, 3) from the thrust `before` (spline and end in s) to the one `after` (and its start).
+    """Return the directions (n, 3) in a coast, from the thrust `before` (spline and end in s) to that `after` (start).
 
-    Both go on at the rate they have there and are blended by a quintic; where one is missing, the rate of the other
-    dies away.
+    Both are extrapolated at constant rate and blended by a quintic. If one is missing, the rate of the other decays.
     """
     known = [one for one in (before, after) if one is not None]
     if len(known) == 1:

@@ -1,4 +1,4 @@
-"""Solve the steering of an ascent for its target orbit, or say by how much the vehicle falls short."""
+"""Targeting: the steering of an ascent for its target orbit, or the missing velocity of the vehicle."""
 
 import math
 from typing import NamedTuple
@@ -15,21 +15,21 @@ from lvnav_trade.world.ascent.legs import Aim, Flight, engine, fly_ascent, impul
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent
 
 _CLIMB_AT_SEPARATION = math.radians(30.0)  # where the search for the kick starts
-_LOST = 1e6  # residual of an aim that is no number
+_LOST = 1e6  # residual of an aim that is not finite
 _SMALL = 1e-6  # norm of the scaled residuals that counts as solved: 10 mm, 1e-5 m/s, 1e-9 rad
 _RESIDUAL = np.array([1e4, 10.0, 1e-2, 1e-3])  # m, m/s, rad, rad: residuals of one are about alike
-_LONGEST = 3.0  # times a whole burn: more is not flown
-_PATIENCE = 5  # kicks tried in vain before a vehicle is taken for too weak
-_PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.0)  # of a payload too heavy: what may still reach the orbit
+_LONGEST = 3.0  # times a whole burn; longer burns are not integrated
+_PATIENCE = 5  # unsuccessful kicks before a vehicle counts as too weak
+_PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.0)  # of a payload that is too heavy: payloads tried instead
 _UNKNOWN = np.array([1e-3, 0.1, 0.1, 1.0])  # rad, tan, tan, s: so are steps of one
 
 
 def solve(card: VehicleAscent) -> Aim:
-    """Return the aim with which the vehicle reaches the card's orbit; InputError where it cannot.
+    """Return the aim with which the vehicle reaches the card's orbit; InputError if it cannot.
 
-    For a given kick four unknowns (azimuth or, where that is prescribed, yaw; two of the tangent law; burn) meet four
-    conditions at the cut-off in orbit (radius, speed, level flight, inclination); the kick is the card's, or the one
-    that needs the shortest burn.
+    For a given kick there are four unknowns (azimuth, or yaw if that is prescribed; two of the tangent law; burn) and
+    four conditions at the cut-off in orbit (radius, speed, flight-path angle, inclination). The kick is that of the
+    card, or the kick with the shortest burn.
     """
     require_possible(card)
     if impulse_speed(card.vehicle, card.vehicle.payload) < _least_speed(card):
@@ -47,7 +47,7 @@ def solve(card: VehicleAscent) -> Aim:
 
 
 def require_possible(card: VehicleAscent) -> None:
-    """InputError where a vehicle does not lift off, or an inclination is out of reach of the site."""
+    """Raise InputError if a vehicle does not lift off, or the site cannot reach the inclination."""
     weight, push = lift_off_mass(card) * STANDARD_GRAVITY, engine(card.vehicle, 1, 0.0, 0.0, 1.0)
     thrust = push.thrust - 101325.0 * push.exit_area + thrust_beside(push.beside.since, 101325.0, push.beside)[0]
     if thrust <= weight:
@@ -65,7 +65,7 @@ def require_possible(card: VehicleAscent) -> None:
 
 
 def _first_guess(card: VehicleAscent) -> Floats:
-    """Return what to start from: azimuth (or yaw), tangent at both ends of the law, burn of the stage cut off."""
+    """Return the initial values: azimuth (or yaw), tangents at both ends of the law, burn of the stage cut off."""
     azimuth = math.asin(math.cos(card.target.inclination) / math.cos(card.site.latitude))
     if card.target.direction == "descending":
         azimuth = math.pi - azimuth
@@ -83,7 +83,7 @@ def _aim(card: VehicleAscent, x: Floats, kick: float) -> Aim:
 
 
 class Point(NamedTuple):
-    """Where an orbit is entered: radius (m), speed (m/s), flight-path angle (rad)."""
+    """Point at which an orbit is entered: radius (m), speed (m/s), flight-path angle (rad)."""
 
     radius: float
     speed: float
@@ -91,19 +91,19 @@ class Point(NamedTuple):
 
 
 def _residuals(y: Floats, at: Point, inclination: float) -> Floats:
-    """Return what a state y (7,) has too much of radius, speed, flight-path angle and inclination, (4,)."""
+    """Return the residuals (4,) of a state y (7,): radius (m), speed (m/s), flight-path angle, inclination (rad)."""
     length, pace = (float(np.linalg.norm(part)) for part in (y[:3], y[3:6]))
     turn = float(elements_from_state(y[:3], y[3:6]).inclination) - inclination
     return np.array([length - at.radius, pace - at.speed, _climb(y[:3], y[3:6]) - at.climb, turn])
 
 
 def _climb(r_i: Floats, v: Floats) -> float:
-    """Return the angle (rad) of a velocity over the horizontal, at a position."""
+    """Return the flight-path angle (rad) of a velocity above the horizontal at a position."""
     return math.asin(max(-1.0, min(1.0, float(r_i @ v) / float(np.linalg.norm(r_i) * np.linalg.norm(v)))))
 
 
 def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> Point:
-    """Return perigee, or apogee, of an orbit given by its altitudes in m."""
+    """Return the perigee or apogee of an orbit given by its altitudes (m)."""
     low, high = SEMI_MAJOR + perigee, SEMI_MAJOR + apogee
     radius = high if at_apogee else low
     return Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))))
@@ -127,10 +127,10 @@ def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> 
     longest = _LONGEST * card.vehicle.stages[card.inserting - 1].full_burn
 
     def miss(z: Floats) -> Floats:
-        if not np.all(np.isfinite(z)):  # a solver that lost its way
+        if not np.all(np.isfinite(z)):  # the iteration diverged
             return np.full(z.size, _LOST)
         aim = _aim(card, guess + z * _UNKNOWN, kick)
-        astray = max(0.0, aim.burn - longest)  # a solver astray may ask for a burn of days
+        astray = max(0.0, aim.burn - longest)  # a diverging iteration may have a burn of days
         flight = fly_ascent(card, aim._replace(burn=aim.burn - astray), final_coast=False)
         residuals = _residuals(flight.legs[-1].y[-1], entry, card.target.inclination) / _RESIDUAL
         return np.asarray(residuals + astray)
@@ -167,7 +167,7 @@ def _best_kick(card: VehicleAscent) -> float:
 
 
 def _kick_for_climb(card: VehicleAscent, guess: Floats) -> float:
-    """Return the kick angle in rad after which the first stage is dropped at a middling climb angle."""
+    """Return the kick angle (rad) for which the first stage separates at a moderate climb angle."""
 
     def climb(kick: float) -> float:
         flight = fly_ascent(card, _aim(card, np.array([*guess[:3], 0.0]), kick), final_coast=False)
@@ -185,9 +185,9 @@ def _kick_for_climb(card: VehicleAscent, guess: Floats) -> float:
 def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
     """Return the aim that cuts off at the parking perigee and a second time at the target's apogee.
 
-    The aim given reaches the parking orbit as if the Earth were a sphere from there on; its oblateness moves apogee by
-    some kilometres, so both burns are solved together: six unknowns (all but the second tangent, which is level), six
-    conditions (radius and level flight at the first cut-off, the four of `_insertion` at the second).
+    The given aim reaches the parking orbit for a spherical Earth after cut-off. Oblateness moves the apogee by some
+    kilometres, so that both burns are solved together: six unknowns (all but the second tangent, which is level) and
+    six conditions (radius and level flight at the first cut-off, the four of `_residuals` at the second).
     """
     assert card.parking is not None
     start = _second_burn(card, aim)
@@ -214,7 +214,7 @@ def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
 
 
 def _second_burn(card: VehicleAscent, aim: Aim) -> Aim:
-    """Return the aim with coast and second burn of a Hohmann transfer, to start from."""
+    """Return the aim with coast and second burn of a Hohmann transfer, as initial values."""
     assert card.parking is not None
     stage, mass = card.vehicle.stages[-1], mass_above(card, card.inserting)
     exhaust = stage.exhaust_speed
@@ -239,12 +239,12 @@ def _require_converged(card: VehicleAscent, aim: Aim, result: OptimizeResult) ->
 
 
 def propellant_left(card: VehicleAscent, aim: Aim, number: int) -> float:
-    """Return the usable propellant in kg that a stage cut off in orbit has left; negative where it was not enough."""
+    """Return the remaining usable propellant (kg) of a stage cut off in orbit; negative for a shortfall."""
     return left_in_orbit(card, fly_ascent(card, aim, final_coast=False), number)
 
 
 def left_in_orbit(card: VehicleAscent, flight: Flight, number: int) -> float:
-    """Return the same of an ascent that is flown already."""
+    """Return the remaining usable propellant (kg), as `propellant_left`, of an ascent that is already simulated."""
     y = flight.legs[-1].y[-1]
     if number < len(card.vehicle.stages):
         y = _state_at(flight, flight.events[f"stage{number}_cutoff"])
@@ -252,13 +252,13 @@ def left_in_orbit(card: VehicleAscent, flight: Flight, number: int) -> float:
 
 
 def _require_propellant(card: VehicleAscent, aim: Aim) -> None:
-    """Refuse an aim that burns more propellant than there is, with the missing delta-v."""
+    """Raise InputError, with the missing delta-v, if an aim burns more propellant than available."""
     for number, stage in enumerate(card.vehicle.stages[card.inserting - 1 :], start=card.inserting):
         left = propellant_left(card, aim, number)
         if left >= 0.0:
             continue
         empty = stage.dry + mass_above(card, number)
-        if empty + left <= 0.5 * empty:  # it would burn itself: no measure of what is missing
+        if empty + left <= 0.5 * empty:  # the final mass is unphysical, and no measure of the missing velocity
             _refuse_too_heavy(card)
         lacking = stage.exhaust_speed * math.log(empty / (empty + left))
         raise InputError(
@@ -269,11 +269,11 @@ def _require_propellant(card: VehicleAscent, aim: Aim) -> None:
 
 
 def _refuse_too_heavy(card: VehicleAscent) -> None:
-    """Refuse a payload that no steering carries to the orbit where a lighter one gets there, with the missing delta-v.
+    """Raise InputError, with the missing delta-v, if the payload is too heavy for the orbit.
 
-    The greatest payload that reaches the orbit is bracketed with the kick of a middling climb; the shortfall is the
-    difference of the ideal speed gains with the two. Where not even an empty vehicle gets there, the speed that the
-    orbit's energy asks for, losses not counted, says how much is missing at least.
+    The largest payload that reaches the orbit is bracketed with the kick for a moderate climb. The shortfall is the
+    difference of the ideal velocity gains with the two payloads. If even the vehicle without payload fails, a lower
+    bound is computed from the energy of the orbit, without losses.
     """
     vehicle = card.vehicle
     payload, gain = vehicle.payload, impulse_speed(vehicle, vehicle.payload)
@@ -311,6 +311,6 @@ def _reaches(card: VehicleAscent, payload: float) -> bool:
 
 
 def _least_speed(card: VehicleAscent) -> float:
-    """Return the speed in m/s that the energy of the orbit asks for from the ground, the Earth's turn helping."""
+    """Return the velocity gain (m/s) from the ground for the energy of the orbit, with the help of Earth rotation."""
     a = SEMI_MAJOR + 0.5 * ((card.parking or card.target).perigee + card.target.apogee)
     return math.sqrt(2.0 * GM / SEMI_MAJOR - GM / a) - OMEGA * SEMI_MAJOR * math.cos(card.target.inclination)

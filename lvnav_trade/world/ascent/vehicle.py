@@ -1,4 +1,4 @@
-"""A launch vehicle and the ascent asked of it: the cards."""
+"""Cards of a launch vehicle and its ascent."""
 
 import math
 from collections.abc import Iterator
@@ -19,16 +19,16 @@ STANDARD_GRAVITY = 9.80665  # m/s^2, converts specific impulse in seconds to exh
 
 
 def refuse_drag_table(mach: tuple[float, ...], coefficient: tuple[float, ...]) -> None:
-    """ValueError where Mach numbers and drag coefficients do not make a table."""
+    """Raise ValueError if Mach numbers and drag coefficients are not a table: lengths differ, or Mach does not rise."""
     if len(mach) != len(coefficient):
         raise ValueError(f"{len(mach)} Mach numbers but {len(coefficient)} drag coefficients")
     require_rising("mach", mach)
 
 
 class Profile(Card):
-    """How the thrust of a solid motor goes over its burn, straight from point to point.
+    """Shape of the thrust of a solid motor over its burn, linear between points.
 
-    Only the shape counts: the mean over the burn is that of propellant, specific impulse and burn time.
+    Only the shape is used: the mean thrust follows from propellant, specific impulse and burn time.
     """
 
     part: tuple[units.Share, ...] = Field(
@@ -44,10 +44,10 @@ class Profile(Card):
 
 
 class Motor(Card):
-    """What burns: masses and engine. Thrust or burn time is given, the other follows; mean thrust where it varies.
+    """Masses and engine of a stage or booster. Either the thrust or the burn time is given, and the other follows.
 
-    Thrust at altitude is the vacuum thrust less ambient pressure times exit area. A motor known by its thrust may be
-    throttled, at a constant specific impulse; one known by its burn time burns just so long.
+    Thrust at altitude is the vacuum thrust minus ambient pressure times exit area. A motor given by its thrust can be
+    throttled at constant specific impulse. A motor given by its burn time burns exactly that long, with a mean thrust.
     """
 
     name: str  # of the stage or booster
@@ -81,18 +81,18 @@ class Motor(Card):
 
     @property
     def full_burn(self) -> float:
-        """Time in s that all the propellant lasts without throttling."""
+        """Burn time of all propellant without throttling, s."""
         return self.propellant * STANDARD_GRAVITY * self.specific_impulse / self.full_thrust
 
 
 class Stage(Motor):
-    """One stage, and the coast before it lights."""
+    """A stage, and the coast before its ignition."""
 
     ignition_delay: units.Pause = Field(0.0, description="coast between separation of the stage below and ignition")
 
 
 class Boosters(Motor):
-    """Strap-on motors that burn beside the first stage, all of a group alike; masses and thrust are of one of them."""
+    """A group of equal strap-on motors that burn together with the first stage; masses and thrust are of one motor."""
 
     name: str = Field(
         pattern="^[a-z][a-z0-9_]*$", description="name of the group; the names of its events start with it"
@@ -102,12 +102,12 @@ class Boosters(Motor):
 
     @property
     def gone(self) -> float:
-        """Time of separation, s after lift-off."""
+        """Time of separation, s since lift-off."""
         return self.ignition + self.full_burn + self.separation_delay
 
 
 class Fairing(Card):
-    """Payload fairing, released a while after a stage has lit."""
+    """Payload fairing, released at a time after the ignition of a stage."""
 
     mass: units.Mass
     stage: int = Field(2, ge=1, description="number of the stage that burns when the fairing is released")
@@ -197,8 +197,8 @@ class Orbit(Card):
 def sun_synchronous(perigee: float, apogee: float) -> float:
     """Return the inclination in rad at which the node of an orbit (altitudes in m) follows the mean Sun.
 
-    Mean precession of the node by J2 alone, -3/2 J2 n (a_e / p)^2 cos i (Kaula 1966), a turn in a tropical year.
-    ValueError where no inclination does.
+    The mean precession of the node due to J2, -3/2 J2 n (a_e / p)^2 cos i (Kaula 1966), is one turn in a tropical year.
+    ValueError if there is no such inclination.
     """
     a = SEMI_MAJOR + 0.5 * (perigee + apogee)
     p = a * (1.0 - (0.5 * (apogee - perigee) / a) ** 2)
@@ -210,9 +210,10 @@ def sun_synchronous(perigee: float, apogee: float) -> float:
 
 
 class Parking(Card):
-    """Transfer orbit: a stage cuts off at its perigee, coasts to the target's apogee, and the last stage burns there.
+    """Parking orbit: a stage cuts off at its perigee and coasts to the target's apogee, where the last stage burns.
 
-    That stage is the last one, which then lights a second time, or the one below it, which is dropped before the coast.
+    The stage that cuts off is the last stage, which is then ignited a second time, or the stage below it, which is
+    separated before the coast.
     """
 
     perigee: units.Length
@@ -222,7 +223,7 @@ class Parking(Card):
 
 
 class Recorded(Card):
-    """What is on record of such a flight; the facts of the trajectory say how far it lies from that."""
+    """Records of such a flight, with which the facts of the trajectory compare it."""
 
     source: str
     file: str | None = Field(
@@ -249,7 +250,7 @@ class Roll(Card):
 
 
 class FlightCard(units.NamedCard):
-    """What the cards of all trajectories begin with."""
+    """Base of the cards of all trajectories."""
 
     kind: str
     epoch: units.Epoch = Field(description="lift-off, ISO 8601 UTC")
@@ -261,7 +262,7 @@ class FlightCard(units.NamedCard):
 
 
 class VehicleAscent(FlightCard):
-    """A trajectory flown by a vehicle card: from the pad to a target orbit, its steering solved for."""
+    """An ascent of a vehicle from the pad to a target orbit, for which the steering is solved."""
 
     kind: Literal["vehicle"] = "vehicle"
     vehicle: VehicleCard  # stages, boosters, fairing and payload
@@ -351,5 +352,5 @@ class VehicleAscent(FlightCard):
 
     @property
     def inserting(self) -> int:
-        """Number of the stage that is cut off in orbit: in the target, or in the parking orbit."""
+        """Number of the stage that is cut off in orbit: the target orbit, or the parking orbit."""
         return len(self.vehicle.stages) if self.parking is None or self.parking.stage is None else self.parking.stage

@@ -1,4 +1,4 @@
-"""True trajectories of every kind: ascents, flight in orbit and entry, sounding rockets, files of the user's own.
+"""True trajectories of all kinds: ascents, flight in orbit and entry, sounding rockets, files of the user.
 
-Read `trajectory.py` first: it builds the trajectory that a card asks for.
+Read `trajectory.py` first: it builds the trajectory of a card.
 """

@@ -1,4 +1,4 @@
-"""A true flight as rows of a file and the card that names them: the format in which a user's own flights come in."""
+"""Export of a true trajectory as a trajectory file of the user's format, with its card."""
 
 import math
 from typing import Any, NamedTuple
@@ -27,13 +27,18 @@ COLUMNS = (
     "q2",
     "q3",
 )
-_SAME = 1e-6  # s; two times closer than this are one
-_SPARE = 1.02  # of a flight's own peak, by which its export may exceed that
-_STEP = 0.0317  # s between the times at which two flights are compared; no multiple of a usual step
+_SAME = 1e-6  # s; times closer than this count as equal
+_SPARE = 1.02  # limit of an exported peak over the peak of the trajectory
+_STEP = 0.0317  # s between the times at which two trajectories are compared; no multiple of a usual step
 
 
 class Exported(NamedTuple):
-    """The text of the CSV file, the fields of its card, and the flight that both are of, without oscillations."""
+    """An exported trajectory.
+
+    text : Text of the CSV file.
+    card : Fields of its card.
+    flight : The trajectory, without oscillations.
+    """
 
     text: str
     card: dict[str, Any]
@@ -41,15 +46,25 @@ class Exported(NamedTuple):
 
 
 def exported(card: TrajectoryCard, file: str, name: str, rate: float) -> Exported:
-    """Return the flight of a card as rows and card.
+    """Return the trajectory of a card as CSV rows and a card.
 
-    The rows stand at `rate` (Hz) and at every time where force jumps. Geodetic position, velocity (ned) relative to the
-    Earth, quaternion from body to frame i, all digits. Oscillations are left out of the rows and stay in the card.
-    InputError where the card cannot be flown, or the rows would be more than are read.
+    Rows have geodetic position, velocity relative to the Earth (ned) and the quaternion from body to frame i, with all
+    digits. There is a row at every jump of force. Oscillations are not in the rows but remain settings of the card.
 
     Parameters
     ----------
-    file, name : of the CSV file as the card names it, and of the card
+    card : TrajectoryCard
+    file : str
+        Name of the CSV file in the exported card.
+    name : str
+        Name of the exported card.
+    rate : float
+        Rate of the rows (Hz).
+
+    Raises
+    ------
+    InputError
+        The trajectory cannot be computed, or has more rows than can be read.
     """
     flight = build(card.model_copy(update={"oscillation": (), "named_times": {}}))
     hold = flight.phases[0].end - flight.start if flight.phases[0].name == "pad" else 0.0
@@ -62,7 +77,7 @@ def exported(card: TrajectoryCard, file: str, name: str, rate: float) -> Exporte
         "epoch": card.epoch,
         "file": file,
         "events": {event: f"{time!r} s" for event, time in events.items() if event not in OWN_EVENTS},
-        "largest_force_angle": "180 deg",  # the attitude is that of the flight, wherever its forces are
+        "largest_force_angle": "180 deg",  # no check: the attitude is correct whatever the direction of the force
         **_limits(card, flight),
         **_kept(card),
     }
@@ -72,7 +87,7 @@ def exported(card: TrajectoryCard, file: str, name: str, rate: float) -> Exporte
 
 
 def _layout() -> dict[str, Any]:
-    """Return the fields that say what the columns hold."""
+    """Return the fields of a card that describe the columns."""
     return {
         "kind": "table",
         "time": {"column": COLUMNS[0], "unit": "s"},
@@ -89,19 +104,19 @@ def _layout() -> dict[str, Any]:
 
 
 def _events(flight: Trajectory, hold: float) -> dict[str, float]:
-    """Return the times (s) of the events in order, those of a jump of force that has no name among them."""
-    found = dict(flight.events)
+    """Return the times (s) of the events in order, with names for jumps of force without an event."""
+    events = dict(flight.events)
     ends = [phase.start for phase in flight.phases[1:]]
     unnamed = [time for time in ends if time > flight.start + hold + _SAME]
     for time in unnamed:
-        if all(abs(time - known) > _SAME for known in found.values()):
-            number = 1 + sum(name.startswith("change_") for name in found)
-            found[f"change_{number}"] = time
-    return dict(sorted(found.items(), key=lambda event: event[1]))
+        if all(abs(time - known) > _SAME for known in events.values()):
+            number = 1 + sum(name.startswith("change_") for name in events)
+            events[f"change_{number}"] = time
+    return dict(sorted(events.items(), key=lambda event: event[1]))
 
 
 def _times(begin: float, end: float, events: list[float], rate: float) -> Floats:
-    """Return the times (s) of the rows: a grid from `begin`, and the events in place of what is near them."""
+    """Return the times (s) of the rows: a grid from `begin`, and the events in place of grid points close to them."""
     if not rate > 0.0:
         raise InputError("the rate of the rows should be above zero")
     if (end - begin) * rate > DATA_ROWS:
@@ -125,30 +140,32 @@ def _text(card: TrajectoryCard, flight: Trajectory, t: Floats) -> str:
 
 
 def _limits(card: TrajectoryCard, flight: Trajectory) -> dict[str, str]:
-    """Return the limits, as fields, that the flight needs beyond those that a table usually has."""
+    """Return the fields of a card with limits that the trajectory needs above the default limits."""
     found = {}
     for field, unit in (("highest_load", "m/s^2"), ("highest_rate", "rad/s"), ("highest_spin", "rad/s")):
         usual = float(TableTrajectory.model_fields[field].default)
         size = next(peak.size for peak in peaks(flight) if peak.field == field) * _SPARE
-        own = getattr(card, field) if isinstance(card, OutsideFlight) else usual
-        if max(size, own) > usual:
-            found[field] = f"{max(size, own)!r} {unit}"
+        limit = getattr(card, field) if isinstance(card, OutsideFlight) else usual
+        if max(size, limit) > usual:
+            found[field] = f"{max(size, limit)!r} {unit}"
     return found
 
 
 def _kept(card: TrajectoryCard) -> dict[str, Any]:
-    """Return the fields that the export takes over as they are."""
+    """Return the fields that the export copies from the card."""
     data = card.model_dump(mode="json", exclude_defaults=True)
     return {field: data[field] for field in ("oscillation", "named_times") if data.get(field)}
 
 
 def difference(flight: Trajectory, other: Trajectory) -> dict[str, float]:
-    """Return the largest differences of two flights where both are, SI: position, velocity, attitude, specific force
-    and body rate; times within 1 us of a jump are left out.
+    """Return the largest differences of two trajectories in their common time, SI, by quantity and unit.
+
+    The quantities are position, velocity, attitude, specific force and body rate. Times within 1 us of a jump are
+    excluded.
     """
     begin, end = max(flight.start, other.start), min(flight.end, other.end)
     t = np.arange(begin, end, _STEP)[1:]
-    jumps = np.array([phase.start for one in (flight, other) for phase in one.phases])
+    jumps = np.array([phase.start for trajectory in (flight, other) for phase in trajectory.phases])
     t = t[np.min(np.abs(t[:, None] - jumps), axis=1) > _SAME]
     a, b = motion(flight, t), motion(other, t)
 

@@ -35,15 +35,15 @@ from lvnav_trade.world.truth import Trajectory, attitude_spline
 Pointing = Literal["prograde", "retrograde", "horizontal", "airspeed", "inertial"]
 
 _COAST, _POWERED, _CANOPY = 2.0, 0.25, 0.05  # s between knots: where forces are smooth, in burns and air, at openings
-_AIR = 200e3  # m; below, knots stand as close as in a burn
-_WIDEST = 2.5  # rad; of a turn in a burn: near half a circle either way round is as good, and thrust must not choose
-_ENTRY = 100e3  # m; where the way down counts as entry
+_AIR = 200e3  # m; knots below it are as close as in a burn
+_WIDEST = 2.5  # rad; largest turn in a burn: near half a turn the direction, and thus the thrust, is ambiguous
+_ENTRY = 100e3  # m; altitude of the event entry
 _SLEW = 60.0  # s
 _LONGEST = 20000.0  # s of a coast down: three orbits
 
 
 class Start(Card):
-    """Osculating orbit at t = 0: altitudes above the equatorial radius, and where in it the flight begins."""
+    """Osculating orbit at t = 0: altitudes above the equatorial radius, and the place at which the flight begins."""
 
     perigee: Length
     apogee: Length
@@ -60,11 +60,11 @@ class Start(Card):
 
 
 class Leg(Card):
-    """A part of the flight: a coast or a burn, with a law of attitude that it turns to as it begins.
+    """A coast or a burn, with an attitude law to which the body turns at its start.
 
-    prograde and retrograde: the x axis along and against the inertial velocity; horizontal: level in the orbital plane;
-    airspeed: along the velocity through the air; inertial: as it was at the start of the leg, between the stars. Pitch
-    and yaw stand off from the law, as the body sees them.
+    prograde, retrograde: x axis along or against the inertial velocity; horizontal: x axis level in the orbital plane;
+    airspeed: x axis along the velocity through the air; inertial: constant inertial attitude of the start of the leg.
+    Pitch and yaw are rotations from the law about body axes.
     """
 
     name: str = Field(
@@ -91,7 +91,7 @@ class Leg(Card):
 
 
 class Canopy(Card):
-    """A parachute that opens at an altitude and stays, until the next one takes its place."""
+    """A parachute that opens at an altitude and is replaced by the next parachute."""
 
     name: str = Field(pattern="^[a-z][a-z0-9_]*$")
     below: Length
@@ -99,7 +99,7 @@ class Canopy(Card):
 
 
 class Descent(Card):
-    """The last coast: down to an altitude through the air."""
+    """The last coast, through the air down to an altitude."""
 
     altitude: Length = Field(description="height at which the flight ends, at the last whole second before it")
     attitude: Pointing = "airspeed"
@@ -115,9 +115,9 @@ class Descent(Card):
 
 
 class OrbitalFlight(FlightCard):
-    """A trajectory that begins in orbit at t = 0 and goes through legs, at last down to an altitude where asked for.
+    """A trajectory that begins in orbit at t = 0: legs, and optionally a descent to an altitude.
 
-    Drag acts all the way, with the mass of the moment; without area there is none.
+    Drag acts throughout, with the present mass; there is none without a reference area.
     """
 
     kind: Literal["orbital"] = "orbital"
@@ -146,7 +146,7 @@ class OrbitalFlight(FlightCard):
 
 
 def orbit(card: OrbitalFlight) -> Trajectory:
-    """Return the flight of an orbital card; InputError where it does not come down, or comes down too early."""
+    """Return the true trajectory of an orbital card; InputError if it does not come down, or comes down too early."""
     flight = _Flight(card)
     for leg in card.legs:
         flight.leg(leg)
@@ -169,7 +169,7 @@ class _Flight(Flown):
         super().__init__(theta0, start, air if card.reference_area > 0.0 else None)
 
     def point(self, to: Leg | Descent) -> None:
-        """Turn to a law of attitude from now on; the first one holds from the start."""
+        """Turn to an attitude law at the present time; the first law applies from the start."""
         start, slew = (self.t, to.slew) if self.modes else (-math.inf, 0.0)
         self.modes.append(Mode(start, slew, turned(self._law(to.attitude), to.pitch, to.yaw)))
 
@@ -199,7 +199,7 @@ class _Flight(Flown):
             self.events[f"{leg.name}_cutoff"] = self.t
 
     def _turn(self) -> float:
-        """Return the angle (rad) from the attitude of now to that of the latest law."""
+        """Return the angle (rad) from the present attitude to that of the latest law."""
         trace = float(np.trace(self.axes().T @ self.axes(self.modes[-1:])))
         return math.acos(min(1.0, max(-1.0, 0.5 * (trace - 1.0))))
 

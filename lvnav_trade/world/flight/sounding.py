@@ -39,18 +39,18 @@ from lvnav_trade.world.oscillation import OscillationCard
 from lvnav_trade.world.truth import Trajectory, attitude_spline, body_axes
 
 _STEP = 0.25  # s between knots
-_LONGEST = 3600.0  # s of a coast; a rocket that is not down again by then has left for orbit
+_LONGEST = 3600.0  # s; longest coast: a rocket that has not come down by then is in orbit
 
 
 def _turns(value: Any) -> Any:
-    """Refuse an angle per time: as a frequency it would be taken for turns, 6 times too fast."""
+    """Refuse an angle per time, because as a frequency it would be read as turns per time, 6 times too fast."""
     if isinstance(value, str) and ("rad" in value or "deg" in value):
         raise ValueError(f"{value!r}: give the turns per second, in Hz")
     return value
 
 
 class SolidMotor(Card):
-    """A stage of a sounding rocket: constant mass flow over its burn, and the pauses around it."""
+    """A stage of a sounding rocket: constant mass flow over its burn, and the coasts before and after it."""
 
     name: str  # of the stage
     propellant: Annotated[Mass, Field(gt=0.0)]  # mass that burns
@@ -67,7 +67,7 @@ class SolidMotor(Card):
 
 
 class Rail(Card):
-    """The launcher that guides the rocket's first metres."""
+    """The rail that guides the rocket over its first metres."""
 
     azimuth: Angle
     elevation: Annotated[Angle, Field(gt=0.3, lt=1.5707)] | None = Field(
@@ -77,7 +77,7 @@ class Rail(Card):
 
 
 class SpinStep(Card):
-    """A change of the spin, such as canted fins or a yo-yo bring about: smooth, over a time."""
+    """A smooth change of the spin rate, for example due to canted fins or a yo-yo despin."""
 
     at: Instant = Field(description="event, also with a duration added, or a time since lift-off")
     frequency: Annotated[TurnRate, BeforeValidator(_turns)] = Field(
@@ -87,10 +87,10 @@ class SpinStep(Card):
 
 
 class SoundingFlight(FlightCard):
-    """A trajectory of an unguided rocket that leaves a rail, flies nose first and then keeps its attitude by spin.
+    """A trajectory of an unguided rocket: along a rail, nose first in the air, then stabilised by spin.
 
-    The apogee, an altitude over the ellipsoid, asks for the rail's elevation, or where that is stated for the elevation
-    to which the body is turned before the last stage.
+    The elevation of the rail is solved for the apogee (altitude over the ellipsoid). If that elevation is given, the
+    elevation to which the body turns before the last stage is solved instead.
     """
 
     kind: Literal["sounding"] = "sounding"
@@ -139,7 +139,7 @@ class SoundingFlight(FlightCard):
 
 
 def spin_angle(steps: tuple[SpinStep, ...], events: dict[str, float], start: float, end: float) -> PPoly | None:
-    """Return the roll angle (rad) over start to end (s) of a spin that begins with none; None where it stays so."""
+    """Return the roll angle (rad) from start to end (s) with an initial spin of zero; None without any spin."""
     if not steps:
         return None
     times, rows, before = [start - 1.0], [], 0.0
@@ -159,7 +159,7 @@ def spin_angle(steps: tuple[SpinStep, ...], events: dict[str, float], start: flo
 
 
 def launch(card: SoundingFlight) -> Trajectory:
-    """Return the flight of a sounding rocket; InputError where it does not rise, or its apogee is out of reach."""
+    """Return the true trajectory of a sounding rocket; InputError if it does not rise or cannot reach its apogee."""
     flight = _fly(card, *_solve(card))
     before = pad_knots(card.pad_hold, _STEP)
     t, y = knots(flight.stretches)
@@ -189,7 +189,7 @@ class _Flight(Flown):
         return self.thrust(flow * STANDARD_GRAVITY * stage.specific_impulse, flow, stage.exit_area)
 
     def leave_rail(self, stage: SolidMotor) -> None:
-        """Fly the metres on the rail, whose force lets only the motion along it be."""
+        """Integrate the motion along the rail, whose force cancels all acceleration across it."""
         free = newton(self.air, self.motor(stage), self.theta0)
         start_e = frames.ecef_from_eci(self.y[:3], self.theta0)
 
@@ -212,11 +212,11 @@ class _Flight(Flown):
         self.nose_first(self.card.weathercock)
 
     def nose_first(self, slew: float) -> None:
-        """Turn into the airspeed from now on, within `slew` seconds."""
+        """Turn the x axis along the airspeed, within `slew` seconds."""
         self.modes.append(Mode(self.t, slew, along_airspeed(self.right_e, self.theta0)))
 
     def leg(self, name: str, duration: float, thrust: Thrust | None = None) -> None:
-        """Fly on for a duration; where the air lets go of the body the stretch is cut and the attitude kept."""
+        """Integrate for a duration (s); at the end of the aerodynamic phase the leg is cut and the attitude fixed."""
         end, above = self.t + duration, self.above(self.card.held_above)
         while end - self.t > 1e-9:
             cut = None if self.held or above(self.t, self.y) >= 0.0 else above
@@ -225,12 +225,12 @@ class _Flight(Flown):
                 self.hold(self.axes())
 
     def hold(self, C_b_i: Floats, start: float | None = None) -> None:
-        """Keep an attitude in inertial space from `start` or now on."""
+        """Keep an inertial attitude from `start` (s) on; None: from the present time on."""
         self.held = True
         self.modes.append(Mode(self.t if start is None else start, self.card.turn_time, fixed_to_stars(C_b_i)))
 
     def turn(self, elevation: float, coast: float) -> None:
-        """Turn to an elevation (rad) over the horizontal of a place `coast` seconds ahead, to be there in time."""
+        """Turn to an elevation (rad) above the local horizontal after `coast` seconds, by that time."""
         there = self.ahead("", coast, _STEP)
         C_i_n = frames.rotation_i_n(there.y[-1:, :3], np.array(frames.earth_angle(self.theta0, there.t[-1])))[0]
         along = C_i_n @ frames.earth_velocity(there.y[-1, :3], there.y[-1, 3:6])
@@ -260,7 +260,7 @@ class _Flight(Flown):
         self.events["apogee"] = self.t
 
     def fall(self) -> None:
-        """Coast down to the end, nose first again where there is air."""
+        """Coast down to the end, nose first again in the air."""
         if self.height - self.card.end_altitude < 1.0:
             raise InputError(f"{self.card.name}: the apogee is not above end_altitude")
         marks = [self.card.held_above] if self.card.end_altitude < self.card.held_above < self.height else []
@@ -276,12 +276,12 @@ class _Flight(Flown):
 
 
 def _acceleration_at_rest(y: Floats) -> Floats:
-    """Return the acceleration (3,) of a point that rests on the Earth at a state's position."""
+    """Return the acceleration (3,) of a point at rest on the rotating Earth, at the position of a state."""
     return np.array([-OMEGA * OMEGA * y[0], -OMEGA * OMEGA * y[1], 0.0])
 
 
 def _fly(card: SoundingFlight, elevation: float, turn: float | None, whole: bool = True) -> _Flight:
-    """Fly with the rail at `elevation` and the last stage turned to `turn` (rad); to the apogee alone if not whole."""
+    """Return the flight with rail at `elevation` and last stage turned to `turn` (rad); to apogee if not whole."""
     flight = _Flight(card, elevation)
     flight.leave_rail(card.stages[0])
     for number, stage in enumerate(card.stages, start=1):
@@ -298,7 +298,7 @@ def _fly(card: SoundingFlight, elevation: float, turn: float | None, whole: bool
 
 
 def _solve(card: SoundingFlight) -> tuple[float, float | None]:
-    """Return the rail's elevation and that of the last stage (rad; None: as it flies), solved for the apogee."""
+    """Return the elevations (rad) of rail and last stage (None: no turn) that reach the apogee."""
     rail, wanted = card.rail.elevation, card.apogee
     if wanted is None:
         assert rail is not None

@@ -1,4 +1,4 @@
-"""From a trajectory card to the true flight."""
+"""True trajectory of a trajectory card, and the digest that identifies it."""
 
 import hashlib
 import json
@@ -44,10 +44,12 @@ _BUILDERS: dict[str, Callable[[Any], Trajectory]] = {
 
 
 def build(card: TrajectoryCard) -> Trajectory:
-    """Return the true flight of a trajectory card, its oscillations laid over it, the times that it names among the
-    events.
+    """Return the true trajectory of a card, with its oscillations, and with its named times among the events.
 
-    InputError where it cannot be flown or rebuilt, or where an oscillation or a named time does not lie within it.
+    Raises
+    ------
+    InputError
+        The trajectory cannot be computed, or an oscillation or a named time lies outside it.
     """
     flight = _BUILDERS[card.kind](card)
     if card.named_times:
@@ -56,7 +58,7 @@ def build(card: TrajectoryCard) -> Trajectory:
 
 
 def _named(flight: Trajectory, wanted: Mapping[str, str]) -> dict[str, float]:
-    """Return the times (s) that a card names; InputError where one is outside the flight or has an event's name."""
+    """Return the named times (s) of a card; InputError for a time outside the flight or the name of an event."""
     found = {}
     for name, text in wanted.items():
         try:
@@ -71,19 +73,19 @@ def _named(flight: Trajectory, wanted: Mapping[str, str]) -> dict[str, float]:
 
 
 def content(card: TrajectoryCard) -> str:
-    """Return a digest of the file that a card names, empty where it names none: a changed file is another flight."""
+    """Return the digest of the file of a card, empty without a file, so that a changed file is another trajectory."""
     return content_of(card.file) if isinstance(card, RecordedAscent | TableTrajectory) else ""
 
 
 def identity(card: TrajectoryCard) -> str:
-    """Return 16 hex digits of a flight: every number of its card and the content of the file that it names.
+    """Return 16 hexadecimal digits that identify the nominal trajectory: all numbers of the card, and its file.
 
-    What guided runs do beside the nominal flight does not count: the navigation flies along that.
+    Settings that only affect guided runs do not count, because navigation is simulated on the nominal trajectory.
     """
     unread = {"name", "source", "file", "named_times"}
     dumped = card.model_dump(mode="json", exclude_defaults=True, exclude=unread)
     if isinstance(card, VehicleAscent):
-        dumped["vehicle"].pop("dispersions", None)  # runs differ by them, and the flight does not
+        dumped["vehicle"].pop("dispersions", None)  # they change runs, not the nominal trajectory
         guided = dumped.pop("guidance", None) is not None
         for name in ("cutoff", "dispersion") if guided else ():
             dumped.pop(name, None)
@@ -93,6 +95,6 @@ def identity(card: TrajectoryCard) -> str:
 
 
 def refuse_contradiction(card: TrajectoryCard, imu: ImuCard) -> None:
-    """InputError where a user's own file contradicts itself by more than an inertial unit would let pass."""
+    """Raise InputError if a user's file contradicts itself by more than is allowed for an IMU."""
     if isinstance(card, TableTrajectory):
         require_consistent(residuals(card), imu, card.file, undeclared(card))

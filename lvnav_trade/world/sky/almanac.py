@@ -1,4 +1,4 @@
-"""YUMA and SEM almanac files to records, with every mistake named by file and line."""
+"""Readers of YUMA and SEM almanac files; every error names file and line."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -15,7 +15,7 @@ REFERENCE_INCLINATION = 0.30 * SEMICIRCLE  # SEM gives inclinations as differenc
 
 
 class AlmanacRecord(NamedTuple):
-    """One satellite of an almanac, SI and radians."""
+    """A satellite of an almanac, SI and radians."""
 
     prn: int  # number of the satellite
     health: int  # 0: healthy
@@ -140,7 +140,7 @@ def read_sem(path: str | Path) -> tuple[AlmanacRecord, ...]:
 
 
 def _of_system(path: str | Path, records: tuple[AlmanacRecord, ...]) -> tuple[AlmanacRecord, ...]:
-    """Return the records of the system that the almanac is of; InputError where there are only others."""
+    """Return the records of the almanac's system; InputError if there are only records of other systems."""
     found = tuple(record for record in records if record.prn <= HIGHEST_PRN)
     if not found:
         raise InputError(f"{path}: PRN {records[0].prn} and no other up to {HIGHEST_PRN}, so no satellite to take")
@@ -148,7 +148,7 @@ def _of_system(path: str | Path, records: tuple[AlmanacRecord, ...]) -> tuple[Al
 
 
 def _distinct(path: str | Path, found: Iterable[tuple[int, AlmanacRecord]]) -> tuple[AlmanacRecord, ...]:
-    """Return the records, each given with its first line; InputError where a satellite comes twice."""
+    """Return the records from pairs of first line and record; InputError if a satellite occurs twice."""
     records: dict[int, tuple[int, AlmanacRecord]] = {}
     for line, record in found:
         if record.prn in records:
@@ -175,7 +175,7 @@ def _yuma_blocks(path: str | Path) -> list[_Lines]:
 
 
 def _yuma_records(path: str | Path) -> Iterator[tuple[int, AlmanacRecord]]:
-    """Yield the satellites, each with its first line; unhealthy ones whose record is broken are left out."""
+    """Yield the satellites, each with its first line, except unhealthy satellites with a broken record."""
     for block in _yuma_blocks(path):
         try:
             yield block[0][0], _yuma_record(path, block)

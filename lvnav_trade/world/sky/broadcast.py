@@ -1,4 +1,4 @@
-"""Broadcast ephemerides of GPS, Galileo and BeiDou and broadcast states of GLONASS to positions, velocities, clocks."""
+"""Positions, velocities and clocks from broadcast ephemerides (GPS, Galileo, BeiDou) and GLONASS state vectors."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,8 +21,8 @@ from lvnav_trade.world.sky.rinex import Ephemeris, StateVector
 
 GM_GALILEO = 3.986004418e14  # m^3/s^2, Galileo OS SIS ICD, table 57; the rate of the Earth is that of GPS
 RELATIVITY_GALILEO = -4.442807309e-10  # s/m^0.5: -2 sqrt(GM) / c^2
-# Of BeiDou, C01 to C05 and C59 to C63 are geostationary (BDS-SIS-ICD B1I 3.0, table 4-1); their elements refer to a
-# plane that is tilted by 5 deg against the equator, lest node and inclination lose their meaning (section 5.2.4.12).
+# BeiDou satellites C01 to C05 and C59 to C63 are geostationary (BDS-SIS-ICD B1I 3.0, table 4-1). Their elements refer
+# to a plane tilted by 5 deg to the equator, in which node and inclination are defined (section 5.2.4.12).
 GEOSTATIONARY = frozenset(f"C{prn:02d}" for prn in (*range(1, 6), *range(59, 64)))
 TILT = math.radians(-5.0)
 # GLONASS interface control document, edition 5.1, table 3.2 and section A.3.1.2 (PZ-90.02).
@@ -30,7 +30,7 @@ GM_PZ90 = 398600.4418e9  # m^3/s^2
 EQUATOR_PZ90 = 6378136.0  # m
 J2_PZ90 = 1082625.75e-9
 EARTH_RATE_PZ90 = 7.2921151467e-5  # rad/s
-# Half of what the document allows: 0.03 mm of error after a quarter of an hour (60 s: 0.4 mm).
+# Half of the step that the document allows: 0.03 mm of error after a quarter of an hour (60 s: 0.4 mm).
 STEP = 30.0  # s
 
 
@@ -94,8 +94,9 @@ class Broadcast(NamedTuple):
         return self._turned(r_e, v_e, elapsed) if np.any(self.tilted) else (r_e, v_e)
 
     def _turned(self, r: Floats, v: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
-        """Return positions and velocities (..., n_sat, 3) with those of tilted satellites turned into Earth-fixed axes:
-        about x by TILT, then about z by what the Earth has turned in `elapsed` (..., n_sat) s.
+        """Return positions and velocities (..., n_sat, 3) with those of tilted satellites rotated to Earth-fixed axes.
+
+        The rotation is about x by TILT, then about z by the rotation of the Earth in `elapsed` (..., n_sat) s.
         """
         down, across = math.cos(TILT), math.sin(TILT)
         tilt = np.array([[1.0, 0.0, 0.0], [0.0, down, across], [0.0, -across, down]])
@@ -109,17 +110,17 @@ class Broadcast(NamedTuple):
         r_e, v_e = spun(*np.moveaxis(place, -1, 0)), spun(*np.moveaxis(speed, -1, 0))
         v_e[..., 0] += self.earth_rate * r_e[..., 1]
         v_e[..., 1] -= self.earth_rate * r_e[..., 0]
-        here = self.tilted[:, None]
-        return np.where(here, r_e, r), np.where(here, v_e, v)
+        chosen = self.tilted[:, None]
+        return np.where(chosen, r_e, r), np.where(chosen, v_e, v)
 
     def clock(self, t: Floats) -> Floats:
-        """Return what the satellites' clocks are ahead by their polynomials, (..., n_sat) s, relativity apart."""
+        """Return the clock offsets from system time by polynomial, (..., n_sat) s, without the relativistic term."""
         of = self.elements
         elapsed = t - of["toc"]
         return np.asarray(of["clock_bias"] + (of["clock_drift"] + of["clock_drift_rate"] * elapsed) * elapsed)
 
     def relativity(self, t: Floats) -> Floats:
-        """Return F e sqrt(A) sin E, (..., n_sat) s: what eccentricity adds to the clocks (IS-GPS-200, 20.3.3.3.3.1)."""
+        """Return the relativistic clock term F e sqrt(A) sin E, (..., n_sat) s (IS-GPS-200, 20.3.3.3.3.1)."""
         of = self.elements
         anomaly = eccentric_anomaly(of["mean_anomaly"] + self.mean_motion * (t - of["toe"]), of["eccentricity"])
         return np.asarray(self.relativity_factor * of["eccentricity"] * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
@@ -128,8 +129,7 @@ class Broadcast(NamedTuple):
 def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> Broadcast:
     """Return the satellites of the ephemerides, times counted from `reference` (s of GPS time), in the order given.
 
-    Galileo system time is taken as GPS time: they are kept within some tens of nanoseconds, less than a millimetre of
-    orbit.
+    Galileo system time is treated as GPS time: they agree to some tens of nanoseconds, less than a millimetre of orbit.
     """
     of = {name: np.array([item.elements[name] for item in ephemerides]) for name in ephemerides[0].elements}
     toe, toc = (np.array([getattr(item, name) for item in ephemerides]) - reference for name in ("toe", "toc"))

@@ -1,4 +1,4 @@
-"""Constellations as cards; nominal slots or an almanac to satellite states."""
+"""Cards of constellations, and satellite states from nominal slots or an almanac."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from lvnav_trade.world.sky.gps_time import gps_seconds, resolve_beidou_week, res
 System = Literal["GPS", "Galileo", "GLONASS", "BeiDou"]
 LETTERS: dict[str, str] = {"GPS": "G", "Galileo": "E", "GLONASS": "R", "BeiDou": "C"}  # as in RINEX
 
-# Values that the GPS user algorithm prescribes (IS-GPS-200, table 20-IV); they differ from WGS-84's in the last digits.
+# Values prescribed by the GPS user algorithm (IS-GPS-200, table 20-IV); they differ from WGS-84 in the last digits.
 GM_GPS = 3.986005e14  # m^3/s^2
 EARTH_RATE_GPS = 7.2921151467e-5  # rad/s
 RELATIVITY_GPS = -4.442807633e-10  # s/m^0.5: -2 sqrt(GM) / c^2
@@ -31,9 +31,7 @@ Eccentricity = Annotated[Share, Field(ge=0.0, le=0.1)]
 
 
 class Slot(Card):
-    """One satellite of a nominal constellation: right ascension of the node and argument of latitude at the epoch, and
-    what its orbit has of its own.
-    """
+    """A satellite of a nominal constellation: its place at the epoch, and parameters that differ from other slots."""
 
     name: str  # such as A1
     node: Angle  # right ascension, at the epoch
@@ -49,7 +47,7 @@ class Slot(Card):
 
 
 class SignalErrors(Card):
-    """What is wrong with the signals of a constellation before they are received, and with the time of its system."""
+    """Errors of the signals of a constellation (clock and ephemeris), and of the time of its system."""
 
     range_error: LengthSigma = Field(
         default=0.0, description="one sigma in range of each satellite's clock and ephemeris residual, Gauss-Markov"
@@ -75,7 +73,7 @@ class SignalErrors(Card):
 
 
 class NominalConstellation(SignalErrors, NamedCard):
-    """Orbits from published slots, circular unless stated, propagated from their epoch with secular rates."""
+    """Orbits from published slots, circular by default, propagated from their epoch with secular rates."""
 
     kind: Literal["nominal"] = "nominal"
     system: System = "GPS"  # of all its satellites
@@ -109,9 +107,7 @@ class NominalConstellation(SignalErrors, NamedCard):
 
 
 class AlmanacConstellation(SignalErrors):
-    """A YUMA or SEM almanac file of the user's, distinguished by content; satellites that it calls unhealthy are left
-    out.
-    """
+    """A YUMA or SEM almanac file of the user, recognised by content; unhealthy satellites are omitted."""
 
     kind: Literal["almanac"] = "almanac"
     system: Literal["GPS", "BeiDou"] = Field(
@@ -124,9 +120,7 @@ class AlmanacConstellation(SignalErrors):
 
 
 class RinexConstellation(SignalErrors):
-    """RINEX navigation files of the user's: broadcast ephemerides of GPS, Galileo and BeiDou, broadcast states of
-    GLONASS.
-    """
+    """RINEX navigation files of the user: ephemerides of GPS, Galileo and BeiDou, state vectors of GLONASS."""
 
     kind: Literal["rinex"] = "rinex"
     rinex: str | tuple[str, ...] = Field(
@@ -157,7 +151,7 @@ class RinexConstellation(SignalErrors):
 
 
 class PreciseConstellation(SignalErrors):
-    """Precise orbits in SP3 files of the user's: what analysis centres publish days later, good to centimetres."""
+    """Precise orbits in SP3 files of the user, as published by analysis centres days later, accurate to centimetres."""
 
     kind: Literal["sp3"] = "sp3"
     sp3: str | tuple[str, ...] = Field(
@@ -181,7 +175,7 @@ Part = NominalConstellation | AlmanacConstellation | RinexConstellation | Precis
 
 
 class CombinedConstellation(NamedCard):
-    """Several constellations seen by one receiver; each system by one part."""
+    """Several constellations seen by one receiver; each system belongs to one part."""
 
     kind: Literal["combined"] = "combined"
     name: str = ""
@@ -193,15 +187,14 @@ Constellation = Part | CombinedConstellation
 
 
 def parts_of(constellation: Constellation) -> tuple[Part, ...]:
-    """Return the parts of a constellation: itself where it is none of several."""
+    """Return the parts of a combined constellation, or the constellation itself as its only part."""
     return constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
 
 
 class Orbits(NamedTuple):
     """Keplerian elements of all satellites at a reference time, SI and radians.
 
-    Elements are brought to the lift-off first, because seconds counted from a distant epoch would round positions by a
-    millimetre.
+    The reference time is lift-off, because seconds since a distant epoch would round positions by a millimetre.
     """
 
     names: tuple[str, ...]  # (n_sat,), names of the satellites
@@ -221,8 +214,10 @@ class Orbits(NamedTuple):
     def ecef(self, t: Floats | float) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.
 
-        t, (..., n_sat) or (..., 1): s since the reference time of the elements. The user algorithm of IS-GPS-200,
-        table 20-IV, with the terms that an almanac carries (no harmonic corrections), and its derivative.
+        The user algorithm of IS-GPS-200, table 20-IV, with the terms of an almanac (no harmonic corrections), and its
+        derivative.
+
+        t : (..., n_sat) or (..., 1) s since the reference time of the elements.
         """
         a, e = self.semi_major_axis, self.eccentricity
         anomaly = eccentric_anomaly(self.mean_anomaly + self.mean_motion * t, e)
@@ -236,11 +231,11 @@ class Orbits(NamedTuple):
         return earth_fixed(flat, flat_rate, self.node + node_rate * t, node_rate, self.inclination)
 
     def clock(self, t: Floats) -> Floats:
-        """Return what the satellites' clocks are ahead by their polynomials, (..., n_sat) s, relativity apart."""
+        """Return the clock offsets from system time by polynomial, (..., n_sat) s, without the relativistic term."""
         return np.asarray(self.clock_bias + self.clock_drift * t)
 
     def relativity(self, t: Floats) -> Floats:
-        """Return F e sqrt(A) sin E, (..., n_sat) s: what eccentricity adds to the clocks (IS-GPS-200, 20.3.3.3.3.1)."""
+        """Return the relativistic clock term F e sqrt(A) sin E, (..., n_sat) s (IS-GPS-200, 20.3.3.3.3.1)."""
         anomaly = eccentric_anomaly(self.mean_anomaly + self.mean_motion * t, self.eccentricity)
         return np.asarray(self.relativity_factor * self.eccentricity * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
 
@@ -248,8 +243,11 @@ class Orbits(NamedTuple):
 def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: str) -> Orbits:
     """Return the elements of all usable satellites with `epoch` (ISO 8601, UTC) as reference time.
 
-    InputError where the almanac is broken (``file:line: what``), holds no healthy satellite, is too old or too young,
-    or a time cannot be read.
+    Raises
+    ------
+    InputError
+        The almanac cannot be read (``file:line: what``), has no healthy satellite, or is too far from the epoch; or a
+        time cannot be read.
     """
     if isinstance(constellation, NominalConstellation):
         return _nominal_orbits(constellation, epoch)
@@ -270,7 +268,7 @@ def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: st
 
 
 def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
-    """Carry the slots to the epoch: two-body motion plus the secular J2 rates of a circular orbit.
+    """Propagate the slots to the epoch: two-body motion plus the secular J2 rates of a circular orbit.
 
     Rates of node, perigee and mean anomaly: Vallado, Fundamentals of Astrodynamics and Applications, section 9.6.
     """
@@ -297,8 +295,9 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
 
 
 def _shape_of(card: NominalConstellation, slot: Slot) -> tuple[float, float]:
-    """Return eccentricity and argument of perigee (rad) of a slot. The perigee stays where it is: it turns by less than
-    a degree in a month, and the argument of latitude is that of the card.
+    """Return eccentricity and argument of perigee (rad) of a slot.
+
+    The perigee is not propagated: it rotates by less than a degree in a month, and the argument of latitude is correct.
     """
     return (
         card.eccentricity if slot.eccentricity is None else slot.eccentricity,
@@ -307,8 +306,9 @@ def _shape_of(card: NominalConstellation, slot: Slot) -> tuple[float, float]:
 
 
 def _orbit_of(card: NominalConstellation, slot: Slot) -> tuple[float, float, float, float]:
-    """Return axis, inclination, and rates of node and argument of latitude of a slot; rates that are stated for all are
-    not those of an orbit with an axis of its own.
+    """Return axis (m), inclination (rad), and rates (rad/s) of node and argument of latitude of a slot.
+
+    Rates of the constellation do not apply to a slot with its own semi-major axis.
     """
     axis = slot.semi_major_axis or card.semi_major_axis
     inclination = card.inclination if slot.inclination is None else slot.inclination
@@ -328,8 +328,10 @@ def _orbit_of(card: NominalConstellation, slot: Slot) -> tuple[float, float, flo
 
 
 def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, beidou: bool) -> Orbits:
-    """Carry broadcast elements to the reference time, `elapsed` (n_sat,) s after theirs; their node counts from
-    Greenwich at week start. All of BeiDou, geostationary ones too, have the algorithm of GPS (BDS-SIS-ICD, table 5-16).
+    """Propagate almanac elements by `elapsed` (n_sat,) s to the reference time.
+
+    The node counts from Greenwich at the start of the week. All BeiDou satellites, also geostationary ones, use the
+    algorithm of GPS (BDS-SIS-ICD, table 5-16).
     """
     gm, rate = (GM_BEIDOU, EARTH_RATE_BEIDOU) if beidou else (GM_GPS, EARTH_RATE_GPS)
     letter = "C" if beidou else "G"
@@ -358,8 +360,14 @@ def earth_fixed(
 ) -> tuple[Floats, Floats]:
     """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of the time.
 
-    flat, flat_rate (2, ..., n_sat): in the plane of the orbit, from its ascending node; node, its rate relative to the
-    Earth, inclination and its rate `tilting` (rad, rad/s).
+    Parameters
+    ----------
+    flat, flat_rate : (2, ..., n_sat) m, m/s
+        Position and velocity in the orbital plane, first axis towards the ascending node.
+    node, node_rate : (..., n_sat) rad, rad/s
+        Longitude of the ascending node, and its rate relative to the Earth.
+    inclination, tilting : (..., n_sat) rad, rad/s
+        Inclination and its rate.
     """
     (x, y), (vx, vy) = flat, flat_rate
     cos_n, sin_n, cos_i, sin_i = np.cos(node), np.sin(node), np.cos(inclination), np.sin(inclination)
@@ -373,7 +381,7 @@ def earth_fixed(
 def eccentric_anomaly(mean_anomaly: Floats, eccentricity: Floats) -> Floats:
     """Return the eccentric anomaly (rad) by Newton's method, to rounding; arguments broadcast.
 
-    The start E = M + 0.85 e sign(sin M) converges for every eccentricity below one (Danby and Burkardt, 1983).
+    The initial value E = M + 0.85 e sign(sin M) converges for every eccentricity below 1 (Danby and Burkardt, 1983).
     """
     mean = np.mod(mean_anomaly, 2.0 * math.pi)
     anomaly = mean + 0.85 * eccentricity * np.sign(np.sin(mean))

@@ -1,4 +1,4 @@
-"""Civil time to GPS time: leap seconds, BeiDou time, and the week that a truncated week number means."""
+"""Conversion of civil time to GPS time: leap seconds, BeiDou time, and truncated week numbers."""
 
 from bisect import bisect_right
 from datetime import UTC, datetime, timedelta
@@ -32,10 +32,9 @@ def leap_seconds(utc: datetime) -> int:
 
 
 def gps_seconds(epoch: str) -> float:
-    """Return the seconds of GPS time since 1980-01-06 00:00 at an ISO 8601 time in UTC.
+    """Return the seconds of GPS time since 1980-01-06 00:00 at an ISO 8601 time.
 
-    A time without offset is UTC; a time with another offset is converted. InputError where the text is not a time, or
-    lies before GPS time begins.
+    A time without offset is UTC. InputError if the text is not a time, or lies before 1980-01-06.
     """
     utc = utc_time(epoch)
     if utc < GPS_ORIGIN:
@@ -47,7 +46,7 @@ def utc_of(seconds: float) -> datetime:
     """Return the time in UTC at seconds of GPS time since 1980-01-06 00:00; during a leap second the next midnight."""
     counted = GPS_ORIGIN + timedelta(seconds=seconds)
     leaps = leap_seconds(counted)
-    while leaps and counted - timedelta(seconds=leaps) < LEAP_DAYS[leaps - 1]:  # its last leap second is yet to come
+    while leaps and counted - timedelta(seconds=leaps) < LEAP_DAYS[leaps - 1]:  # the last leap second is still ahead
         if counted - timedelta(seconds=leaps - 1) >= LEAP_DAYS[leaps - 1]:
             return LEAP_DAYS[leaps - 1]
         leaps -= 1
@@ -55,10 +54,10 @@ def utc_of(seconds: float) -> datetime:
 
 
 def utc_after(epoch: str, seconds: float) -> str:
-    """Return the time in UTC (ISO 8601) so many seconds after an epoch, leap seconds among them counted.
+    """Return the time in UTC (ISO 8601) `seconds` after an epoch, with leap seconds.
 
-    Unix time counts none: from 1970-01-01T00:00:00Z on, each day has 86,400 s. Seconds of GPS time since 1980, and any
-    clock that runs on, count them. InputError where the epoch is not a time.
+    After the Unix epoch, 1970-01-01T00:00:00Z, each day has 86,400 s, because Unix time has no leap seconds. GPS time
+    and other continuous clocks have them. InputError if the epoch is not a time.
     """
     start = utc_time(epoch)
     if start == UNIX_ORIGIN:
@@ -68,7 +67,7 @@ def utc_after(epoch: str, seconds: float) -> str:
 
 
 def utc_time(epoch: str) -> datetime:
-    """Return the time of an ISO 8601 text in UTC; without offset it is UTC. InputError where the text is not a time."""
+    """Return the time of an ISO 8601 text in UTC; without offset it is UTC. InputError if the text is not a time."""
     try:
         moment = datetime.fromisoformat(epoch)
     except ValueError:
@@ -77,10 +76,11 @@ def utc_time(epoch: str) -> datetime:
 
 
 def resolve_week(week: int, seconds: float, near: float, rollover: int = WEEK_ROLLOVER) -> float:
-    """Return s of GPS time for a week number and seconds of week, in the 1024-week era closest to the time `near` (s).
+    """Return s of GPS time for a week number and seconds of week, in the era closest to the time `near` (s).
 
-    The week is either counted on (1024 or more: taken as it is) or truncated to ten bits as satellites send it;
-    rollover: the number of weeks of an era, where it is another.
+    A week number of `rollover` or more is complete; a smaller number is truncated, as satellites send it.
+
+    rollover : Number of weeks of an era.
     """
     stated, era = week * SECONDS_PER_WEEK + seconds, rollover * SECONDS_PER_WEEK
     return stated if week >= rollover else stated + era * max(0, round((near - stated) / era))

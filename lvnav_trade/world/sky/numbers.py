@@ -1,4 +1,4 @@
-"""Lines and numbers of navigation files, with every mistake named by file and line."""
+"""Lines and numbers of navigation files; every error names file and line."""
 
 import gzip
 import io
@@ -13,11 +13,11 @@ from lvnav_trade.input_files import read_bytes
 from lvnav_trade.limits import DATA_BYTES
 
 GZIP_MAGIC = b"\x1f\x8b"
-COMPRESS_MAGIC = b"\x1f\x9d"  # of the older program `compress`, files .Z
+COMPRESS_MAGIC = b"\x1f\x9d"  # files .Z of the older program `compress`
 
 
 class Bounds(NamedTuple):
-    """What a number may be: read as `decimal_or_endless` or `whole`, from low to high, both allowed."""
+    """Allowed range of a number, both ends included, and the function that reads it."""
 
     low: float
     high: float
@@ -25,9 +25,9 @@ class Bounds(NamedTuple):
 
 
 def number(where: str, text: str, bounds: Bounds) -> float:
-    """Return the number that the text states, Fortran exponents included, within its bounds.
+    """Return the number in a text, also with a Fortran exponent, within its bounds.
 
-    InputError ``where: what`` where the text is no such number or outside the bounds; nan and inf are outside all.
+    InputError ``where: what`` if the text is no number or the number is outside the bounds, as nan and inf always are.
     """
     try:
         value = bounds.read(text.strip().upper().replace("D", "E"))
@@ -40,10 +40,10 @@ def number(where: str, text: str, bounds: Bounds) -> float:
 
 
 def read_lines(path: str | Path, what: str) -> list[str]:
-    """Return the lines of a text file, unpacked where it is gzip; `what` it should be is named where it cannot be.
+    """Return the lines of a text file, which may be compressed by gzip; `what` is the kind of file for messages.
 
-    Letters beyond ASCII stand in names and remarks only, so any encoding of them will do. InputError where the file
-    cannot be read, is no whole gzip file or a .Z file, or is not text.
+    Characters outside ASCII occur only in names and remarks, so that their encoding does not matter. InputError if the
+    file cannot be read, is a truncated gzip file or a .Z file, or is not text.
     """
     data = read_bytes(path, DATA_BYTES)
     try:
@@ -59,7 +59,7 @@ def read_lines(path: str | Path, what: str) -> list[str]:
 
 def _unpacked(path: str | Path, data: bytes) -> bytes:
     with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
-        found = packed.read(DATA_BYTES + 1)
-    if len(found) > DATA_BYTES:
+        content = packed.read(DATA_BYTES + 1)
+    if len(content) > DATA_BYTES:
         raise InputError(f"{path}: unpacked more than {DATA_BYTES} bytes")
-    return found
+    return content

@@ -1,4 +1,4 @@
-"""Precise orbits of SP3 files: positions of satellites and their clocks at even times, and what lies between them.
+"""Precise orbits of SP3 files: positions and clocks of satellites at even times, and their interpolation.
 
 The Extended Standard Product 3 Orbit Format, versions a to d (S. Hilla, NOAA, 2016).
 """
@@ -20,16 +20,19 @@ from lvnav_trade.world.sky.gps_time import GPS_ORIGIN
 from lvnav_trade.world.sky.numbers import Bounds, number, read_lines
 
 NODES = 10
-"""Positions that a polynomial goes through: of the ninth degree, good to a centimetre between nodes of 15 minutes."""
-_MARGIN = NODES // 2  # nodes on both sides of the lift-off
+"""Nodes of an interpolation polynomial: ninth degree, accurate to a centimetre between nodes of 15 minutes."""
+_MARGIN = NODES // 2  # nodes required before and after lift-off
 _KM, _MICROSECONDS = Bounds(-1e6, 1e6), Bounds(-1e6, 1e6)
 _NO_CLOCK = 999999.0  # microseconds and more: unknown
-_TIMES = {"GPS", "GAL", "QZS", "ccc", ""}  # systems of time that agree with GPS time within some tens of nanoseconds
+_TIMES = {"GPS", "GAL", "QZS", "ccc", ""}  # time systems that agree with GPS time to some tens of nanoseconds
 
 
 class Positions(NamedTuple):
-    """What a file says: t (n_node,) s of GPS time; by name positions (n_node, 3) m, frame e, and clocks (n_node,) s,
-    NaN where it has none.
+    """Contents of a file.
+
+    t : (n_node,) s of GPS time. Nodes.
+    r_e : By satellite (n_node, 3) m, frame e. Positions; NaN if missing.
+    clock : By satellite (n_node,) s. Clock offsets; NaN if missing.
     """
 
     t: Floats
@@ -38,33 +41,40 @@ class Positions(NamedTuple):
 
 
 class Precise(NamedTuple):
-    """Satellites at nodes: t (n_node,) s from a reference, even; r_e (n_node, n_sat, 3) m; clocks (n_node, n_sat) s.
+    """Satellites at evenly spaced nodes.
 
-    Positions are those of the centres of mass, as in the file: antennas stand a metre or two nearer to the Earth.
+    Positions are those of the centres of mass, as in the file. Antennas are a metre or two closer to the Earth.
+
+    names : (n_sat,). Names of the satellites.
+    systems : (n_sat,). Letters of their systems.
+    t : (n_node,) s since a reference time.
+    r_e : (n_node, n_sat, 3) m, frame e.
+    clocks : (n_node, n_sat) s.
     """
 
     names: tuple[str, ...]
-    systems: tuple[str, ...]  # letters
+    systems: tuple[str, ...]
     t: Floats
     r_e: Floats
     clocks: Floats
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
-        """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t;
-        InputError beyond the nodes.
+        """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.
+
+        InputError for times outside the nodes.
         """
         first, off = self._place(t)
         which = np.arange(len(self.names))
         values, slopes = _polynomials()
         r_e, v_e = np.zeros((*off.shape, 3)), np.zeros((*off.shape, 3))
         for node in range(NODES):
-            here = self.r_e[first + node, which]
-            r_e += here * np.polyval(values[node], off)[..., None]
-            v_e += here * np.polyval(slopes[node], off)[..., None]
+            place = self.r_e[first + node, which]
+            r_e += place * np.polyval(values[node], off)[..., None]
+            v_e += place * np.polyval(slopes[node], off)[..., None]
         return r_e, v_e / (self.t[1] - self.t[0])
 
     def clock(self, t: Floats) -> Floats:
-        """Return what the satellites' clocks are ahead, straight between nodes, (..., n_sat) s, relativity apart."""
+        """Return the clock offsets, linear between nodes, (..., n_sat) s, without the relativistic term."""
         step = self.t[1] - self.t[0]
         at = np.broadcast_to((t - self.t[0]) / step, np.broadcast_shapes(np.shape(t), (len(self.names),)))
         below = np.clip(np.floor(at).astype(int), 0, self.t.size - 2)
@@ -73,13 +83,13 @@ class Precise(NamedTuple):
         return np.asarray((1.0 - share) * self.clocks[below, which] + share * self.clocks[below + 1, which])
 
     def relativity(self, t: Floats) -> Floats:
-        """Return -2 r.v / c^2, (..., n_sat) s, what the eccentricity adds to the clocks: the file leaves it out."""
+        """Return the relativistic clock term -2 r.v / c^2, (..., n_sat) s, which SP3 clocks do not contain."""
         r_e, v_e = self.ecef(t)
-        # r.v is the same in axes that turn
+        # r.v is the same in rotating axes
         return np.asarray(-2.0 * np.sum(r_e * v_e, axis=-1) / SPEED_OF_LIGHT**2)
 
     def _place(self, t: Floats) -> tuple[np.ndarray, Floats]:
-        """Return the first node of the polynomial at each time, and the time from its middle in steps."""
+        """Return the first node of the polynomial at each time, and the time from its centre in steps."""
         at = (np.asarray(t, dtype=float) - self.t[0]) / (self.t[1] - self.t[0])
         at = np.broadcast_to(at, np.broadcast_shapes(at.shape, (len(self.names),)))
         if at.size and not (-1e-9 <= at.min() and at.max() <= self.t.size - 1 + 1e-9):
@@ -92,17 +102,17 @@ class Precise(NamedTuple):
 
 @lru_cache(maxsize=1)
 def _polynomials() -> tuple[Floats, Floats]:
-    """Return Lagrange's polynomials of nodes one apart about zero, and their derivatives: rows of coefficients."""
+    """Return the coefficients (by rows) of the Lagrange polynomials for unit steps about zero, and of derivatives."""
     at = np.arange(NODES) - 0.5 * (NODES - 1)
     values = []
     for k in range(NODES):
         others = np.delete(at, k)
         values.append(np.poly(others) / np.prod(at[k] - others))
-    return np.array(values), np.array([np.polyder(one) for one in values])
+    return np.array(values), np.array([np.polyder(polynomial) for polynomial in values])
 
 
 def read_positions(path: str | Path) -> Positions:
-    """Return what a file holds; InputError ``file:line: what`` where it is no SP3 file, or a number is none."""
+    """Return the contents of a file; InputError ``file:line: what`` if it is no SP3 file or a number is invalid."""
     lines = read_lines(path, "SP3 file")
     if not lines or lines[0][:1] != "#" or lines[0][1:2] not in "abcd":
         raise InputError(f"{path}:1: not an SP3 file of version a to d")
@@ -131,7 +141,7 @@ def read_positions(path: str | Path) -> Positions:
 
 
 def _number(where: str, line: str, k: int) -> float:
-    """Return the k-th number of a line of positions: x, y, z (km), clock (s, NaN where it is unknown)."""
+    """Return the k-th number of a position line: x, y, z (km), clock (s, NaN if unknown)."""
     value = number(where, line[4 + 14 * k : 18 + 14 * k], _MICROSECONDS if k == 3 else _KM)
     if k < 3:
         return value
@@ -148,13 +158,24 @@ def _time(where: str, line: str) -> float:
 
 
 def precise(files: Sequence[Positions], names: Sequence[str], reference: float) -> Precise:
-    """Return satellites of files that follow one another, times counted from `reference` (s of GPS time).
+    """Return the satellites with position and clock at every node near a reference time.
 
-    Taken are those that have position and clock at every node near the reference. InputError where files overlap
-    unevenly, or the reference is near their ends.
+    Parameters
+    ----------
+    files : sequence of Positions
+        Files that follow one another.
+    names : sequence of str
+        Satellites to consider.
+    reference : float
+        Reference time (s of GPS time), from which the times of the result count.
+
+    Raises
+    ------
+    InputError
+        The nodes of the files are not evenly spaced, the reference is near their ends, or there is no satellite.
     """
-    files = sorted(files, key=lambda one: one.t[0])
-    t = np.concatenate([one.t for one in files])
+    files = sorted(files, key=lambda file: file.t[0])
+    t = np.concatenate([file.t for file in files])
     t, kept = np.unique(t, return_index=True)
     steps = np.diff(t)
     if np.ptp(steps) > 1e-6:
@@ -165,8 +186,8 @@ def precise(files: Sequence[Positions], names: Sequence[str], reference: float) 
     near = slice(max(0, int(at) - NODES), int(at) + 2 * NODES)
     r_e, clocks, taken = [], [], []
     for name in names:
-        place = np.concatenate([one.r_e.get(name, np.full((one.t.size, 3), np.nan)) for one in files])[kept][near]
-        ahead = np.concatenate([one.clock.get(name, np.full(one.t.size, np.nan)) for one in files])[kept][near]
+        place = np.concatenate([file.r_e.get(name, np.full((file.t.size, 3), np.nan)) for file in files])[kept][near]
+        ahead = np.concatenate([file.clock.get(name, np.full(file.t.size, np.nan)) for file in files])[kept][near]
         if np.isfinite(place).all() and np.isfinite(ahead).all():
             taken.append(name)
             r_e.append(place)

@@ -1,4 +1,4 @@
-"""RINEX navigation files, versions 2 and 3, to ephemerides of GPS, Galileo, BeiDou and GLONASS."""
+"""Reader of RINEX navigation files, versions 2 and 3: ephemerides of GPS, Galileo, BeiDou and GLONASS."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -16,12 +16,16 @@ LABEL = 60  # column where the label of a header line begins
 
 
 class Ephemeris(NamedTuple):
-    """Keplerian elements of a satellite of GPS, Galileo or BeiDou as broadcast: SI and radians, times in s of GPS time.
+    """Broadcast Keplerian elements of a satellite of GPS, Galileo or BeiDou, SI and radians.
 
-    toe is the reference time of the orbit, toc that of the clock. elements: by the names in `_KEPLERIAN`, among them
-    week_second, toe in seconds of its system's week, from which the node counts; group_delay (s), TGD, BGD E5a/E1 or
-    TGD1; and data_source, the word by which a Galileo record tells the message it comes from, 0 for other systems.
-    health: the word of its system, 0 where all signals are good. accuracy (m): URA, SISA of Galileo.
+    name : Name of the satellite.
+    toe : s of GPS time. Reference time of the orbit.
+    toc : s of GPS time. Reference time of the clock.
+    health : Health word of its system; 0 if all signals are healthy.
+    accuracy : m. URA, or SISA of Galileo.
+    elements : By the names in `_KEPLERIAN`. Among them week_second, toe in seconds of the system's week, from which the
+        node counts; group_delay (s), TGD, BGD E5a/E1 or TGD1; data_source, the word of a Galileo record that identifies
+        its message, 0 for other systems.
     """
 
     name: str
@@ -33,9 +37,9 @@ class Ephemeris(NamedTuple):
 
 
 class StateVector(NamedTuple):
-    """State of one GLONASS satellite as broadcast: PZ-90, SI, at `time` in s of GPS time.
+    """Broadcast state of a GLONASS satellite, PZ-90, SI, at `time` in s of GPS time.
 
-    a_e is the acceleration by Moon and Sun, clock_bias is -tau_n (s) and clock_drift gamma_n.
+    a_e is the acceleration due to Moon and Sun; clock_bias is -tau_n (s), clock_drift is gamma_n.
     """
 
     name: str
@@ -49,9 +53,7 @@ class StateVector(NamedTuple):
 
 
 class Broken(NamedTuple):
-    """A record that cannot be used: name of the satellite, what is wrong and where, and whether the record itself calls
-    the satellite unhealthy.
-    """
+    """A record that cannot be used: name of the satellite, error with its place, and whether it is marked unhealthy."""
 
     name: str
     fault: str
@@ -59,8 +61,12 @@ class Broken(NamedTuple):
 
 
 class TimeOffset(NamedTuple):
-    """What a system's time is ahead of GPS time, whole seconds apart: bias (s) and drift (s/s) at `time` (s of GPS
-    time); system is its letter.
+    """Offset of a system's time from GPS time, apart from whole seconds.
+
+    system : Letter of the system.
+    bias : s. System time minus GPS time.
+    drift : s/s. Rate of the offset.
+    time : s of GPS time. Reference time.
     """
 
     system: str
@@ -70,8 +76,10 @@ class TimeOffset(NamedTuple):
 
 
 class Navigation(NamedTuple):
-    """A navigation file: its records in their order, alpha and beta of the Klobuchar model where it states them, the
-    offsets of systems' times from GPS time that it states, and its broken records.
+    """Contents of a navigation file.
+
+    Its ephemerides and state vectors in order, alpha and beta of the Klobuchar model (None if missing), the offsets of
+    system times from GPS time, and its broken records.
     """
 
     ephemerides: tuple[Ephemeris, ...]
@@ -135,7 +143,7 @@ _LENGTH = {"G": 8, "E": 8, "C": 8, "R": 4}
 
 
 class _Format(NamedTuple):
-    """What the header says: system of all records (empty: each record says it), and columns before the first number."""
+    """Format of the records: system of all records (empty: named in each record), and columns before the numbers."""
 
     version: int
     system: str
@@ -185,7 +193,7 @@ def read_navigation(path: str | Path) -> Navigation:
 
 
 def _is_unhealthy(record: _Record, form: _Format) -> bool:
-    """Return whether a broken record has a legible word of health that is not zero."""
+    """Return whether a broken record has a readable health word other than zero."""
     field = next(one for one in (_GLONASS if record.name[0] == "R" else _KEPLERIAN) if one.name == "health")
     try:
         return _values(record, form, (field,))["health"] != 0.0
@@ -207,7 +215,7 @@ def _format(path: str | Path, lines: list[str]) -> _Format:
 
 
 def _klobuchar(path: str | Path, header: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-    """Return alpha and beta where the header states both."""
+    """Return alpha and beta if the header has both, else None."""
     found: dict[str, tuple[float, ...]] = {}
     for at, line in enumerate(header, start=1):
         label = line[LABEL:].strip()
@@ -242,7 +250,7 @@ def _offsets(path: str | Path, header: list[str]) -> Iterator[TimeOffset]:
 
 
 def _records(path: str | Path, form: _Format, lines: list[str], start: int) -> list[_Record]:
-    """Cut the lines behind the header into the records of the systems that are read."""
+    """Split the lines after the header into the records of the systems that are read."""
     found: list[_Record] = []
     for at, line in enumerate(lines[start:], start=start + 1):
         if not line.strip():

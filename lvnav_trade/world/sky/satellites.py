@@ -1,4 +1,4 @@
-"""From a constellation card to satellites that can be asked where they are."""
+"""Satellites of a constellation card: positions, velocities and clocks over time."""
 
 import hashlib
 from collections.abc import Iterable
@@ -32,20 +32,19 @@ from lvnav_trade.world.sky.rinex import Ephemeris, Navigation, StateVector, read
 # broadcasts.
 LONGEST_AGE = {"G": 7200.0, "E": 14400.0, "C": 7200.0, "R": 1800.0}  # s
 _NAMES = {letter: name for name, letter in LETTERS.items()}
-# Galileo sends the same orbits in two messages; single-frequency users of E1 take the clock of I/NAV.
+# Galileo sends the same orbits in two messages; single-frequency users of E1 use the clock of I/NAV.
 _INAV_E1 = 1
-# Of its word of health, validity of data (bit 0) and status (bits 1, 2) of E1-B; the others are of E5a and E5b (RINEX
-# 3.04, table A8).
+# Bits of the health word for E1-B: data validity (0) and status (1, 2); others are for E5a and E5b (RINEX 3.04, A8).
 _HEALTH_E1 = 0b111
-# Without prediction: URA of index 15, more than 6144 m (IS-GPS-200, 20.3.3.3.1.3); SISA of 255, or -1 in RINEX (Galileo
-# OS SIS ICD, section 5.1.12), whose largest value is 6 m.
+# Accuracy without prediction: URA index 15, above 6144 m (IS-GPS-200, 20.3.3.3.1.3); SISA index 255, or -1 in RINEX
+# (Galileo OS SIS ICD, section 5.1.12), whose largest value is 6 m.
 _NO_URA, _NO_SISA = 6144.0, 255.0  # m
 
 
 class Combined(NamedTuple):
-    """Several sets of satellites around one lift-off, one after the other, whatever their orbits are computed from.
+    """Several sets of satellites in succession, with orbits from different kinds of data.
 
-    Times t, (..., n_sat) or (..., 1), are s of GPS time since the lift-off.
+    Times t, (..., n_sat) or (..., 1), are in s of GPS time since lift-off.
     """
 
     parts: "tuple[Satellites, ...]"
@@ -62,16 +61,16 @@ class Combined(NamedTuple):
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t."""
-        r_e, v_e = zip(*(part.ecef(own) for part, own in self._split(t)), strict=True)
+        r_e, v_e = zip(*(part.ecef(times) for part, times in self._split(t)), strict=True)
         return np.concatenate(r_e, axis=-2), np.concatenate(v_e, axis=-2)
 
     def clock(self, t: Floats) -> Floats:
-        """Return what the satellites' clocks are ahead of their system's time, (..., n_sat) s, relativity apart."""
-        return np.concatenate([part.clock(own) for part, own in self._split(t)], axis=-1)
+        """Return the clock offsets from system time, (..., n_sat) s, without the relativistic term."""
+        return np.concatenate([part.clock(times) for part, times in self._split(t)], axis=-1)
 
     def relativity(self, t: Floats) -> Floats:
-        """Return what the eccentricity of the orbit adds to the clocks, (..., n_sat) s."""
-        return np.concatenate([part.relativity(own) for part, own in self._split(t)], axis=-1)
+        """Return the relativistic clock term due to the eccentricity of the orbit, (..., n_sat) s."""
+        return np.concatenate([part.relativity(times) for part, times in self._split(t)], axis=-1)
 
     def _split(self, t: Floats) -> "list[tuple[Satellites, Floats]]":
         sizes = [len(part.names) for part in self.parts]
@@ -85,10 +84,14 @@ Satellites = Orbits | Broadcast | Integrated | Precise | Combined
 def satellites(constellation: Constellation, epoch: str) -> Satellites:
     """Return the usable satellites of a constellation around a lift-off at `epoch` (ISO 8601, UTC).
 
-    A satellite keeps one set of elements over the flight, that of the reference time nearest to the lift-off: orbits
-    are smooth, and what broadcasts lack of the real ones is the range error of the card. InputError where a file is
-    broken (``file:line: what``), holds no healthy satellite of a system asked for, or none with a reference time near
-    the lift-off; where two parts give the same system or name; where a time cannot be read.
+    A satellite has a single set of elements over the flight, with the reference time nearest to lift-off, so that its
+    orbit is smooth. Errors of broadcast ephemerides are the range error of the card.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read (``file:line: what``), has no healthy satellite of a required system, or none with a
+        reference time near lift-off; two parts have the same system or satellite; or a time cannot be read.
     """
     if not isinstance(constellation, CombinedConstellation):
         return _part(constellation, epoch)
@@ -98,16 +101,14 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
     if twice:
         raise InputError(f"two parts of the combined constellation give {twice[0]}")
     whole = Combined(parts)
-    again = [name for name in whole.names if whole.names.count(name) > 1]
-    if again:  # draws are keyed by name
-        raise InputError(f"two parts of the combined constellation name a satellite {again[0]}")
+    repeated = [name for name in whole.names if whole.names.count(name) > 1]
+    if repeated:  # draws are keyed by name
+        raise InputError(f"two parts of the combined constellation name a satellite {repeated[0]}")
     return whole
 
 
 def content(constellation: Constellation) -> str:
-    """Return digests of the files that a constellation names, empty where it names none; InputError where one cannot be
-    read.
-    """
+    """Return digests of the files of a constellation, empty without files; InputError if a file cannot be read."""
     parts = constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
     files = [file for part in parts for file in _files(part)]
     return " ".join(hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest() for file in files)
@@ -139,28 +140,28 @@ def _precise_part(card: PreciseConstellation, epoch: str) -> Satellites:
 
 
 def _contents(card: RinexConstellation) -> tuple[str, list[Navigation], list[Ephemeris | StateVector], list[str]]:
-    """Return the names of a card's files, what is in them, their records, and the letters of the systems to take."""
+    """Return the names of a card's files, their contents, all records, and the letters of the systems to use."""
     files = _files(card)
     navigation = [read_navigation(file) for file in files]
-    every: list[Ephemeris | StateVector] = []
+    records: list[Ephemeris | StateVector] = []
     for file in navigation:
-        every += [*file.ephemerides, *file.states]
-    known = sorted({item.name[0] for item in every})
+        records += [*file.ephemerides, *file.states]
+    known = sorted({item.name[0] for item in records})
     letters = known if card.systems is None else [LETTERS[system] for system in card.systems]
-    return ", ".join(files), navigation, every, letters
+    return ", ".join(files), navigation, records, letters
 
 
 def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
     """Return the satellites of navigation files, Keplerian ones before GLONASS, in the order of their names."""
     lift_off = gps_seconds(epoch)
-    shown, navigation, every, letters = _contents(card)
+    shown, navigation, records, letters = _contents(card)
     taken: list[Ephemeris | StateVector] = []
     for letter in letters:
-        found = nearest((item for item in every if item.name[0] == letter), lift_off)
-        healthy = {name: item for name, item in found.items() if is_usable(item)}
+        latest = nearest((item for item in records if item.name[0] == letter), lift_off)
+        healthy = {name: item for name, item in latest.items() if is_usable(item)}
         if not healthy:
-            broken = next((one.fault for file in navigation for one in file.broken if one.name[0] == letter), "")
-            raise InputError(broken if broken and not found else f"{shown}: no healthy satellite of {_NAMES[letter]}")
+            broken = next((bad.fault for file in navigation for bad in file.broken if bad.name[0] == letter), "")
+            raise InputError(broken if broken and not latest else f"{shown}: no healthy satellite of {_NAMES[letter]}")
         limit = LONGEST_AGE[letter] if card.longest_age is None else card.longest_age
         recent = [item for item in healthy.values() if abs(_time(item) - lift_off) <= limit]
         if not recent:
@@ -176,8 +177,9 @@ def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
 
 
 def is_usable(item: Ephemeris | StateVector) -> bool:
-    """Return whether a single-frequency user of L1, E1, B1 or G1 may use a satellite: its signal there is healthy, and
-    its accuracy is predicted.
+    """Return whether a single-frequency user (L1, E1, B1 or G1) may use a satellite.
+
+    Its signal on that frequency must be healthy, and its accuracy predicted.
     """
     if isinstance(item, StateVector):
         return item.health == 0.0
@@ -187,8 +189,9 @@ def is_usable(item: Ephemeris | StateVector) -> bool:
 
 
 def left_out(constellation: Constellation) -> list[str]:
-    """Return a line for each navigation file of a constellation that has broken records of satellites which it takes,
-    those that the file itself calls unhealthy apart; InputError where a file cannot be read.
+    """Return a remark for each navigation file with broken records of satellites in use, except unhealthy satellites.
+
+    InputError if a file cannot be read.
     """
     lines = []
     for card in parts_of(constellation):
@@ -196,9 +199,9 @@ def left_out(constellation: Constellation) -> list[str]:
             continue
         letters = LETTERS.values() if card.systems is None else [LETTERS[system] for system in card.systems]
         for file in _files(card):
-            broken = [one for one in read_navigation(file).broken if one.name[0] in letters and not one.is_unhealthy]
+            broken = [bad for bad in read_navigation(file).broken if bad.name[0] in letters and not bad.is_unhealthy]
             if broken:
-                names = ", ".join(sorted({one.name for one in broken}))
+                names = ", ".join(sorted({bad.name for bad in broken}))
                 count = f"{len(broken)} broken record{'s' if len(broken) > 1 else ''} of {names}"
                 lines.append(f"{file}: {count} left out, the first at line {broken[0].fault.removeprefix(f'{file}:')}")
     return lines
@@ -210,15 +213,15 @@ _Item = TypeVar("_Item", bound=Ephemeris | StateVector)
 def nearest(items: Iterable[_Item], time: float) -> dict[str, _Item]:
     """Return by name the record of each satellite whose reference time is nearest to `time` (s of GPS time).
 
-    Of Galileo records with the same reference time the one from the message on E1 (I/NAV) is taken.
+    Among Galileo records with the same reference time that of the message on E1 (I/NAV) is preferred.
     """
-    found: dict[str, tuple[tuple[float, bool], _Item]] = {}
+    ranked: dict[str, tuple[tuple[float, bool], _Item]] = {}
     for item in items:
         other = isinstance(item, Ephemeris) and item.name[0] == "E" and not int(item.elements["data_source"]) & _INAV_E1
         rank = (abs(_time(item) - time), other)
-        if item.name not in found or rank < found[item.name][0]:
-            found[item.name] = (rank, item)
-    return {name: item for name, (_, item) in found.items()}
+        if item.name not in ranked or rank < ranked[item.name][0]:
+            ranked[item.name] = (rank, item)
+    return {name: item for name, (_, item) in ranked.items()}
 
 
 def _time(item: Ephemeris | StateVector) -> float:
@@ -232,14 +235,26 @@ def _too_far(age: float, epoch: str, system: str, limit: float) -> str:
 
 
 def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: str, t: Floats) -> Floats:
-    """Return what ranges and range rates (m, m/s) are off by because the receiver ignores the stated offsets of
-    systems' times from GPS time, (n_epoch, n_sat, 2), at times t (n_epoch,) s since the lift-off at `epoch`; systems
-    (n_sat,) letters of the satellites.
+    """Return the errors (n_epoch, n_sat, 2) of ranges (m) and range rates (m/s) due to ignored offsets of system times.
 
-    A satellite whose system's time is ahead marks its signals as sent later, so that they seem to have come less far.
-    InputError where the correction for a system is to be ignored, but no file states one.
+    If the time of a system is ahead of GPS time, its signals are marked with a later transmission time, so that the
+    range appears shorter.
+
+    Parameters
+    ----------
+    constellation : card
+    systems : (n_sat,)
+        Letters of the systems of the satellites.
+    epoch : str
+        Lift-off (ISO 8601, UTC).
+    t : (n_epoch,) s since lift-off
+
+    Raises
+    ------
+    InputError
+        The correction for a system is to be ignored, but no file has one.
     """
-    found = np.zeros((t.size, len(systems), 2))
+    errors = np.zeros((t.size, len(systems), 2))
     for card in parts_of(constellation):
         if not isinstance(card, RinexConstellation) or card.time_correction == "applied":
             continue
@@ -248,23 +263,27 @@ def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: 
             stated = [offset for file in navigation for offset in file.offsets if offset.system == letter]
             if not stated:
                 raise InputError(f"{shown}: no TIME SYSTEM CORR between {_NAMES[letter]} and GPS time to ignore")
-            offset = min(stated, key=lambda one: abs(gps_seconds(epoch) - one.time))
+            offset = min(stated, key=lambda correction: abs(gps_seconds(epoch) - correction.time))
             age = gps_seconds(epoch) + t - offset.time if offset.drift != 0.0 else np.zeros(t.size)
             of_letter = np.array(systems) == letter
-            found[:, of_letter, 0] = -SPEED_OF_LIGHT * (offset.bias + offset.drift * age)[:, None]
-            found[:, of_letter, 1] = -SPEED_OF_LIGHT * offset.drift
-    return found
+            errors[:, of_letter, 0] = -SPEED_OF_LIGHT * (offset.bias + offset.drift * age)[:, None]
+            errors[:, of_letter, 1] = -SPEED_OF_LIGHT * offset.drift
+    return errors
 
 
 def clock_relativity(constellation: Constellation, epoch: str, sent: Floats) -> Floats:
-    """Return what relativity adds to the satellites' clocks with the orbit, (..., n_sat) s, zero for constellations
-    that are without; sent (..., n_sat) s since the lift-off at `epoch`, times of transmission. Errors as `satellites`.
+    """Return the relativistic clock term of the satellites, (..., n_sat) s; zero for constellations without it.
+
+    epoch : Lift-off (ISO 8601, UTC).
+    sent : (..., n_sat) s since lift-off. Times of transmission.
+
+    Errors are those of `satellites`.
     """
-    found, first = np.zeros(sent.shape), 0
+    terms, first = np.zeros(sent.shape), 0
     for card in parts_of(constellation):
         part = _part(card, epoch)
         after = first + len(part.names)
         if card.relativity:
-            found[..., first:after] = part.relativity(sent[..., first:after])
+            terms[..., first:after] = part.relativity(sent[..., first:after])
         first = after
-    return found
+    return terms

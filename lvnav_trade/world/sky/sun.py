@@ -12,10 +12,13 @@ _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 
 
 def sun_direction(epoch: str, t: Floats, theta: Floats) -> Floats:
-    """Return unit vectors to the Sun (n, 3), frame i, at t (n,) s after an epoch (ISO 8601, UTC) at which the Earth is
-    turned by theta (n,) rad.
+    """Return geocentric unit vectors to the Sun (n, 3), frame i.
 
-    Mean equator and equinox of date, geocentric; the frame's own x axis need not be the equinox.
+    Mean equator of date. The x axis of frame i need not be the equinox: the Earth angle relates it to Greenwich.
+
+    epoch : ISO 8601 time, UTC.
+    t : (n,) s after the epoch.
+    theta : (n,) rad. Earth angles at these times.
     """
     start = datetime.fromisoformat(epoch)
     start = start.replace(tzinfo=UTC) if start.tzinfo is None else start.astimezone(UTC)
@@ -24,7 +27,7 @@ def sun_direction(epoch: str, t: Floats, theta: Floats) -> Floats:
     ecliptic = np.radians(longitude + 1.915 * np.sin(anomaly) + 0.020 * np.sin(2.0 * anomaly))
     obliquity = np.radians(23.439 - 4e-7 * days)
     declination = np.arcsin(np.sin(obliquity) * np.sin(ecliptic))
-    # from the meridian of Greenwich, which frame i has at theta
+    # right ascension minus sidereal time is the angle from Greenwich, whose meridian is at theta in frame i
     angle = np.arctan2(np.cos(obliquity) * np.sin(ecliptic), np.cos(ecliptic)) - (gmst(epoch) + OMEGA * t) + theta
     across = np.cos(declination)
     return np.stack([across * np.cos(angle), across * np.sin(angle), np.sin(declination)], axis=-1)

@@ -1,1 +1,1 @@
-"""What is known of a vehicle that stands on its pad: velocity, attitude, position, azimuth. `standing.py` first."""
+"""Measurements of a vehicle at rest on its pad: velocity, attitude, position, azimuth. Read `standing.py` first."""

@@ -1,8 +1,8 @@
-"""Optical azimuth: a theodolite sees the normal of a mirror on the vehicle, along the body's y axis.
+"""Optical azimuth: a theodolite measures the azimuth of a mirror on the vehicle, whose normal is the body y axis.
 
 Azimuth from north to east in the plane of the local horizon; with m the normal, d down and m_h its part in that plane,
-z - z_hat = (d - (m . d / |m_h|^2) m_h) . att + v. The horizon is that at the estimated position; how it turns with an
-error of that (1e-5 rad in 100 m) is neglected.
+z - z_hat = (d - (m . d / |m_h|^2) m_h) . att + v. The horizon is that of the estimated position; its rotation with a
+position error (1e-5 rad for 100 m) is neglected.
 """
 
 import math
@@ -25,7 +25,7 @@ from lvnav_trade.observables.sensors.pad.standing import StandingCard
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import AngleSigma
 
-_STEEPEST = 0.5  # part of the mirror's normal in the horizon below which it is not seen
+_STEEPEST = 0.5  # smallest horizontal component of the mirror's normal for a measurement
 
 
 class AzimuthModel(SensorModel):
@@ -53,7 +53,7 @@ class AzimuthCard(StandingCard):
         return np.arctan2(normal[:, 1].copy(), normal[:, 0].copy())[:, None]
 
     def available(self, flight: FlightView) -> Bools:
-        """Return whether the vehicle stands and the mirror's normal is near enough to the horizon, (n_epoch,)."""
+        """Return whether the vehicle is at rest and the mirror's normal near enough to the horizon, (n_epoch,) bool."""
         return flight.standing & (np.linalg.norm(self._normal(flight)[:, :2], axis=1) > _STEEPEST)
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
@@ -70,13 +70,13 @@ class AzimuthCard(StandingCard):
 
 @jit
 def measure(out, truth, e0):
-    """Set out[:2] to cosine and sine of the measured azimuth: the true one, truth[0] (rad), plus an error (rad)."""
+    """Set out[:2] to cosine and sine of the measured azimuth: true azimuth truth[0] (rad) plus an error (rad)."""
     out[0], out[1] = turned(math.cos(truth[0]), math.sin(truth[0]), e0)
 
 
 @jit
 def fill(H, z, at, observed, nav):
-    """Set a Jacobian row at `at`, and measured minus predicted azimuth (rad)."""
+    """Set a Jacobian row at `at`, and the innovation (rad)."""
     _, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
     scale = 1.0 / sqrt(ux * ux + uy * uy)
     ex, ey = -uy * scale, ux * scale

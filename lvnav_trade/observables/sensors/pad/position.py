@@ -1,6 +1,6 @@
-"""Known position: the surveyed place where the inertial unit is while its vehicle stands on the pad.
+"""Known position: the surveyed position of the IMU while the vehicle is at rest on the pad.
 
-z - z_hat = C_i_e pos + s + v, axes of frame e: s the error of the survey, which lasts.
+z - z_hat = C_i_e pos + s + v, axes of frame e, with the constant survey error s.
 """
 
 import math
@@ -27,7 +27,7 @@ class PadPositionModel(SensorModel):
 
 
 class PadPositionCard(RestCard):
-    """The surveyed position of the inertial unit of a vehicle that stands on its pad."""
+    """The surveyed position of the IMU of a vehicle at rest on its pad."""
 
     measurement: ClassVar[str] = "pad_position"
     model: ClassVar[type[SensorModel]] = PadPositionModel
@@ -41,7 +41,7 @@ class PadPositionCard(RestCard):
     survey: LengthSigma = Field(0.0, description="constant error of the survey, per axis")
 
     def truth(self, flight: FlightView) -> Floats:
-        """Return the place at rest (n_epoch, 3) in m, frame e."""
+        """Return the position at rest (n_epoch, 3) in m, frame e."""
         return ecef_from_eci(flight.r_rest, flight.theta)
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
@@ -52,7 +52,7 @@ class PadPositionCard(RestCard):
 
 @jit
 def fill(H, z, at, observed, nav, theta):
-    """Set three Jacobian rows from `at` on, and measured minus predicted position (m); theta rad of the Earth."""
+    """Set three Jacobian rows from `at` on, and the innovations (m); theta : rad, Earth angle."""
     x, y = to_earth(theta, nav[R], nav[R + 1])
     z[at], z[at + 1], z[at + 2] = observed[0] - x, observed[1] - y, observed[2] - nav[R + 2]
     begin_rows(H, at, H_POS, theta)

@@ -1,7 +1,7 @@
-"""Zero rotation: a vehicle on its pad keeps its attitude relative to the Earth, which is not known by itself.
+"""Zero rotation: a vehicle on its pad keeps its attitude relative to the Earth, which is not known exactly.
 
-A small rotation from the predicted attitude to the standing one, axes of frame e: z - z_hat = C_i_e att + m + v. The
-three m, how far the standing attitude is from what was taken for it, last: the extra state standing_attitude.
+The small rotation from the predicted to the standing attitude, axes of frame e, is z - z_hat = C_i_e att + m + v. The
+constant m is the error of the assumed standing attitude: the extra state standing_attitude.
 """
 
 import math
@@ -36,7 +36,7 @@ class ZeroRotationModel(SensorModel):
 
 
 class ZeroRotationCard(RestCard):
-    """The attitude relative to the Earth stays while the vehicle stands on its pad, known beforehand to `attitude`."""
+    """Constant attitude relative to the Earth while the vehicle is at rest on its pad, known to `attitude`."""
 
     measurement: ClassVar[str] = "zero_rotation"
     model: ClassVar[type[SensorModel]] = ZeroRotationModel
@@ -56,15 +56,16 @@ class ZeroRotationCard(RestCard):
         return quaternions(rotation_i_e(flight.theta) @ matrices(flight.q_rest))
 
     def lasting(self) -> tuple[CorrelatedError, ...]:
-        """Return the error of the attitude that is known beforehand."""
+        """Return the error of the attitude known in advance."""
         known = ("attitude", math.inf, self.labels, each_scalar(3))
         return (CorrelatedError("standing attitude", STANDING_ATTITUDE, self.attitude, *known),)
 
 
 @jit
 def fill(H, z, at, observed, nav, theta):
-    """Set three Jacobian rows from `at` on, and the small rotation (rad, frame e) from the estimate to the measured
-    attitude; theta rad of the Earth.
+    """Set three Jacobian rows from `at` on, and the innovations; theta : rad, Earth angle.
+
+    The innovation is the small rotation (rad, frame e) from the estimated to the measured attitude.
     """
     c, s = math.cos(0.5 * theta), math.sin(0.5 * theta)
     q0, q1, q2, q3 = multiply(c, 0.0, 0.0, -s, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])

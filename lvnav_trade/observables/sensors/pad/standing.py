@@ -1,4 +1,4 @@
-"""What the sensors of the pad have in common: they measure while the vehicle stands, in axes of the rotating Earth."""
+"""Base of the sensors on the pad, which measure while the vehicle is at rest, in axes of the rotating Earth."""
 
 import math
 from typing import ClassVar
@@ -11,22 +11,22 @@ from lvnav_trade.records import Bools
 
 
 class StandingCard(SensorCard):
-    """A sensor of the pad: from the start of the flight until the vehicle leaves the place where it stands.
+    """A sensor on the pad, available from the start of the flight until the vehicle moves from its pad.
 
-    What it takes for known is the vehicle at rest on the rotating Earth. Sway and twist of the trajectory (its
-    oscillation) move the vehicle, and are errors of the measurement.
+    The measurement assumes a vehicle at rest on the rotating Earth. Sway and twist of the trajectory (its oscillation)
+    are errors of the measurement.
     """
 
     on_pad: ClassVar[bool] = True
     able: ClassVar[str] = "the vehicle stands on its pad"
 
     def available(self, flight: FlightView) -> Bools:
-        """Return whether the vehicle stands, (n_epoch,)."""
+        """Return whether the vehicle is at rest, (n_epoch,) bool."""
         return flight.standing
 
 
 class RestCard(StandingCard):
-    """What is known of a vehicle at rest, axis by axis of frame e: that it does not move, turn, or change its place."""
+    """A measurement of a vehicle at rest by axis of frame e: zero velocity, zero rotation, or constant position."""
 
     labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
@@ -35,9 +35,7 @@ class RestCard(StandingCard):
 
 @jit
 def begin_rows(H, at, entry, theta):
-    """Set three Jacobian rows from `at` on to the matrix from frame i to frame e, from `entry` on; theta rad of the
-    Earth.
-    """
+    """Set three Jacobian rows from `at` on to the matrix C_i_e, from `entry` on; theta : rad, Earth angle."""
     c, s = math.cos(theta), math.sin(theta)
     for axis in range(3):
         clear(H[at + axis])
@@ -48,6 +46,6 @@ def begin_rows(H, at, entry, theta):
 
 @jit
 def to_earth(theta, x, y):
-    """Return the first two components in frame e of a vector in frame i; the third is the same."""
+    """Return the x and y components in frame e of a vector in frame i; z is the same in both."""
     c, s = math.cos(theta), math.sin(theta)
     return c * x + s * y, c * y - s * x

@@ -28,7 +28,7 @@ class ZeroVelocityModel(SensorModel):
 
 
 class ZeroVelocityCard(RestCard):
-    """The velocity relative to the Earth is taken for zero while the vehicle stands on its pad."""
+    """Zero velocity relative to the Earth while the vehicle is at rest on its pad."""
 
     measurement: ClassVar[str] = "zero_velocity"
     model: ClassVar[type[SensorModel]] = ZeroVelocityModel
@@ -47,7 +47,7 @@ class ZeroVelocityCard(RestCard):
 
 @jit
 def fill(H, z, at, observed, nav, theta):
-    """Set three Jacobian rows from `at` on, and measured minus predicted velocity (m/s); theta rad of the Earth."""
+    """Set three Jacobian rows from `at` on, and the innovations (m/s); theta : rad, Earth angle."""
     x, y = to_earth(theta, nav[V] + OMEGA * nav[R + 1], nav[V + 1] - OMEGA * nav[R])
     z[at], z[at + 1], z[at + 2] = observed[0] - x, observed[1] - y, observed[2] - nav[V + 2]
     begin_rows(H, at, H_VEL, theta)
