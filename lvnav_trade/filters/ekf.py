@@ -377,7 +377,7 @@ def correct(work, past, late, model):
     """
     x = work.x
     correct_motion(work.nav, x)
-    correct_stored(past, late, x)
+    correct_stored(past, late, x)  # delayed measurements are compared with corrected states
     correct_parameters(work, model)
     correct_receiver(work, model)
     processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)

@@ -125,6 +125,7 @@ def keep(past, nav, previous, x, late, window, dt, kind):
     """
     if late is not None:
         for line in range(late.n_ring.shape[0]):
+            # an earlier velocity may belong to another epoch than the state that is stored in the same window
             for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
                 for i in range(3):
                     past[place_of(late, line, epoch), EARLY + i] = nav[V + i] + x[VEL + i]

@@ -1,4 +1,4 @@
-"""Card of a filter's mode logic: when it starts, which samples it accepts, when it stops and starts again."""
+"""Card of the mode logic of a filter: start, acceptance of samples, stop and restart."""
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ Persisting = Literal["data_loss", "residual", "covariance"]
 
 
 class LogicCard(units.Card):
-    """When a filter starts, what it accepts, when it gives up and starts again; a rule that is left out is off."""
+    """Rules of a mode logic: start, acceptance of samples, stop and restart. A rule that is not set is off."""
 
     check_flags: Annotated[tuple[Check, ...], AfterValidator(units.distinct)] = Field(
         CHECKS,

@@ -43,10 +43,10 @@ class FilterModel(NamedTuple):
     block_drivers : (n_block,). Quantity that the parameter of the block multiplies.
     seconds : (n_length,) s. Window lengths.
     decay : (n_length, n_state). Decay factor of each state over a window.
-    noise : (n_length, n_state) SI squared. Process-noise variance added over a window; of random walks that differ by
-        axis, the least.
-    uneven : (2, 3) SI squared per second. What the PSD of each gyro and accelerometer axis, body axes, has more than
-        the least of the three; None where the axes are alike.
+    noise : (n_length, n_state) SI squared. Process-noise variance added over a window; for random walks that differ by
+        axis, that of the least.
+    uneven : (2, 3) SI squared per second. PSD of each gyro and accelerometer axis, body axes, in excess of the least of
+        the three; None if all axes are alike.
     clock : State of the clock bias, followed by the drift; -1 without a clock.
     n_estimated : Number of states that updates correct; the states from here on are considered.
     n_assessed : Number of states in the NEES.

@@ -205,11 +205,14 @@ def update_mode(watch, rules, epoch, P):
     state, used, starts = watch.state, watch.sample[0], watch.sample[1]
     before, good = state[MODE], rules.good[epoch]
     broken = _covariance_error(P, rules)
+    # a filter that starts at this epoch counts as running and converging from here on
     running = where(starts > 0.0, 1.0, is_running(before))
     mode = where(starts > 0.0, CONVERGING, before)
     state[SINCE] = where(starts > 0.0, 0.0, state[SINCE] + rules.interval)
     clean = where(broken > 0.0, 0.0, where(starts > 0.0, 1.0, used))
     state[ERROR] = where(running * (1.0 - clean) > 0.0, state[ERROR] + rules.interval, 0.0)
+    # with a good sample converging becomes aiding after a delay, and predicting becomes aiding; without a good sample
+    # converging becomes waiting, and aiding becomes predicting
     if good:
         due = (state[SINCE] >= rules.correct_after) & (used > 0.0) & (before == CONVERGING)
         mode = where(due, AIDING, mode)

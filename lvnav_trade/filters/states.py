@@ -47,6 +47,7 @@ class Taken(NamedTuple):
 
 
 def _parameter_blocks(names: list[str], imu: ImuModel, offset: int) -> list[ErrorTerm]:
+    """Return the blocks of IMU parameters, three states each, from state `offset` on."""
     blocks: list[ErrorTerm] = []
     for name in names:
         walk, time_constant = getattr(imu, f"{name}_walk", 0.0), getattr(imu, f"{name}_time", None) or math.inf
@@ -66,6 +67,7 @@ def _extra_blocks(
     offset: int,
     as_noise: tuple[str, ...] = (),
 ) -> list[ExtraBlock]:
+    """Return the blocks of extra states from state `offset` on; names in `as_noise` have no memory."""
     blocks = []
     for name in names:
         labels, member = members(name, channels)

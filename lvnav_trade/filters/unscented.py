@@ -255,6 +255,7 @@ def propagate_by_points(work, case, points, open_loop, w):
     for i in range(P.shape[0]):
         P[i, i] = P[i, i] + 0.5 * noise[i]
     add_turned(P, model.uneven, work.sums, model.seconds[length])
+    # the points spread by the covariance with half of the noise, about the estimate before the window
     factorise(points.root, P, model, points.odd.shape[0])
     _propagate_points(points, work, case, open_loop, w)
     _set_navigation_covariance(P, points)

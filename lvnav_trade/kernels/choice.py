@@ -34,7 +34,7 @@ def choosing(kernels: Iterable[Any]) -> Callable[[Callable[..., Any]], Callable[
         if kernel is not None:
             numbers.setdefault(kernel, []).append(number)
 
-    def written(function: Callable[..., Any]) -> Callable[..., Any]:
+    def generate(function: Callable[..., Any]) -> Callable[..., Any]:
         available = list(inspect.signature(function).parameters)
         lines, called = list[str](), dict[str, Any]()
         for kernel, codes in numbers.items():
@@ -54,7 +54,7 @@ def choosing(kernels: Iterable[Any]) -> Callable[[Callable[..., Any]], Callable[
         setattr(chooser, _TEXT, f"{text}\n")
         return chooser
 
-    return written
+    return generate
 
 
 def _parameters(kernel: Any, available: list[str]) -> list[str]:

@@ -155,6 +155,7 @@ def to_local(nav, code, q, v, r):
     """
     x, y, z = nav[r], nav[r + 1], nav[r + 2]
     height, ux, uy, uz = height_and_up(x, y, z)
+    # fixed point: the normal is parallel to (x, y, z (N + h) / (N (1 - e^2) + h)), N the radius of the prime vertical
     for _ in range(_ROUNDS):
         prime = SEMI_MAJOR / sqrt(1.0 - ECCENTRICITY_2 * (uz * uz))
         uz = z * (prime + height) / (prime * (1.0 - ECCENTRICITY_2) + height)

@@ -143,6 +143,7 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
         a0, a1, a2 = dtheta[tick, 0], dtheta[tick, 1], dtheta[tick, 2]
         f0, f1, f2 = dvel[tick, 0], dvel[tick, 1], dvel[tick, 2]
         number = np.uint64(tick)
+        # a draw is keyed by tick, so it does not depend on how the flight is divided into windows
         n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, number, np.uint64(0))
         n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, number, np.uint64(1))
         e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, unit.biases_only, a0, a1, a2, f0, f1, f2, dt)

@@ -118,6 +118,7 @@ def to_earth_fixed(nav, algorithm, angle):
     """
     c, s, ch, sh = math.cos(angle), math.sin(angle), math.cos(0.5 * angle), math.sin(0.5 * angle)
     rx, ry = nav[R], nav[R + 1]
+    # velocity relative to the rotating Earth, v - w x r, before the rotation about the polar axis
     vx, vy = nav[V] + OMEGA * ry, nav[V + 1] - OMEGA * rx
     nav[V], nav[V + 1] = c * vx + s * vy, c * vy - s * vx
     nav[R], nav[R + 1] = c * rx + s * ry - algorithm.origin[0], c * ry - s * rx - algorithm.origin[1]
@@ -200,6 +201,7 @@ def integrate(nav, sums, previous, increments, n_step, dt, algorithm, general):
             dx, dy, dz = fx + 0.5 * rotation_x + sx, fy + 0.5 * rotation_y + sy, fz + 0.5 * rotation_z + sz
         sx, sy, sz = c0 * dx + c1 * dy + c2 * dz, c3 * dx + c4 * dy + c5 * dz, c6 * dx + c7 * dy + c8 * dz
         if rotating:
+            # the axes rotate by half a step until the middle of the step; the Coriolis term uses the mean velocity
             sx, sy = sx + turned * sy, sy - turned * sx
             x, y = algorithm.origin[0] + rx + half * vx, algorithm.origin[1] + ry + half * vy
             gx, gy, gz = gravity(algorithm.gravity, x, y, algorithm.origin[2] + rz + half * vz)

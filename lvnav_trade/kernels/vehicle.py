@@ -73,6 +73,8 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
             c = columns[r, k]
             for i in range(n):
                 K[r, i] = K[r, i] + h[r, k] * _upper(P, i, c)
+        # K_r = P h_r' of the covariance after the updates before it: P h_r' - sum over q of K_q weight_q (K_q' h_r').
+        # Estimated states see the whole of K_q' h_r', considered states only its part over estimated states.
         for q in range(r):
             estimated, every = _seen_by(K, h, columns, r, q, n_estimated)
             factor = every * weight[q]

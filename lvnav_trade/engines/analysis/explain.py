@@ -158,6 +158,7 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
 def _nonlinearities(
     prepared: Prepared, history: CovHistory, events: Mapping[str, float]
 ) -> tuple[tuple[str, Nonlinearity], ...]:
+    """Return the nonlinearity at every event and over every gap by name; of an open loop at the events only."""
     if prepared.scenario.filter.feedback == "open" and prepared.model.aided:
         times = dict.fromkeys(events.values())
         by_time = {t: open_loop_nonlinearity(prepared, history, t) for t in times}

@@ -200,6 +200,7 @@ def _gather(folding, rows, samples, delayed, extra_offset, first_window, last_wi
 
 
 def _rows(prepared: Prepared, true: Components, tape: UpdateTape) -> _Rows:
+    """Return the arrays of a case and its forward pass from which observability is computed."""
     schedule, model, signals = prepared.schedule, prepared.model, prepared.signals
     used = slice(0, int(tape.used[0]))
     whitened = model.has_covariance & (tape.channel[used] < signals.n_receiver)
@@ -256,6 +257,7 @@ def _folded(prepared: Prepared, rows: _Rows, first: int, last: int) -> tuple[int
 
 
 def _stretch(prepared: Prepared, rows: _Rows, start: float, end: float) -> Stretch:
+    """Return the observability over the windows that end between start and end (s since lift-off)."""
     schedule, states = prepared.schedule, np.array(prepared.layout.reported)
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     inside = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))

@@ -87,8 +87,9 @@ class Gap(NamedTuple):
 
 
 def gaps(history: CovHistory) -> tuple[Gap, ...]:
-    """Return the gaps of a flight: longer than `GAP` and three update intervals. The time before the first measurement
-    is one. Their names hold their ends.
+    """Return the gaps of a flight: intervals without measurements longer than `GAP` and three update intervals.
+
+    The time before the first measurement counts too. The name of a gap contains its end.
     """
     measured = np.flatnonzero(history.n_row > 0)
     if not measured.size:

@@ -176,6 +176,7 @@ def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened
     total = _update_sources(state, scratch, true, h, entries, columns, true.noise_source[channel], noise)
     total += _update_shared(state, scratch, h, signals, true, epoch, channel, whitened)
     total += _update_imus(state, scratch, true, epoch, channel)
+    # mean error after the update: (I - k h) m - k z, z the deterministic innovation; h m + z is the mean innovation
     offset = update_vector(state.mean, gain, h, entries, columns) + innovation
     for i in range(gain.shape[0]):
         state.mean[i] -= gain[i] * innovation
@@ -222,7 +223,7 @@ def follow_update(joint, work, case, weight, epoch, row, channel):
         whitened, place = has_reported_covariance(model, channel), place_of_channel(late, channel, epoch)
         square = _update_truth(joint, work.H[row], work.z[row], case.signals, place, epoch, channel, whitened)
         _clear(work.x)
-        square = square * weight
+        square = square * weight  # expected square of the normalised innovation
         out.expected_nis[epoch] += square
         out.row_ratio[epoch, row] = max(out.row_ratio[epoch, row], square)
         out.n_row[epoch] += 1

@@ -77,6 +77,7 @@ def _enter_by_samples(P, y, through, seen, S, a, variance, gain):
 
 @jit
 def _update_sources(state, ticks, true, h, columns):
+    """Update the covariance of every source, and its cross covariances, by the samples of a tick with `ticks.gain`."""
     gain = ticks.gain
     for g in range(true.n_slot.shape[0]):
         P, S = group(state.sources, g), group(ticks.S, g)

@@ -167,8 +167,8 @@ def process_receiver(work, parts, case, joint, again, epoch, gate_squared, start
     """
     options = case.options
     ekf.decorrelate(work, parts, case, parts.rx, options.late, epoch)
-    _assess(work, parts.points, case, joint, parts.monitor, gate_squared, epoch)
-    hold(again, work, epoch)
+    _assess(work, parts.points, case, joint, parts.monitor, gate_squared, epoch)  # may inflate the covariance
+    hold(again, work, epoch)  # so every pass starts from the inflated prediction
     update_receiver(work, parts, case, joint, options.direct, epoch, gate_squared, starts)
     if again is not None:
         for _ in range(0 if is_receiver_stored(options.late) else options.iterated.repeats):
@@ -253,6 +253,7 @@ def _process_permitted(work, parts, case, joint, open_loop, rules, epoch):
         process_receiver(
             work, parts, case, joint, parts.again, epoch, where(used, model.gate_squared, NOT_USED), starts
         )
+        # innovations of a sample that the logic rejects are not results
         for row in range(n_row):
             channel = channel_of(model, signals, epoch, row)
             work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
@@ -278,9 +279,9 @@ def process_epoch(work, parts, case, joint, open_loop, sensors, rules, epoch):
     epoch : index
     """
     options, model, gate = case.options, case.model, case.model.gate_squared
-    # clones are computed and extra states reset before the first update of the epoch
     begin_sum(open_loop, work.x)
     ekf.place_antenna(work, parts.past, options.late, model, case.step, epoch)
+    # clones are computed and extra states reset before the first update of the epoch
     find_earlier(work.P, parts.earlier, options.delayed)
     renew(work.P, work.x, work.extra, options.delayed, model, epoch)
     if rules is None:

@@ -233,6 +233,7 @@ def go_back(back, scratch, tape, true, case, flight, entering, time_bins):
     """
     schedule, signals, options, whitens = case.schedule, case.signals, case.options, case.model.has_covariance
     has_entered = False
+    # each window in the reverse order of `forward.forward`: history, clones, updates, receiver errors, propagation
     for w in range(schedule.n_tick.shape[0] - 1, -1, -1):
         time_bin, at, hist = time_bins[w], schedule.epoch[w], schedule.hist[w]
         if hist >= 0 and entering.place[hist] >= 0:

@@ -127,7 +127,7 @@ class Components(NamedTuple):
 
 
 def _terms(prepared: Prepared) -> list[ErrorTerm]:
-    """Return the random errors of the IMUs, each with the first filter state that models it (-1 none) as its offset."""
+    """Return the random errors of the IMUs; `offset` of each is the first filter state that models it, -1 none."""
     several = prepared.options.units is not None  # a state then models a sum of components, not one of them
     states = {} if several else {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
     terms = [term._replace(offset=states.get((term.sensor, term.driver), -1)) for term in prepared.sources]

@@ -187,6 +187,7 @@ def forward(work, parts, case, joint, flight, record):
         if n_tick > 0:
             _propagate(work, parts, case, joint, flight, options.vehicle, options.late, w)
         if schedule.epoch[w] >= 0 and case.model.aided:
+            # measurements are linearised at the true state, not at the end of the strapdown's integration
             place(work.nav, flight.reference, first + n_tick)
             _update(work, parts, case, joint, flight, options.vehicle, options.report, schedule.epoch[w])
         if joint.tape.channel.shape[0] > 0:

@@ -280,6 +280,7 @@ def source_covariances(prepared: Prepared, time: float, tape: UpdateTape | None 
 
 
 def _by_source(prepared: Prepared, time: float, tape: UpdateTape | None) -> Floats:
+    """Return the true covariances (n_source, 3, 3, 3) of attitude, velocity and position by source at a time."""
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     single = turns(prepared)[hist, :9]
     pairs = [(3 * q + i, 3 * q + j) for q in range(3) for i, j in ((0, 1), (0, 2), (1, 2))]
@@ -326,13 +327,14 @@ def _go_back(
 
 
 def _history(prepared: Prepared, out: PassResults) -> CovHistory:
+    """Return the history of a forward pass, rotated to the reporting axes."""
     reported, m = np.array(prepared.layout.reported), prepared.layout.n_estimated
     n, turn = reported.size, turns(prepared)
     formal, true, mean, budget = out.formal, out.true, out.mean, out.budget
     if n < prepared.layout.n_state:
         formal, true = (np.ascontiguousarray(values[:, reported[:, None], reported]) for values in (formal, true))
         mean, budget = mean[:, reported], budget[:, :, reported]
-    total = true + mean[:, :, None] * mean[:, None, :]
+    total = true + mean[:, :, None] * mean[:, None, :]  # second moment of the true error
     nees = expected_nees(formal[:, :m, :m], total[:, :m, :m])
     formal, true = turn @ formal @ np.swapaxes(turn, 1, 2), turn @ true @ np.swapaxes(turn, 1, 2)
     diagonal = range(n)

@@ -131,6 +131,7 @@ def _enter_over_window(P, y, b, variance, echo):
     variance : variance of c
     echo : variance of the driving noise of c that also enters the states, with the opposite sign of b
     """
+    # P + b y' + y b' + (variance + echo) b b'; the last term is shared between the two loops over i and j
     n = P.shape[0]
     half = 0.5 * (variance + echo)
     for i in range(N_NAV):
@@ -161,6 +162,7 @@ def _advance_components(joint, scratch, true, length, g):
             for i in range(y.shape[0]):
                 y[i] = factor * y[i]
             if true.moves[g, k]:
+                # the new remainder enters the states with the sign opposite to that of the component
                 for i in range(N_NAV):
                     y[i] = y[i] - echoes[k, 0] * b[k, i]
         variances[k, 0] = factor * factor * variances[k, 0] + noises[k, 0]
@@ -189,6 +191,7 @@ def _drive_states(joint, true, length):
         source, k, first, last = true.source[c], true.slot[c], true.state_from[c], true.state_from[c + 1]
         g, lane = true.group[source], true.lane[source]
         noise = true.noise[length, g, k, 0, lane]
+        # all states that model the component get the same noise, so their errors are fully correlated by it
         for p in range(first, last):
             for q in range(first, last):
                 joint.sources[g, true.states[p], true.states[q], lane] += noise

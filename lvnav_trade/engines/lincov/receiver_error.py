@@ -66,6 +66,7 @@ def advance_solution(joint, scratch, chain, true, epoch):
             if true.followed[g, k]:
                 _move_vector(group(joint.cross, g)[k], work, A, at)
     _move_vector(joint.mean, scratch.receiver, A, at)
+    # s+ = A s + W w + B c + d: deterministic part d, white noise by source, correlated errors by component
     for i in range(m):
         joint.mean[at + i] += chain.push[epoch, i]
     for q in range(chain.kind.shape[0]):
@@ -142,6 +143,7 @@ def clone_error(joint, true, late, window):
 
 @jit
 def _line_back(y, true, late, line, window):
+    """Add the adjoint of the clones of a line to that of the states that they copy, and reset it."""
     for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
         at = true.clone + N_CLONE * place_of(late, line, epoch)
         for i in range(N_NAV):

@@ -70,6 +70,7 @@ def _write_biases(out, hist, state, true, samples):
 
 @jit
 def _write_components(out, hist, state, true, samples, tick):
+    """Add the variance of IMU error components to those of raw and corrected samples, for one IMU."""
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0 or true.driver[j] < 0:
             continue

@@ -54,7 +54,7 @@ class TrueImu(NamedTuple):
 
 
 def imu_of(scenario: Scenario, flight: Flight, layout: StateLayout) -> TrueImu:
-    """Return the true IMU of a case; layout: states of the filter, some of which stand for differences of IMUs."""
+    """Return the true IMU of a case; layout: states of the filter, which may include differences of two IMUs."""
     ref, course = flight.reference, flight.trajectory.course
     terms = (*terms_of(scenario.imu), *disturbance(scenario.gravity))
     units = units_of(scenario, ref, course, flight.devices, layout)

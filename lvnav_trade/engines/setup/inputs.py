@@ -92,7 +92,7 @@ class Units(NamedTuple):
     n_axis : (n_triad,). Number of sensing axes.
     frames : (n_triad, 3, 3, 3). For each axis, unit vectors in body axes: its direction, those of its misalignments.
     solved : (n_stage, n_triad, 2, 3, 3). Weights of each axis of gyro and accelerometer in the combined triad.
-    lever : (n_triad, 3) m. Lever arm that is compensated, body axes; zero where it is not.
+    lever : (n_triad, 3) m. Compensated lever arm, body axes; zero without compensation.
     noise_sources : (n_triad,). Keys of the random draws of white noise.
     white : (n_triad, 8). As `Unit.white`.
     triads : (n_block,). Triad of each block of error parameters.
@@ -104,7 +104,7 @@ class Units(NamedTuple):
     shift : (n_stage, 2, 3) rad, m/s. Mean error of a combined increment.
     stage : (n_imu,). Stage of each tick in linear covariance.
     flown : (n_imu,). Stage of each tick if no IMU were excluded; a simulation run excludes IMUs itself.
-    redundant : Redundant. Test and selection of the IMUs; None where there is neither.
+    redundant : Redundant. Test and selection of the IMUs; None without both.
     """
 
     dtheta: Floats
@@ -200,7 +200,7 @@ class Signals(NamedTuple):
     used : (n_epoch, n_slot). Satellite of each slot, -1 none.
     n_used : (n_epoch,). Number of satellites in use.
     words : (n_sat,). Keys of the satellites for random draws.
-    range : (n_epoch, n_sat) m. Pseudorange without clock and random errors, less what the filter corrects.
+    range : (n_epoch, n_sat) m. Pseudorange without clock and random errors, minus the corrections of the filter.
     rate : (n_epoch, n_sat) m/s. Range rate, likewise.
     position : (n_epoch, 3) m. Receiver's solution without random errors, frame i.
     velocity : (n_epoch, 3) m/s. Receiver's solution without random errors, frame i.

@@ -74,7 +74,7 @@ def arriving(
         for period in periods(number, fault, course)
     ]
     if dropped:
-        out = [array.copy() for array in out]  # those of the reference are other cases' too
+        out = [array.copy() for array in out]  # the reference is shared with other cases
     for fault, (start, end) in dropped:
         gone = np.flatnonzero((ref.t[1:] > start + 1e-9) & (ref.t[1:] <= end + 1e-9))
         for array in out:
@@ -92,12 +92,24 @@ def elements(
     t: Floats,
     unit: int = 0,
 ) -> list[Floats]:
-    """Return increments of angle and velocity as the elements of a triad put them out, at most full scale.
+    """Return angle and velocity increments with dead axes and saturation of the sensing elements of a triad.
 
-    axes (k, 3): directions of the triad, body axes, whose numbers in the unit count from `first` (0); t (n_imu,) s ends
-    of the ticks.
+    Parameters
+    ----------
+    sensed
+        (n_imu, 3) each. Angle and velocity increments, body axes.
+    card
+        Card of the IMU.
+    axes, first
+        (k, 3). Directions of the axes of the triad, body axes; number of the first of them in the IMU.
+    faults, course
+        Faults, of which dead axes act here; conditions of the trajectory.
+    t
+        (n_imu,) s since lift-off. Ends of the ticks.
+    unit
+        Number of the IMU in an array.
     """
-    found = []
+    increments_out = []
     for name, increments, triad in zip(("gyro", "accelerometer"), sensed, (card.gyro, card.accel), strict=True):
         dead = [
             Dead(fault.axis - 1 - first, (t > start + 1e-9) & (t <= end + 1e-9), fault.output == "last")
@@ -107,13 +119,14 @@ def elements(
             for start, end in periods(number, fault, course)
         ]
         limit = math.inf if triad.full_scale is None else triad.full_scale / card.rate
-        found.append(np.ascontiguousarray(put_out(increments, axes, limit, dead)))
-    return found
+        increments_out.append(np.ascontiguousarray(put_out(increments, axes, limit, dead)))
+    return increments_out
 
 
 def swing(ref: Reference, lever: Floats) -> Floats:
-    """Return what a lever arm (3,) m adds to increments of velocity, (n_imu, 3): tangential acceleration, exactly, and
-    centripetal acceleration by Simpson's rule.
+    """Return the velocity increments (n_imu, 3) m/s by a lever arm (3,) m, body axes.
+
+    The tangential acceleration dw/dt x r is integrated exactly, the centripetal w x (w x r) by Simpson's rule.
     """
     dt = float(ref.t[1] - ref.t[0])
     rate, middle = ref.w_ib_b, ref.dtheta / dt

@@ -110,12 +110,30 @@ def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
 def envelopes(
     card: EnvelopeCard, t: Floats, burning: Bools, changes: Floats, commanded_rate: Floats, nozzle_command: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the envelopes on even ticks t (n,) from commanded rate (n, 2) rad/s and nozzle angles (n, 2), pitch, yaw:
-    standard deviations (n, 3) of angular acceleration (rad/s^2: roll, pitch, yaw) and of jerk (m/s^3: x, y, z).
+    """Return the motion envelope at equidistant times: standard deviations of angular acceleration and jerk.
 
-    Derivatives are finite differences to the tick before, with the nozzle centred before the first; what is commanded
-    at a tick counts from the next one on. A phase that is changing is no coast: the air and the next motor may already
-    turn the vehicle.
+    Derivatives are backward differences; before the first tick the nozzle is centred. A command acts from the next tick
+    on. A change of phase does not count as coast, because air and next motor may already rotate the vehicle.
+
+    Parameters
+    ----------
+    card
+        Envelope card.
+    t
+        (n,) s since lift-off.
+    burning
+        (n,). Whether a motor burns.
+    changes
+        s since lift-off. Times of phase changes.
+    commanded_rate, nozzle_command
+        (n, 2) rad/s and rad. Commanded rates and nozzle angles, pitch and yaw.
+
+    Returns
+    -------
+    turning
+        (n, 3) rad/s^2. Roll, pitch, yaw.
+    jerk
+        (n, 3) m/s^3. Body axes.
     """
     dt = float(t[1] - t[0])
     turning, jerk = np.empty((t.size, 3)), np.empty((t.size, 3))
@@ -133,13 +151,13 @@ def envelopes(
 
 
 def _slope(value: Floats, before: Floats, dt: float) -> Floats:
-    """Return the finite difference (n, k) to the tick before, the first to the values (1, k) before."""
+    """Return the backward difference (n, k) per second; before: (1, k) values before the first."""
     return np.diff(value, axis=0, prepend=before) / dt
 
 
 def _lagged(drive: Floats, time_constant: float, dt: float) -> Floats:
-    """Return the first-order lag (n, k) of a drive that is held over each tick; it starts at zero."""
-    from scipy.signal import lfilter  # with it comes scipy.stats: 30 MiB and 0.5 s of every worker, for few filters
+    """Return the response (n, k) of a first-order lag to an input that is constant over each tick, from zero."""
+    from scipy.signal import lfilter  # imported here: it loads scipy.stats, 30 MiB and 0.5 s, and few filters need it
 
     factor = math.exp(-dt / time_constant)
     return np.asarray(lfilter([0.0, 1.0 - factor], [1.0, -factor], drive, axis=0))

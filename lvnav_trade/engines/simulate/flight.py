@@ -52,6 +52,7 @@ def fly(work, parts, case, truth, key):
             update(work, parts, case, epoch)
         if epoch >= 0:
             tape_after(parts.tape, work, epoch)
+        # history times follow the update: errors at an epoch are those after its measurements
         if schedule.hist[w] >= 0:
             record(work, parts, case, parts.missed, truth.record, max(0, first + n_tick - 1), schedule.hist[w])
     tape_after(parts.tape, work, -1)

@@ -299,7 +299,7 @@ def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
                     all_units = vote.mean[0, k, sensor, i, c]
                     more = solved[k, sensor, i, c] * solved[k, sensor, i, c] - all_units * all_units
                     total = total + more * vote.noise[sensor, k, c]
-        total = where((wanted > 0.0) & (total > 0.0), total * (seconds / 3.0), 0.0)
+        total = where((wanted > 0.0) & (total > 0.0), total * (seconds / 3.0), 0.0)  # mean over the three axes
         for i in range(3):
             P[at + i, at + i] = P[at + i, at + i] + total
     for b in range(model.par_offset.shape[0]):
@@ -309,6 +309,7 @@ def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
 
 @jit
 def _grow_bias(P, weights, wanted, n_axis, vote, sensor, at, seconds):
+    """Inflate the variances of a bias, three states from `at` on, as `grow` describes; weights : solved, before."""
     solved, before = weights
     for i in range(3):
         total = like(P[0, 0], 0.0)

@@ -59,12 +59,12 @@ def propagate(work, parts, case, w):
     schedule, model, options = case.schedule, case.model, case.options
     length, injection, linearised = schedule.length[w], schedule.injection[w], schedule.linearised[w]
     n_tick, start, seconds = schedule.n_tick[w], case.tick * schedule.first_tick[w], model.seconds[length]
-    linearise(work.rates, work.nav, linearised)
+    linearise(work.rates, work.nav, linearised)  # at the state before the window
     advance_backup(parts.backup, work, model, n_tick, case.step, start)
     hold_window(parts.points, work, n_tick)
-    _advance(work, parts, case, options.vehicle, w)
+    _advance(work, parts, case, options.vehicle, w)  # compensates the increments in place
     linearised_sums(work.rates, work.sums, seconds, linearised)
-    propagate_estimate(work, case, parts.points, parts.open_loop, w)
+    propagate_estimate(work, case, parts.points, parts.open_loop, w)  # fills the transition that the others use
     inform(work.P, parts.units, options.units, model, seconds)
     accumulate_transition(parts.earlier, options.delayed, work.D, work.sums, model, length, injection)
     predict_backup(parts.backup, work, model, length, injection)

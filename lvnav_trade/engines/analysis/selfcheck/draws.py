@@ -148,7 +148,10 @@ def _of_unit(prepared: Prepared, seed: int, n: int) -> Floats:
 
 
 def _of_units(prepared: Prepared, seed: int, n: int) -> Floats:
-    """Return the same of several units, (n_run, n_triad, n, 6): half the difference of two runs each."""
+    """Return the increments' noise of the IMUs of an array, (n_run, n_triad, n, 6).
+
+    The difference of two runs over sqrt(2) has the noise of one run, without deterministic errors.
+    """
     units, (work, _) = prepared.options.units, new_work(prepared, lanes=False)
     work = work._replace(increments=np.zeros((n, 6)))
     quiet = units._replace(white=units.white * np.repeat([1.0, 0.0], [6, 2]), redundant=None)
