@@ -52,7 +52,7 @@ def merge(
 ) -> Answer:
     """Combine the shards of a campaign.
 
-    Tables and report are those of the campaign in one piece.
+    Tables and report equal those of the undivided campaign.
     """
     from lvnav_trade import api
     from lvnav_trade.campaign.running.progress import choose

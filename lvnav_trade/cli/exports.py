@@ -30,7 +30,7 @@ def export_vectors(
 ) -> Answer:
     """Write inputs and expected outputs of a filter.
 
-    Another implementation of the filter is tested against them: IMU samples, measurements, satellites; estimates and
+    Use them to test another implementation of the filter: IMU samples, measurements, satellites; estimates and
     covariance before and after the measurements of every epoch. columns.csv states the units.
     """
     from lvnav_trade import api
@@ -47,13 +47,13 @@ def export_filter(
     out: Annotated[Path, folder_option("the C files and the runs")],
     sets: Sets = None,
     case: CaseOf = None,
-    runs: Annotated[int, typer.Option("--runs", help="runs that are recorded and replayed; 0: the C alone")] = 10,
+    runs: Annotated[int, typer.Option("--runs", help="runs that are recorded and replayed; 0: C code only")] = 10,
     quiet: Quiet = False,
 ) -> Answer:
     """Write the filter of a case as C99.
 
-    Runs are recorded beside it and replayed, where this machine has a C compiler (CC, cc, gcc, clang). Each estimate
-    should be that of the simulation to 1e-9 of its size.
+    Recorded runs are written too. If this machine has a C compiler (CC, cc, gcc, clang), they are replayed. Each
+    estimate must agree with the simulation to a relative error of 1e-9.
     """
     from lvnav_trade import api
 

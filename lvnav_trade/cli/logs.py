@@ -36,7 +36,8 @@ def fit_unit(
         ),
     ] = math.inf,
     counted: Annotated[
-        bool, typer.Option("--count-rows", help="time stamps of a host scatter: take the rows as evenly spaced")
+        bool,
+        typer.Option("--count-rows", help="treat rows as evenly spaced, for scattered time stamps of a host computer"),
     ] = False,
 ) -> Answer:
     """Fit an IMU card to a log of the IMU at rest.
@@ -68,15 +69,21 @@ def fit_unit(
 
 @verb("walk.yaml walk_log.yaml -o walk_outages --outage '15 s' --outage '60 s'")
 def process_log(
-    campaign: Annotated[str, typer.Argument(metavar="CAMPAIGN", help="its filters; each case is processed")],
+    campaign: Annotated[
+        str, typer.Argument(metavar="CAMPAIGN", help="campaign with the filters; each case is processed")
+    ],
     log: Annotated[Path, typer.Argument(metavar="LOG", help="card of the log: files, axes, rest")],
     out: Annotated[Path, folder_option("report and tables")],
     outage: Annotated[
         list[str] | None,
-        typer.Option("--outage", metavar="SECONDS", help="length to withhold [default: 15 s and 60 s]"),
+        typer.Option("--outage", metavar="SECONDS", help="duration of outages [default: 15 s and 60 s]"),
     ] = None,
-    first: Annotated[float, typer.Option("--first", metavar="SECONDS", help="first outage, after the rest")] = 20.0,
-    every: Annotated[float, typer.Option("--every", metavar="SECONDS", help="from one outage to the next")] = 5.0,
+    first: Annotated[
+        float, typer.Option("--first", metavar="SECONDS", help="start of the first outage, after the rest")
+    ] = 20.0,
+    every: Annotated[
+        float, typer.Option("--every", metavar="SECONDS", help="interval between the starts of outages")
+    ] = 5.0,
     sets: Annotated[list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change the campaign")] = None,
 ) -> Answer:
     """Run a recorded log through the filters of a campaign.

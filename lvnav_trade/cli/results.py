@@ -30,7 +30,7 @@ def estimate_q(
 ) -> Answer:
     """Estimate process noise from runs; write a filter card.
 
-    The runs are perturbed by the IMU's errors. Beside the card: the error per step as CSV and PNG.
+    The runs are perturbed by the IMU's errors. The error per step is written as CSV and PNG too.
     """
     from lvnav_trade import api
 
@@ -59,7 +59,8 @@ def schedule_gains(
     case: CaseOf = None,
     by: Annotated[Literal["event", "time"], typer.Option("--by", help="reference of the gains in flight")] = "event",
     tolerance: Annotated[
-        float, typer.Option("--tolerance", help="between knots, relative to each gain's largest magnitude")
+        float,
+        typer.Option("--tolerance", help="largest error between knots, relative to each gain's largest magnitude"),
     ] = 0.02,
 ) -> Answer:
     """Write the gains of a filter as a card.
@@ -98,7 +99,9 @@ def report(
 @verb("my_vehicle/base results/ascent --effect velocity_error_3d=5%")
 def compare(
     base: Annotated[str, typer.Argument(metavar="BASE", help="folder of results, or a campaign, which is run first")],
-    candidate: Annotated[str, typer.Argument(metavar="CANDIDATE", help="the same")],
+    candidate: Annotated[
+        str, typer.Argument(metavar="CANDIDATE", help="folder of results or campaign to compare with BASE")
+    ],
     effect: Annotated[
         list[str] | None,
         typer.Option("--effect", metavar="METRIC=AMOUNT", help="smallest change of interest: velocity_error_3d=5%"),
@@ -115,7 +118,7 @@ def compare(
 ) -> Answer:
     """Compare two result sets run by run (paired).
 
-    Exit code 0 nothing worse, 1 worse, 2 no comparison, 3 undecided.
+    Exit code 0: nothing is worse; 1: something is worse; 2: not comparable; 3: undecided.
     """
     from lvnav_trade import api
     from lvnav_trade.report import compare as comparison
@@ -129,11 +132,11 @@ def compare(
 @verb("results/ascent my_vehicle/base", with_json=False)
 def keep_base(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
-    target: Annotated[Path, typer.Argument(metavar="DIR", help="where, such as a folder of the repository")],
+    target: Annotated[Path, typer.Argument(metavar="DIR", help="folder of the base, such as one in your repository")],
 ) -> Answer:
     """Save what `compare` needs from results.
 
-    Runs and events, some hundred kilobytes.
+    These are runs and events, a few hundred kilobytes.
     """
     from lvnav_trade import api
 
@@ -165,8 +168,8 @@ def export_trajectory(
 ) -> Answer:
     """Write a trajectory as a CSV file with its card.
 
-    The columns are those of trajectories/example_table; the events are in the card. The file is flown again and the
-    difference printed.
+    The columns are those of trajectories/example_table; the events are in the card. The file is read back and the
+    differences are printed.
     """
     from lvnav_trade import api
 
@@ -182,11 +185,13 @@ def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="folder of the new campaign")],
     file: Annotated[Path, typer.Option("--from", metavar="FILE", help="your trajectory, CSV or Parquet")],
     epoch: Annotated[str | None, typer.Option("--epoch", help="lift-off, UTC, such as 2027-02-01T12:00:00Z")] = None,
-    time: Annotated[str | None, typer.Option("--time", metavar="COLUMN", help="column of time, else guessed")] = None,
+    time: Annotated[
+        str | None, typer.Option("--time", metavar="COLUMN", help="column of time [default: guessed]")
+    ] = None,
 ) -> Answer:
     """Write a first campaign for your trajectory file.
 
-    Columns, units, frames and events are guessed; the card says why, line by line. No file is overwritten.
+    Columns, units, frames and events are guessed; the card gives the reason for each line. No file is overwritten.
     """
     from lvnav_trade import api
 

@@ -76,7 +76,7 @@ def run(
 ) -> Answer:
     """Run a campaign and build its report.
 
-    Linear covariance answers first, in seconds; then Monte Carlo. The same command resumes what was interrupted.
+    Linear covariance comes first, within seconds, then Monte Carlo. The same command resumes an interrupted campaign.
     """
     from lvnav_trade import api
     from lvnav_trade.api.campaigns import Task, carry_out
@@ -158,7 +158,7 @@ def selfcheck(
     """Check the consistency of every case.
 
     Error definitions, Jacobians against differences, linear against nonlinear propagation over gaps, innovations and
-    gate, statistics of the draws. Exit code 0 all passed, 1 one failed, 2 a mistake in the campaign.
+    gate, statistics of the draws. Exit code 0: all passed; 1: one failed; 2: input error in the campaign.
     """
     from lvnav_trade import api
     from lvnav_trade.campaign.running.progress import choose
@@ -215,7 +215,7 @@ def fields(
 ) -> Answer:
     """List the fields at a path of a campaign.
 
-    Each with its default, what it takes and what it means; for every kind where there are several.
+    For each field: accepted values, default and meaning. If there are several kinds of settings, all are listed.
     """
     from lvnav_trade import api
 
@@ -277,8 +277,7 @@ def metrics(
 ) -> Answer:
     """List the metrics a campaign can name, then the tables.
 
-    The list is grouped by who can name them, and components of one quantity share a line. With NAME every metric has a
-    line of its own.
+    The list is grouped by use, and components of one quantity share a line. With NAME, every metric has its own line.
     """
     from lvnav_trade import api
 
@@ -308,7 +307,7 @@ class StudyOptions(NamedTuple):
 def study(
     folder: Annotated[
         str,
-        typer.Argument(metavar="DIR", help="folder with campaigns and a study.yaml, or one of the tool's"),
+        typer.Argument(metavar="DIR", help="folder with campaigns and a study.yaml, or a shipped study"),
     ],
     keep: Annotated[Path, typer.Option("--keep", metavar="DIR", help="folder of the study's report")],
     options: StudyOptions,
@@ -317,8 +316,8 @@ def study(
 ) -> Answer:
     """Run every campaign of a folder and write one report.
 
-    Published numbers are compared with ours. What a campaign answers (requirements violated or undecided) is no failure
-    here; exit code 4 where runs failed.
+    Published numbers are compared with ours. Violated or undecided requirements do not change the exit code; it is 4
+    if runs failed.
     """
     from lvnav_trade import api
     from lvnav_trade.campaign.running.progress import choose

@@ -17,11 +17,14 @@ def solve(
     sets: Sets = None,
     vary: Annotated[
         list[str] | None,
-        typer.Option("--vary", metavar="PATH=LEAST:LARGEST", help="field that is searched; twice: a boundary"),
+        typer.Option("--vary", metavar="PATH=LEAST:LARGEST", help="field to search; given twice: a boundary"),
     ] = None,
     log: Annotated[bool, typer.Option("--log", help="search in the logarithm")] = False,
     least: Annotated[
-        str, typer.Option("--least", metavar="TOTAL", help="or: the case with the least cost, mass, power or volume")
+        str,
+        typer.Option(
+            "--least", metavar="TOTAL", help="instead: find the case with the least cost, mass, power or volume"
+        ),
     ] = "",
     meet: Annotated[
         list[str] | None, typer.Option("--meet", metavar="REQUIREMENT", help="only these requirements [default: all]")
@@ -31,8 +34,8 @@ def solve(
 ) -> Answer:
     """Find the largest sufficient value or the cheapest case.
 
-    By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. What is
-    varied stands in the campaign (solve: ...) unless --vary states it.
+    By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. The
+    varied field is that of the campaign (solve: ...) unless --vary states it.
     """
     from lvnav_trade import api
 
@@ -50,7 +53,8 @@ def solve(
 def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> Answer:
     """Compute global sensitivity to sigmas of error sources.
 
-    Of the block indices of a campaign: frozen in closed form, re-tuned by polynomials fitted to linear covariances.
+    The campaign's block `indices` has the settings. Frozen: in closed form. Re-tuned: by polynomials fitted to linear
+    covariances.
     """
     from lvnav_trade import api
 
@@ -67,7 +71,8 @@ def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: J
 def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> Answer:
     """Tune a filter over several cases; write its card.
 
-    As the block tune of a campaign asks: by linear covariance; cases that are held out validate it.
+    The campaign's block `tune` has the settings. The search is by linear covariance, and held-out cases
+    validate the result.
     """
     from lvnav_trade import api
 

@@ -55,9 +55,9 @@ def ranked_by_assumptions(tables: Tables) -> list[Block]:
         for rows, decided in ((frame[~of_cost], _ORDER), (frame[of_cost], _COST_ALONE))
         if len(rows)
     ]
-    lead = "The cases are compared by numbers that are not the maker's own."
+    lead = "The comparison of the cases uses numbers that are not from the manufacturer's datasheet."
     if of_cost.all():
-        lead = "Cost and performance are compared by numbers that are not the maker's own."
+        lead = "The comparison of cost and performance uses numbers that are not from the manufacturer's datasheet."
     return [Text(f"{' '.join(said)} See Assumptions.", lead)]
 
 
@@ -72,7 +72,7 @@ def placed_by_assumptions(tables: Tables) -> list[Block]:
         return []
     text = f"{_fields(list(rows.field))}. Errors of the achieved orbit are no better than these numbers. {_ALONG}"
     marks = " and ".join(mark.replace("_", " ") for mark in dict.fromkeys(rows.mark))
-    return [Text(text[0].upper() + text[1:], f"The achieved orbit rests on {marks} spreads of the vehicle.")]
+    return [Text(text[0].upper() + text[1:], f"The achieved orbit depends on {marks} dispersions of the vehicle.")]
 
 
 def _marked(frame: pd.DataFrame) -> str:

@@ -292,7 +292,7 @@ def deciding(tables: Tables) -> tuple[list[str], list[str]]:
 def left_out(tables: Tables) -> list[Block]:
     """Say that cases are left out, where some are."""
     more = len(tables.labels) - len(chosen_cases(tables))
-    text = f"Shown are the cases that decide and the best ones, {MOST_CASES} in all; {more} more are in the tables."
+    text = f"The decisive cases and the best ones are shown, {MOST_CASES} in all; {more} more are in the tables."
     return [Text(text)] if more > 0 else []
 
 

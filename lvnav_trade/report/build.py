@@ -196,7 +196,7 @@ def _shortened(sections: Sequence[Section]) -> list[Section]:
     def short(block: Block) -> list[Block]:
         nonlocal left
         if isinstance(block, Table) and len(block.rows) > _BRIEF_ROWS:
-            note = Text(f"{len(block.rows) - _BRIEF_ROWS} more rows stand in the full report.")
+            note = Text(f"{len(block.rows) - _BRIEF_ROWS} more rows are in the full report.")
             return [block._replace(rows=block.rows[:_BRIEF_ROWS]), note]
         left -= isinstance(block, Picture)
         return (

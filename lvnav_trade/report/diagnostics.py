@@ -33,7 +33,7 @@ from lvnav_trade.store.read import Tables
 _LEAST_SHARE = 0.01  # part of the variance below which a source is summed with others in a table
 
 
-@of("budget", "The campaign asked for no error budget.")
+@of("budget", "The campaign requests no error budget.")
 def budget(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return linear covariance's errors by source: tables at every event, sandpiles, and when each source acted."""
     key, asked = deciding(tables)
@@ -96,8 +96,8 @@ def grades(tables: Tables) -> list[Block]:
     metrics = (_metric(tables, case, quantity, tuned) for case in chosen_cases(tables) for quantity in NAVIGATION)
     data = [found for found in metrics if found is not None]
     if not data:
-        return [Text("The campaign asked for no covariance by source at the event (covariance: {adjoint: true}).")]
-    absent = "Re-tuned numbers were not asked for (covariance: {sensitivity: true})."
+        return [Text("The campaign requests no covariance by source at the event (covariance: {adjoint: true}).")]
+    absent = "The campaign requests no re-tuned numbers (covariance: {sensitivity: true})."
     text = f"{note('grades')} {note('retuned') if len(tuned) else absent}"
     return [Text(text), Grades(data_json(data)), *map(_grades_table, data)]
 
@@ -143,7 +143,7 @@ def _grades_table(found: dict[str, Any]) -> Table:
     return Table(head, tuple(rows), (False, *(True for _ in head[1:])), caption)
 
 
-@of("observability", "The campaign asked for no observability.")
+@of("observability", "The campaign requests no observability.")
 def observability(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return rank, smallest singular values and weakest direction of each phase of flight."""
     frame = frame.assign(rank=frame.rank_count.astype(str) + " / " + frame.state_count.astype(str))
@@ -169,7 +169,7 @@ def spot_check(tables: Tables) -> list[Block]:
     """Return what a few runs of each case say of linear covariance: the least likely row of each case."""
     frame = METRICS["spot_check"](tables)
     if frame.empty:
-        return [Text("No spot check: nothing but the campaign's own runs, if any, tests linear covariance.")]
+        return [Text("No spot check: only the runs of the campaign, if any, test linear covariance.")]
     tested = frame[frame.verdict != "not applicable"]
     cases = tested.sort_values("chance_ratio", kind="stable").groupby("case", sort=False)
     outside = tested.verdict.eq("disagree").groupby(tested.case).sum()

@@ -183,8 +183,8 @@ def consistency(tables: Tables) -> list[Block]:
     if len(without):
         blocks.append(
             Text(
-                f"No ANEES of {'; '.join(without)}: the filter takes a state for known exactly, such as an extra state "
-                "whose error the truth does not have, and its covariance has no inverse."
+                f"No ANEES of {'; '.join(without)}: the filter assumes that a state is known exactly, such as an "
+                "extra state whose error the truth does not have. Its covariance has no inverse."
             )
         )
     blocks += [figure(tables, "consistency", case) for case in chosen_cases(tables)]
@@ -296,7 +296,7 @@ def _measured(rows: pd.DataFrame, label: str) -> list[Block]:
             "rate noise (m/s)": _range(groups.rate_sigma_m_per_s, 3),
         }
     )
-    caption = f"Satellites while they are tracked, least to most; noise is one sigma.{label}"
+    caption = f"Smallest and largest values for each satellite while it is tracked; noise is one sigma.{label}"
     return [table(frame.rename_axis("satellite").reset_index(), caption)]
 
 

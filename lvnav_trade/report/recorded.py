@@ -39,7 +39,7 @@ def _alignment(done: Processed) -> str:
     rate = ", ".join(f"{value:.3g}" for value in np.degrees(found.gyro_bias))
     return (
         f"Heading at the end of the rest: {np.degrees(found.heading) % 360.0:.1f} deg "
-        f"({'stated' if done.card.heading is not None else how}); taken off the rates: {rate} deg/s."
+        f"({'stated' if done.card.heading is not None else how}); removed from the rates: {rate} deg/s."
     )
 
 

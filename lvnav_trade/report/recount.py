@@ -32,7 +32,7 @@ def recount(study: Study, campaigns: Sequence[Campaign], folder: Path | str, scr
     rows = _marked(_kept(place), _stated(campaigns, script))
     text = read_text(place / "report.md", DATA_BYTES)
     if _ANSWER not in text or _CAMPAIGNS not in text:
-        raise InputError(f"{place / 'report.md'}: is no page of a study with an answer")
+        raise InputError(f"{place / 'report.md'}: is not the report of a study with an answer")
     before, _, rest = text.partition(_ANSWER)
     old, end, after = rest.partition("\n## ")
     section = answer(study, rows, script, _campaigns(old, rows))
@@ -75,7 +75,7 @@ def _marked(rows: pd.DataFrame, stated: Sequence[tuple[str, str, Mapping[str, An
         known = [pair for pair in by_id.get(row["id"], []) if str(row["item"]).startswith(str(pair[1]["item"]))]
         if not known:
             of = row["id"] or row["item"]
-            raise InputError(f"references.csv: nothing is stated any more of {of!r}; run the study")
+            raise InputError(f"references.csv: the study has no statement any more for {of!r}; run the study")
         kind, one = max(known, key=lambda pair: len(str(pair[1]["item"])))
         made.append({**row, "item": one["item"], **marks(one, kind)})
     return pd.DataFrame(made, columns=COLUMNS)

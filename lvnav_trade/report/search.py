@@ -89,7 +89,7 @@ def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[B
         said, lead = "", "No case meets the requirements."
     found: list[Block] = [Text(said, lead), table(_words(answers), f"All cases, smallest {name} first.")]
     if len(confirmed):
-        caption = "Runs of the chosen case, and of the one before it, which does not suffice."
+        caption = "Runs of the chosen case, and of the next cheaper one, which does not meet the requirements."
         found += [Text(note("solve_confirmed")), table(_words(confirmed), caption)]
     return found
 
@@ -104,8 +104,9 @@ def indexed(
         for one in order.itertuples()
     )
     about = (
-        f"{error.replace('_', ' ')}, case {case}: the sources make {100 * covered:.3g} % of the mean square. A fit to "
-        f"{samples} re-tuned designs leaves {100 * (1 - predicted):.2g} % of the variance of those left out."
+        f"{error.replace('_', ' ')}, case {case}: the sources contribute {100 * covered:.3g} % of the mean square. "
+        f"A fit to {samples} re-tuned designs does not predict {100 * (1 - predicted):.2g} % of the variance of other "
+        "designs."
     )
     drawn = Picture("indices", plots.indices(frame), note("indices", "figures"))
     lead = "Largest total indices, filter re-tuned:"

@@ -114,7 +114,7 @@ def answer(study: Study, every: pd.DataFrame, script: StudyScript, campaigns: Se
     blocks.append(table(pd.DataFrame(campaigns), "The campaigns of this study."))
     numbers = frame[frame.published.notna() & evidence(frame)]
     if len(numbers):
-        blocks.append(Picture("ratios", ratios(numbers), "All published numbers that are counted, at once."))
+        blocks.append(Picture("ratios", ratios(numbers), "All published numbers that are counted, in one figure."))
     return Section("answer", "Answer", [*blocks, *those_that_fail(frame)])
 
 
@@ -153,7 +153,7 @@ def _campaign(one: Answered, frame: pd.DataFrame, script: StudyScript) -> Sectio
             blocks.append(Picture(f"{part.campaign}-{name}", drawn, " ".join((figure.caption or about).split())))
     if part.kml is not None:
         file = f"{part.campaign}.kml"
-        blocks.append(Text(f"The flight with its 3-sigma position errors, for viewers of the Earth: {file}."))
+        blocks.append(Text(f"The trajectory with 3-sigma position errors, for Earth viewers: {file}."))
     blocks += [Text(" ".join(paragraph.split())) for paragraph in part.text.split("\n\n") if paragraph.strip()]
     return Section(part.campaign, heading(part.campaign), blocks)
 

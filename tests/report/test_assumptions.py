@@ -43,7 +43,7 @@ def test_the_first_screen_says_by_which_assumed_numbers_products_are_ranked(tabl
         "better than these numbers. IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance uses "
         "them; errors and margins do not. See Assumptions."
     )
-    assert warning.lead == "The cases are compared by numbers that are not the maker's own."
+    assert warning.lead == "The comparison of the cases uses numbers that are not from the manufacturer's datasheet."
     assert warning in summary(tables)
 
 
@@ -57,7 +57,7 @@ def test_assumed_costs_are_said_to_decide_no_error(tables, monkeypatch) -> None:
     assert warning == Text(
         "IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance uses them; errors and margins do "
         "not. See Assumptions.",
-        "Cost and performance are compared by numbers that are not the maker's own.",
+        "The comparison of cost and performance uses numbers that are not from the manufacturer's datasheet.",
     )
 
 
@@ -82,5 +82,5 @@ def test_the_first_screen_names_the_assumed_spreads_that_are_drawn_and_no_others
     monkeypatch.setitem(METRICS, "assumptions", lambda _: frame)
     (warning,) = placed_by_assumptions(with_injections(tables))
     assert warning.text.startswith("Thrust, dry mass. Errors of the achieved orbit are no better")
-    assert warning.lead == "The achieved orbit rests on assumed spreads of the vehicle."
+    assert warning.lead == "The achieved orbit depends on assumed dispersions of the vehicle."
     assert placed_by_assumptions(tables) == []

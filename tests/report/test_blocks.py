@@ -75,7 +75,7 @@ def tables(monkeypatch):
 def test_of_many_cases_those_that_decide_and_the_best_are_shown_in_the_order_of_the_plan(tables):
     assert list(blocks.chosen_cases(tables)) == ["00", "03", "04", "05", "06", "07", "08", "09"]
     assert [block.text for block in blocks.left_out(tables)] == [
-        "Shown are the cases that decide and the best ones, 8 in all; 2 more are in the tables."
+        "The decisive cases and the best ones are shown, 8 in all; 2 more are in the tables."
     ]
 
 

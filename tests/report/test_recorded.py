@@ -33,7 +33,7 @@ def said(done: Processed) -> str:
 
 def test_alignment_and_outages_stand_on_the_page():
     text = said(processed())
-    assert "270.0 deg (from the motion, one sigma 0.5 deg); taken off the rates: 0.1, 0, -0.2 deg/s" in text
+    assert "270.0 deg (from the motion, one sigma 0.5 deg); removed from the rates: 0.1, 0, -0.2 deg/s" in text
     assert "2.00" in text
     assert "figures/outages.png" in text
     assert "assumes" not in text.partition("Outages by case")[2]

@@ -58,11 +58,13 @@ def test_the_answer_is_counted_and_the_rest_of_the_page_stays(tmp_path: Path) ->
 
 
 def test_a_row_of_which_nothing_is_stated_any_more_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"references\.csv: nothing is stated any more of 'polar references 99'"):
+    with pytest.raises(
+        InputError, match=r"references\.csv: the study has no statement any more for 'polar references 99'"
+    ):
         again(kept(tmp_path, id="polar references 99"))
 
 
 def test_a_page_without_an_answer_is_refused(tmp_path: Path) -> None:
     (kept(tmp_path) / "report.md").write_text("# Nothing\n")
-    with pytest.raises(InputError, match="is no page of a study with an answer"):
+    with pytest.raises(InputError, match="is not the report of a study with an answer"):
         again(tmp_path)
