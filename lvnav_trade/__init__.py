@@ -1,12 +1,12 @@
-"""Trade-offs for launch-vehicle navigation: which inertial unit, receiver and filter bring a vehicle to injection.
+"""Trade-offs for launch-vehicle navigation: which IMU, receiver and filter bring a vehicle to injection.
 
 ``run`` runs a campaign, ``load`` reads results, ``check`` validates a campaign without running it; every other verb of
 the command line is a function of `lvnav_trade.api`. `InputError` is an input error, reported in one line. Conventions:
 
 Frames
     One letter each: ``i`` Earth-centred inertial (true equator; ``e`` turns against it about z by theta0 + omega t),
-    ``e`` Earth-fixed (WGS-84), ``n`` local north-east-down, ``l`` launch site, ``b`` body of the inertial unit (x
-    along the roll axis, forward), ``a`` antenna, ``o`` orbital (radial, along-track, cross-track).
+    ``e`` Earth-fixed (WGS-84), ``n`` local north-east-down, ``l`` launch site, ``b`` body of the IMU (x along the roll
+    axis, forward), ``a`` antenna, ``o`` orbital (radial, along-track, cross-track).
 Vectors
     The last letter is the frame that resolves them: ``r_i``, ``v_i``, ``f_b``. A rate names three frames: ``w_ib_b`` is
     the rate of b against i, in b.

@@ -119,8 +119,8 @@ def rotation_i_e(theta: ArrayLike) -> Floats:
     """Return C_i_e (..., 3, 3), from inertial to Earth-fixed components, for Earth angles theta (...,) rad."""
     theta = np.asarray(theta, dtype=float)
     c, s = np.cos(theta), np.sin(theta)
-    zero, one = np.zeros_like(theta), np.ones_like(theta)
-    return _matrix([[c, s, zero], [-s, c, zero], [zero, zero, one]])
+    zeros, ones = np.zeros_like(theta), np.ones_like(theta)
+    return _matrix([[c, s, zeros], [-s, c, zeros], [zeros, zeros, ones]])
 
 
 def ecef_from_eci(r_i: ArrayLike, theta: ArrayLike) -> Floats:

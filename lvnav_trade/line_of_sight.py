@@ -1,7 +1,7 @@
 """Line of sight from an antenna to a satellite or a transmitter: range, its derivatives, and angles of view.
 
 Truth, filter model, preparation and recorded logs all take their geometry from here. Vectors are in frame i unless
-another frame is given. Array functions accept any leading shape; the compiled ones are for one antenna and one
+another frame is given. Array functions accept any leading shape; compiled functions are for one antenna and one
 satellite.
 """
 

@@ -238,7 +238,7 @@ def refused(scenario: Any) -> Refusal | None:
     return next((refusal for refusal in REFUSALS if refusal.applies(scenario)), None)
 
 
-# --- what a case needs ------------------------------------------------------------------------------------------------
+# --- requirements of a case -------------------------------------------------------------------------------------------
 
 _RATES = {
     "imu.rate": "IMU rate",

@@ -150,23 +150,25 @@ _LIST = (
 )
 
 
-def _spellings(one: _Listed) -> Iterator[tuple[str, Powers]]:
+def _spellings(listed: _Listed) -> Iterator[tuple[str, Powers]]:
     """Yield every spelling of a unit with its size."""
-    words = [word + end for word in one.words.split() for end in ("", "s") if not (end and word.endswith(("s", "z")))]
-    yield from ((name, one.size) for name in (*one.symbols.split(), *words))
-    for prefix in one.prefixes:
+    words = [
+        word + end for word in listed.words.split() for end in ("", "s") if not (end and word.endswith(("s", "z")))
+    ]
+    yield from ((name, listed.size) for name in (*listed.symbols.split(), *words))
+    for prefix in listed.prefixes:
         word, factor = _PREFIXES[prefix]
         # the prefix first: the order in which numbers are multiplied decides the last bit
-        size = {factor: 1.0, **one.size} | {factor: 1.0 + one.size.get(factor, 0.0)}
+        size = {factor: 1.0, **listed.size} | {factor: 1.0 + listed.size.get(factor, 0.0)}
         letters = MICRO if prefix == "u" else prefix
-        yield from ((letter + name, size) for name in one.symbols.split() for letter in letters)
+        yield from ((letter + name, size) for name in listed.symbols.split() for letter in letters)
         yield from ((word + name, size) for name in words)
 
 
 def _listed(entries: Iterable[_Listed]) -> Iterator[tuple[str, Unit]]:
-    for one in entries:
-        for name, size in _spellings(one):
-            yield name, Unit(size, one.dimension, one.offset)
+    for entry in entries:
+        for name, size in _spellings(entry):
+            yield name, Unit(size, entry.dimension, entry.offset)
 
 
 @cache

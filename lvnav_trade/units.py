@@ -101,8 +101,8 @@ def _no_quantity(text: str, unit: str) -> str:
         return f"{quoted(text)} is not a quantity: {named}; write digits 0 to 9, '-' and a space, as in '-0.5 deg/h'"
     if _BARE.fullmatch(text):
         return f"{quoted(text)} has no unit; write it as a quantity in a unit of {example(unit)}"
-    beside = _BESIDE.fullmatch(text)
-    sample = f"{beside[1]} {beside[2]}" if beside else "0.5 deg/h"
+    unspaced = _BESIDE.fullmatch(text)
+    sample = f"{unspaced[1]} {unspaced[2]}" if unspaced else "0.5 deg/h"
     more = "; write a decimal point, and no thousands separators" if _SEPARATED.match(text) else ""
     return f"{quoted(text)} is not a quantity: a number, one space and a unit, such as {sample!r}{more}"
 

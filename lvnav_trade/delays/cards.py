@@ -1,4 +1,4 @@
-"""Cards of the tropospheric and ionospheric models, of the true atmosphere and of what the filter corrects."""
+"""Cards of the tropospheric and ionospheric models, of the true atmosphere, and of the filter's corrections."""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal

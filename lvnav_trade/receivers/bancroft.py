@@ -101,7 +101,7 @@ def _add_row(rx, weight, row, first, second):
 
 @jit
 def _closed_form(rx, satellite, used, n_used, ranges):
-    """Set the equations of B and solve them: sides hold u and v; return count of satellites and least pivot."""
+    """Set up and solve the equations of B for u and v, in `sides`; return number of satellites and smallest pivot."""
     _clear(rx)
     count = like(rx.near[0], 0.0)
     for slot in range(n_used):

@@ -187,9 +187,9 @@ class Course:
             raise InputError(records=[Mistake(error.records[0].message, field)]) from None
 
 
-def both(one: Intervals, other: Intervals) -> Intervals:
+def both(first: Intervals, second: Intervals) -> Intervals:
     """Return the intersection of two lists of intervals."""
-    cut = ((max(a, c), min(b, d)) for a, b in one for c, d in other)
+    cut = ((max(a, c), min(b, d)) for a, b in first for c, d in second)
     return tuple(sorted((start, end) for start, end in cut if start < end))
 
 

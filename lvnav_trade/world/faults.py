@@ -229,15 +229,15 @@ def singled_out(
     They are those that the card names, or the highest at the start of the fault. A fault of all satellites or of the
     receiver has none. Parameters are those of `failures`.
     """
-    found = []
+    satellites = []
     for number, fault in enumerate(faults):
         affected = tuple(getattr(fault, "satellites", ()))
         if not affected and isinstance(fault, RangeBias | CycleSlip) and t.size:
             start = min((begin for begin, _ in periods(number, fault, course)), default=t[0])
             first = min(int(np.searchsorted(t, start - ROUNDING)), t.size - 1)
             affected = tuple(np.array(names)[np.asarray(highest(elevation[first], tracked[first], 1))].tolist())
-        found.append(affected)
-    return found
+        satellites.append(affected)
+    return satellites
 
 
 def failures(

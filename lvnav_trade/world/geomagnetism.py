@@ -102,17 +102,17 @@ def legendre(cosine: Floats, sine: Floats, degree: int) -> tuple[list[list[Float
 
     cosine, sine : (...,). Cosine and sine of the colatitude. Derivatives are with respect to the colatitude (rad).
     """
-    one, none = np.ones_like(cosine), np.zeros_like(cosine)
-    P, dP = [[one]], [[none]]
+    ones, zeros = np.ones_like(cosine), np.zeros_like(cosine)
+    P, dP = [[ones]], [[zeros]]
     for n in range(1, degree + 1):
         row, slope = [], []
         for m in range(n):
             a, b = (2 * n - 1) / math.sqrt(n * n - m * m), math.sqrt(((n - 1) ** 2 - m * m) / (n * n - m * m))
-            before = P[n - 2][m] if m <= n - 2 else none
-            d_before = dP[n - 2][m] if m <= n - 2 else none
-            row.append(a * cosine * P[n - 1][m] - (b * before if m <= n - 2 else none))
+            before = P[n - 2][m] if m <= n - 2 else zeros
+            d_before = dP[n - 2][m] if m <= n - 2 else zeros
+            row.append(a * cosine * P[n - 1][m] - (b * before if m <= n - 2 else zeros))
             falling = a * (cosine * dP[n - 1][m] - sine * P[n - 1][m])
-            slope.append(falling - (b * d_before if m <= n - 2 else none))
+            slope.append(falling - (b * d_before if m <= n - 2 else zeros))
         c = math.sqrt(1.0 - 1.0 / (2.0 * n)) if n > 1 else 1.0
         row.append(c * sine * P[n - 1][n - 1])
         slope.append(c * (sine * dP[n - 1][n - 1] + cosine * P[n - 1][n - 1]))

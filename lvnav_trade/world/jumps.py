@@ -49,7 +49,7 @@ def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float
     noise : float or (n + 1,)
         One sigma (m/s) of the velocities from which the force is computed; 0 if unknown.
     """
-    found: list[Jump] = []
+    jumps: list[Jump] = []
     stated, hidden = np.broadcast_to(noise, t.shape), np.full(force.shape, np.inf)
     while force.size > 2 * _SIDE:
         width = np.diff(t)
@@ -58,7 +58,7 @@ def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float
         )
         near = _SIDE * np.median(width)
         new = _separate(t, force, limit, hidden)
-        found += [jump for jump in new if all(abs(jump.time - one.time) > near for one in found)]
+        jumps += [jump for jump in new if all(abs(jump.time - other.time) > near for other in jumps)]
         if 2.0 * np.median(width) > coarsest or np.all(limit <= _SMALLEST):
             break
         n = force.size // 2
@@ -67,7 +67,7 @@ def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float
         gained = (force * width)[: 2 * n].reshape(n, 2).sum(axis=1)
         t, stated = t[: 2 * n + 1 : 2], stated[: 2 * n + 1 : 2]
         force = gained / np.diff(t)
-    return sorted(found, key=lambda jump: jump.time)
+    return sorted(jumps, key=lambda jump: jump.time)
 
 
 def _noise(force: Floats) -> float:
@@ -126,7 +126,7 @@ def suggested_events(
     named the cut-off of the current stage, a force that begins the ignition of the next; other steps are named by their
     sign.
     """
-    found: dict[str, str] = {}
+    suggested: dict[str, str] = {}
     stage, counts = 1, {"rise": 0, "fall": 0}
     for jump in force_jumps(t, force, coarsest, noise):
         if abs(jump.after) < _COAST * abs(jump.before):
@@ -141,16 +141,16 @@ def suggested_events(
         near = _NEAR + 2.0 * jump.width
         if all(abs(jump.time - time) > near for time in declared.values()):
             digits = max(0, 1 - math.floor(math.log10(jump.width)))
-            found[name] = f"{jump.time:.{digits}f} s"
-    return found
+            suggested[name] = f"{jump.time:.{digits}f} s"
+    return suggested
 
 
 def missing_events(
     t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
 ) -> str:
     """Return the warning with `suggested_events` as YAML; empty if there are none."""
-    found = suggested_events(t, force, declared, coarsest, noise)
-    if not found:
+    suggested = suggested_events(t, force, declared, coarsest, noise)
+    if not suggested:
         return ""
-    events = ", ".join(f"{name}: {time}" for name, time in found.items())
+    events = ", ".join(f"{name}: {time}" for name, time in suggested.items())
     return f"the specific force jumps where no event is declared; as YAML: events: {{{events}}}"

@@ -202,7 +202,7 @@ def oscillations(
     InputError
         A time lies outside the flight, or a window is too short for its ramps.
     """
-    instants, found = {"start": span[0], "end": span[1], **events}, []
+    instants, result = {"start": span[0], "end": span[1], **events}, []
     for k, card in enumerate(cards, start=1):
         start, end = resolve(card.start, instants), resolve(card.end, instants)
         where = f"oscillation {k}: "
@@ -212,8 +212,8 @@ def oscillations(
             raise InputError(f"{where}{start:g} to {end:g} s is not within the flight, {span[0]:g} to {span[1]:g} s")
         rows = [*map(_cone, card.coning), *map(_tone, card.tones), *chain.from_iterable(map(_lines, card.noise))]
         rows += chain.from_iterable(map(_sway, card.modes))
-        found.append(Oscillation(start, end, card.ramp, *map(np.array, zip(*rows, strict=True))))
-    return tuple(found)
+        result.append(Oscillation(start, end, card.ramp, *map(np.array, zip(*rows, strict=True))))
+    return tuple(result)
 
 
 Row = tuple[float, Complex, Complex]

@@ -183,9 +183,9 @@ class StationCard(SensorCard, SightConditions):
     def lasting(self) -> tuple[CorrelatedError, ...]:
         """Return biases, survey error and residual refraction."""
         time_constant = self.refraction_time or math.inf
-        found = []
+        errors = []
         if 0 in self._own:
-            found.append(
+            errors.append(
                 CorrelatedError(
                     "station range bias",
                     "range",
@@ -199,7 +199,7 @@ class StationCard(SensorCard, SightConditions):
         angles = [k for k in self._own if k > 0]
         if angles:
             names = tuple(SCALARS[k] for k in angles)
-            found.append(
+            errors.append(
                 CorrelatedError(
                     "station angle bias",
                     "angle",
@@ -212,7 +212,7 @@ class StationCard(SensorCard, SightConditions):
             )
         axes = ("north", "east", "up")
         return (
-            *found,
+            *errors,
             CorrelatedError("station survey", "survey", self.survey, "survey", math.inf, axes, self._by_place),
             CorrelatedError(
                 "refraction", "refraction", self.refraction, "refraction", time_constant, ("",), self._bent

@@ -27,7 +27,7 @@ _NANOTESLA = 1e9
 _AXES = ("x", "y", "z")
 SOFT = tuple(f"{row}{column}" for row in _AXES for column in _AXES)
 """Entries of the soft-iron matrix: the axis that measures, the axis of the field."""
-# Where the numbers of the map stand: field (3), gradient (3 x 3, by rows), place (3).
+# Indices of the map: field (3), gradient (3 x 3, by rows), position (3).
 FIELD, GRADIENT, PLACE = 0, 3, 12
 
 
@@ -100,10 +100,10 @@ class MagnetometerCard(SensorCard):
 
     def _distorted(self, flight: FlightView) -> Floats:
         """Return the derivative (n_epoch, 3, 9) of the scalars with respect to the entries of the matrix."""
-        found, field = np.zeros((flight.t.size, 3, 9)), self.truth(flight)
+        derivative, field = np.zeros((flight.t.size, 3, 9)), self.truth(flight)
         for axis in range(3):
-            found[:, axis, 3 * axis : 3 * axis + 3] = field
-        return found
+            derivative[:, axis, 3 * axis : 3 * axis + 3] = field
+        return derivative
 
 
 @jit

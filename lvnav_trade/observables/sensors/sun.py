@@ -29,7 +29,7 @@ from lvnav_trade.units import Angle, AngleSigma, TimeConstant
 from lvnav_trade.world.sky.sun import sun_direction
 
 SEMIDIAMETER = math.radians(959.63 / 3600.0)  # of the Sun at a distance of 1 au (IAU)
-SUN = 4  # place of the Sun's direction in what the filter knows, behind the mounting
+SUN = 4  # index of the Sun's direction in the known parameters, after the mounting
 
 
 class SunSensorModel(SensorModel):

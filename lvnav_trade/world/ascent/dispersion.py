@@ -27,14 +27,14 @@ def flown(card: VehicleAscent) -> tuple[VehicleAscent, Aim, Flight]:
     return fly_dispersed(card, aim, card.dispersion)
 
 
-def fly_dispersed(card: VehicleAscent, aim: Aim, how: Dispersion) -> tuple[VehicleAscent, Aim, Flight]:
+def fly_dispersed(card: VehicleAscent, aim: Aim, dispersion: Dispersion) -> tuple[VehicleAscent, Aim, Flight]:
     """Return the dispersed vehicle, its aim and its ascent.
 
     A stage cut off in orbit burns as long as the nominal one, or until it is empty.
     """
-    vehicle = dispersed(card, how)
+    vehicle = dispersed(card, dispersion)
     require_possible(vehicle)
-    span, aim = law_span(card, aim), pitched(aim, how.pitch_program)
+    span, aim = law_span(card, aim), pitched(aim, dispersion.pitch_program)
     last, twice = len(card.vehicle.stages), card.parking is not None
     burns = [(card.inserting, "burn")] if not twice or card.inserting < last else []
     for number, name in [*burns, (last, "burn_2")] if twice else burns:
@@ -54,16 +54,16 @@ def _require_aloft(flight: Flight) -> None:
             raise InputError(records=[Mistake(message, "trajectory.dispersion")])
 
 
-def dispersed(card: VehicleAscent, how: Dispersion) -> VehicleAscent:
+def dispersed(card: VehicleAscent, dispersion: Dispersion) -> VehicleAscent:
     """Return a vehicle card with dispersed thrust, specific impulse and masses; InputError if it cannot fly."""
     vehicle = card.vehicle
     fairing = vehicle.fairing
     changed = vehicle.model_copy(
         update={
-            "stages": tuple(_motor(stage, how) for stage in vehicle.stages),
-            "boosters": tuple(_motor(group, how) for group in vehicle.boosters),
-            "payload": vehicle.payload * how.mass,
-            "fairing": fairing and fairing.model_copy(update={"mass": fairing.mass * how.mass}),
+            "stages": tuple(_motor(stage, dispersion) for stage in vehicle.stages),
+            "boosters": tuple(_motor(group, dispersion) for group in vehicle.boosters),
+            "payload": vehicle.payload * dispersion.mass,
+            "fairing": fairing and fairing.model_copy(update={"mass": fairing.mass * dispersion.mass}),
         }
     )
     for fault in changed._faults():
@@ -71,12 +71,15 @@ def dispersed(card: VehicleAscent, how: Dispersion) -> VehicleAscent:
     return card.model_copy(update={"vehicle": changed})
 
 
-def _motor(motor: Stage | Boosters, how: Dispersion) -> Stage | Boosters:
-    update = {"specific_impulse": motor.specific_impulse * how.specific_impulse, "dry": motor.dry * how.mass}
+def _motor(motor: Stage | Boosters, dispersion: Dispersion) -> Stage | Boosters:
+    update = {
+        "specific_impulse": motor.specific_impulse * dispersion.specific_impulse,
+        "dry": motor.dry * dispersion.mass,
+    }
     if motor.thrust is not None:
-        update["thrust"] = motor.thrust * how.thrust
+        update["thrust"] = motor.thrust * dispersion.thrust
     if motor.burn_time is not None:
-        update["burn_time"] = motor.burn_time * (how.specific_impulse / how.thrust)
+        update["burn_time"] = motor.burn_time * (dispersion.specific_impulse / dispersion.thrust)
     return motor.model_copy(update=update)
 
 
@@ -93,10 +96,10 @@ def _until_empty(card: VehicleAscent, aim: Aim, span: float, number: int, burn: 
     stage = card.vehicle.stages[number - 1]
     flow = stage.full_thrust / stage.exhaust_speed
     for _ in range(_DEPLETION):
-        left = left_in_orbit(card, fly_ascent(card, aim, final_coast=False, span=span), number)
-        if left >= -_EMPTY:
+        remaining = left_in_orbit(card, fly_ascent(card, aim, final_coast=False, span=span), number)
+        if remaining >= -_EMPTY:
             return aim
-        shorter = getattr(aim, burn) + left / flow
+        shorter = getattr(aim, burn) + remaining / flow
         if shorter <= 0.0:
             break
         aim = aim._replace(**{burn: shorter})

@@ -97,7 +97,7 @@ class Dispersion(units.Card):
 
     @property
     def drawn(self) -> tuple[SourceName, ...]:
-        """Names of the spreads that are drawn in every run; `all` stands for all spreads of the vehicle above zero."""
+        """Names of the spreads that are drawn in every run; `all`: all spreads of the vehicle above zero."""
         if self.draw == "all":
             return SOURCES
         return () if self.draw == "none" else self.draw

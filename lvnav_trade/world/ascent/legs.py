@@ -29,16 +29,16 @@ class Cut(NamedTuple):
 def cuts(vehicle: VehicleCard, number: int) -> list[Cut]:
     """Return, in order, the points of the first burn of a stage at which thrust jumps or bends, or mass is dropped."""
     stage, fairing = vehicle.stages[number - 1], vehicle.fairing
-    found = [Cut(after) for after in _bends(stage)]
+    points = [Cut(after) for after in _bends(stage)]
     if fairing is not None and fairing.stage == number:
-        found.append(Cut(fairing.after_ignition, fairing.mass, "fairing_separation"))
+        points.append(Cut(fairing.after_ignition, fairing.mass, "fairing_separation"))
     for group in vehicle.boosters if number == 1 else ():
-        found += [Cut(group.ignition + after) for after in _bends(group)]
+        points += [Cut(group.ignition + after) for after in _bends(group)]
         if group.ignition > 0.0:
-            found.append(Cut(group.ignition, event=f"{group.name}_ignition"))
-        found.append(Cut(group.ignition + group.full_burn, event=f"{group.name}_cutoff"))
-        found.append(Cut(group.gone, group.number * group.dry, f"{group.name}_separation"))
-    return sorted(found, key=lambda cut: cut.after)
+            points.append(Cut(group.ignition, event=f"{group.name}_ignition"))
+        points.append(Cut(group.ignition + group.full_burn, event=f"{group.name}_cutoff"))
+        points.append(Cut(group.gone, group.number * group.dry, f"{group.name}_separation"))
+    return sorted(points, key=lambda cut: cut.after)
 
 
 def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end: float) -> Engine:

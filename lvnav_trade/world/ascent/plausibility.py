@@ -13,7 +13,7 @@ from lvnav_trade.world.truth import BEYOND, WARNING, Trajectory, motion
 
 _STEP = 0.05  # s at most between the times at which a flight is looked at
 _RATE = "is a row wrong there, an event early or late, an angle in another unit, or does one jump by a turn?"
-_SHOWN = {  # by field: what it limits, unit in messages, SI units of it, and what is probably wrong beyond it
+_SHOWN = {  # by field: limited quantity, unit in messages, its size in SI, and the probable cause beyond the limit
     "highest_load": (
         "specific force",
         "g",
@@ -62,7 +62,9 @@ class Peak(NamedTuple):
 
 def peaks(flight: Trajectory) -> tuple[Peak, ...]:
     """Return the largest specific force (m/s^2), rate across the roll axis and roll rate (rad/s) of a trajectory."""
-    spans = ((one.start, one.end, max(8, math.ceil((one.end - one.start) / _STEP)) + 2) for one in flight.phases)
+    spans = (
+        (phase.start, phase.end, max(8, math.ceil((phase.end - phase.start) / _STEP)) + 2) for phase in flight.phases
+    )
     t = np.concatenate([np.linspace(*span)[1:-1] for span in spans])
     at = motion(flight, t)
     sizes = {
@@ -80,8 +82,8 @@ def within_limits(flight: Trajectory, card: OutsideFlight, file: str, further: t
 
     InputError with value, time and limit of every quantity beyond the limits of the card, each at its field.
     """
-    found = [*further, *peaks(flight)]
-    refused = [peak for peak in found if peak.size > getattr(card, peak.field)]
+    largest = [*further, *peaks(flight)]
+    refused = [peak for peak in largest if peak.size > getattr(card, peak.field)]
     if refused:
         causes = [remark.text for remark in flight.remarks if remark.kind == WARNING]
         raise InputError(
@@ -89,7 +91,7 @@ def within_limits(flight: Trajectory, card: OutsideFlight, file: str, further: t
         )
     beyond = [
         f"{_described(peak)} (usually at most {_shown(peak.field, _usual(card, peak.field))})"
-        for peak in found
+        for peak in largest
         if peak.size > _usual(card, peak.field)
     ]
     return flight.remarked(BEYOND, [", ".join(beyond)] if beyond else [])

@@ -300,7 +300,7 @@ def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:
     def excess(azimuth: float) -> float:
         return _injected(course(card.site, azimuth, climb, breaks, gmst(card.epoch)))["inclination_rad"] - inclination
 
-    found = root_scalar(excess, x0=first, x1=first + 0.01, xtol=1e-10, maxiter=30)
-    if not found.converged or abs(excess(found.root)) > 1e-6:
+    solution = root_scalar(excess, x0=first, x1=first + 0.01, xtol=1e-10, maxiter=30)
+    if not solution.converged or abs(excess(solution.root)) > 1e-6:
         raise InputError(f"{card.name}: no azimuth ends in an inclination of {math.degrees(inclination):.2f} deg")
-    return float(found.root)
+    return float(solution.root)

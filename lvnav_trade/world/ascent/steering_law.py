@@ -163,18 +163,18 @@ def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]
         in which the body turns from the previous thrust to the next. At least one phase is powered.
     """
     powered = [k for k, thrust in enumerate(thrusts) if thrust is not None]
-    found = []
+    directions = []
     for k, (t, thrust) in enumerate(zip(times, thrusts, strict=True)):
-        part = t if k == len(times) - 1 else t[:-1]
+        knots = t if k == len(times) - 1 else t[:-1]
         if thrust is not None:
-            found.append(thrust(part))
+            directions.append(thrust(knots))
             continue
         earlier = max((i for i in powered if i < k), default=None)
         later = min((i for i in powered if i > k), default=None)
         before = None if earlier is None else (thrusts[earlier], float(times[earlier][-1]))
         after = None if later is None else (thrusts[later], float(times[later][0]))
-        found.append(_through_coast(part, before, after))
-    return found
+        directions.append(_through_coast(knots, before, after))
+    return directions
 
 
 def _through_coast(t: Floats, before: tuple[Any, float] | None, after: tuple[Any, float] | None) -> Floats:
@@ -182,7 +182,7 @@ def _through_coast(t: Floats, before: tuple[Any, float] | None, after: tuple[Any
 
     Both are extrapolated at constant rate and blended by a quintic. If one is missing, the rate of the other decays.
     """
-    known = [one for one in (before, after) if one is not None]
+    known = [side for side in (before, after) if side is not None]
     if len(known) == 1:
         (thrust, edge), sign = known[0], -1.0 if before is None else 1.0
         faded = sign * _DAMPING * -np.expm1(-sign * (t - edge)[:, None] / _DAMPING)

@@ -254,16 +254,16 @@ def left_in_orbit(card: VehicleAscent, flight: Flight, number: int) -> float:
 def _require_propellant(card: VehicleAscent, aim: Aim) -> None:
     """Raise InputError, with the missing delta-v, if an aim burns more propellant than available."""
     for number, stage in enumerate(card.vehicle.stages[card.inserting - 1 :], start=card.inserting):
-        left = propellant_left(card, aim, number)
-        if left >= 0.0:
+        remaining = propellant_left(card, aim, number)
+        if remaining >= 0.0:
             continue
         empty = stage.dry + mass_above(card, number)
-        if empty + left <= 0.5 * empty:  # the final mass is unphysical, and no measure of the missing velocity
+        if empty + remaining <= 0.5 * empty:  # the final mass is unphysical, and no measure of the missing velocity
             _refuse_too_heavy(card)
-        lacking = stage.exhaust_speed * math.log(empty / (empty + left))
+        lacking = stage.exhaust_speed * math.log(empty / (empty + remaining))
         raise InputError(
             f"{card.name}: vehicle {card.vehicle.name!r} lacks {lacking:.0f} m/s of delta-v for the target orbit: "
-            f"stage {stage.name!r} would need {-left:.0f} kg more propellant with the payload of "
+            f"stage {stage.name!r} would need {-remaining:.0f} kg more propellant with the payload of "
             f"{card.vehicle.payload:.0f} kg"
         )
 

@@ -180,14 +180,14 @@ class Orbit(Card):
 
     @model_validator(mode="before")
     @classmethod
-    def _sun_synchronous(cls, given: Any) -> Any:
-        if not isinstance(given, dict) or given.get("inclination") != "sun-synchronous":
-            return given
+    def _sun_synchronous(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or data.get("inclination") != "sun-synchronous":
+            return data
         try:
-            low, high = (parse(str(given[key]), "m") for key in ("perigee", "apogee"))
+            low, high = (parse(str(data[key]), "m") for key in ("perigee", "apogee"))
         except (KeyError, ValueError):
-            return given  # the error is reported for that field
-        return {**given, "inclination": f"{sun_synchronous(low, high)!r} rad"}
+            return data  # the error is reported for that field
+        return {**data, "inclination": f"{sun_synchronous(low, high)!r} rad"}
 
     def _faults(self) -> Iterator[str]:
         if self.apogee < self.perigee:

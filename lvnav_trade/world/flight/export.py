@@ -141,14 +141,14 @@ def _text(card: TrajectoryCard, flight: Trajectory, t: Floats) -> str:
 
 def _limits(card: TrajectoryCard, flight: Trajectory) -> dict[str, str]:
     """Return the fields of a card with limits that the trajectory needs above the default limits."""
-    found = {}
+    limits = {}
     for field, unit in (("highest_load", "m/s^2"), ("highest_rate", "rad/s"), ("highest_spin", "rad/s")):
         usual = float(TableTrajectory.model_fields[field].default)
         size = next(peak.size for peak in peaks(flight) if peak.field == field) * _SPARE
         limit = getattr(card, field) if isinstance(card, OutsideFlight) else usual
         if max(size, limit) > usual:
-            found[field] = f"{max(size, limit)!r} {unit}"
-    return found
+            limits[field] = f"{max(size, limit)!r} {unit}"
+    return limits
 
 
 def _kept(card: TrajectoryCard) -> dict[str, Any]:

@@ -142,7 +142,7 @@ class OrbitalFlight(FlightCard):
             "slew of the first leg has no effect: no leg comes before it; leave it out": self.legs[0].slew != _SLEW,
             f"the burns use {burnt:g} kg, the mass is {self.mass:g} kg": burnt >= self.mass,
         }
-        return [fault for fault, found in rules.items() if found]
+        return [fault for fault, applies in rules.items() if applies]
 
 
 def orbit(card: OrbitalFlight) -> Trajectory:
@@ -214,12 +214,12 @@ class _Flight(Flown):
             above = self.above(mark)
             if above(self.t, self.y) <= 0.0:
                 raise InputError(f"{self.card.name}: the descent begins below {mark / 1e3:g} km")
-            found = self.ahead("descent", _LONGEST, step, until=above)
-            if above(float(found.t[-1]), found.y[-1]) > 1.0:
+            stretch = self.ahead("descent", _LONGEST, step, until=above)
+            if above(float(stretch.t[-1]), stretch.y[-1]) > 1.0:
                 raise InputError(f"{self.card.name}: does not come down to {card.altitude / 1e3:g} km")
             if mark == card.altitude:  # a whole second is the end of a tick at every rate
-                found = self.ahead("descent", math.floor(found.t[-1]) - self.t, step)
-            self.keep(found)
+                stretch = self.ahead("descent", math.floor(stretch.t[-1]) - self.t, step)
+            self.keep(stretch)
             step = _POWERED
             if mark == _ENTRY:
                 self.events["entry"] = self.t

@@ -266,10 +266,12 @@ class _Flight(Flown):
         marks = [self.card.held_above] if self.card.end_altitude < self.card.held_above < self.height else []
         for mark in [*marks, self.card.end_altitude]:
             last = mark == self.card.end_altitude
-            found = self.ahead("descent", _LONGEST, _STEP, until=self.above(mark))
+            stretch = self.ahead("descent", _LONGEST, _STEP, until=self.above(mark))
             if last:  # a whole second is the end of a tick at every rate
-                found = self.ahead("descent", max(math.floor(found.t[-1]), math.ceil(self.t + 1e-6)) - self.t, _STEP)
-            self.keep(found)
+                stretch = self.ahead(
+                    "descent", max(math.floor(stretch.t[-1]), math.ceil(self.t + 1e-6)) - self.t, _STEP
+                )
+            self.keep(stretch)
             if not last:
                 self.nose_first(self.card.turn_time)
         self.events["end"] = self.t
@@ -314,13 +316,13 @@ def _solve(card: SoundingFlight) -> tuple[float, float | None]:
 
     low, high = (math.radians(60.0), math.radians(89.5)) if rail is None else (math.radians(-10.0), math.radians(80.0))
     try:
-        found = float(brentq(excess, low, high, xtol=1e-7))
+        elevation = float(brentq(excess, low, high, xtol=1e-7))
     except ValueError:
         raise InputError(
             f"{card.name}: an apogee of {wanted / 1e3:g} km is out of reach with elevations of "
             f"{math.degrees(low):g} to {math.degrees(high):g} deg"
         ) from None
-    return (found, None) if rail is None else (rail, found)
+    return (elevation, None) if rail is None else (rail, elevation)
 
 
 def _max_q(flight: _Flight) -> tuple[float, float]:

@@ -59,17 +59,17 @@ def build(card: TrajectoryCard) -> Trajectory:
 
 def _named(flight: Trajectory, wanted: Mapping[str, str]) -> dict[str, float]:
     """Return the named times (s) of a card; InputError for a time outside the flight or the name of an event."""
-    found = {}
+    times = {}
     for name, text in wanted.items():
         try:
             if not name.isidentifier() or name in flight.instants:
                 raise InputError(f"{name!r} is an event already, or no name for one")
-            found[name] = resolve(text, flight.instants)
-            if not flight.start <= found[name] <= flight.end:
-                raise InputError(f"{text!r} ({found[name]:g} s) is outside the flight")
+            times[name] = resolve(text, flight.instants)
+            if not flight.start <= times[name] <= flight.end:
+                raise InputError(f"{text!r} ({times[name]:g} s) is outside the flight")
         except InputError as error:
             raise InputError(records=[Mistake(str(error), path=f"trajectory.named_times.{name}")]) from None
-    return found
+    return times
 
 
 def content(card: TrajectoryCard) -> str:

@@ -104,7 +104,7 @@ def read_almanac(path: str | Path) -> tuple[AlmanacRecord, ...]:
 def read_yuma(path: str | Path) -> tuple[AlmanacRecord, ...]:
     """Read all satellites of a YUMA almanac, healthy or not, in the order of the file.
 
-    Satellites of other systems (PRN above 63) are passed over, and so are unhealthy ones whose record is broken.
+    Satellites of other systems (PRN above 63) and unhealthy satellites with a broken record are skipped.
     Records are 13 lines ``label: value``, each begun by a line of stars or by its ``ID``. InputError ``file:line:
     what`` where the file cannot be read or is empty, a record lacks a field or states one twice, a value is not a
     number or impossible, or a satellite comes twice.
@@ -118,7 +118,8 @@ def read_yuma(path: str | Path) -> tuple[AlmanacRecord, ...]:
 def read_sem(path: str | Path) -> tuple[AlmanacRecord, ...]:
     """Read all satellites of a SEM almanac, healthy or not, in the order of the file.
 
-    Satellites of other systems (PRN above 63) are passed over.
+    Satellites of other systems (PRN above 63) are skipped.
+
     Number of records and title; week and second of applicability; then per satellite eight lines (PRN, serial number,
     accuracy, and with angles in semicircles: eccentricity, inclination offset, node rate; root of the axis, node,
     perigee; mean anomaly, clock bias and drift; health; configuration), set apart by blank lines. InputError
@@ -141,16 +142,16 @@ def read_sem(path: str | Path) -> tuple[AlmanacRecord, ...]:
 
 def _of_system(path: str | Path, records: tuple[AlmanacRecord, ...]) -> tuple[AlmanacRecord, ...]:
     """Return the records of the almanac's system; InputError if there are only records of other systems."""
-    found = tuple(record for record in records if record.prn <= HIGHEST_PRN)
-    if not found:
+    own_system = tuple(record for record in records if record.prn <= HIGHEST_PRN)
+    if not own_system:
         raise InputError(f"{path}: PRN {records[0].prn} and no other up to {HIGHEST_PRN}, so no satellite to take")
-    return found
+    return own_system
 
 
-def _distinct(path: str | Path, found: Iterable[tuple[int, AlmanacRecord]]) -> tuple[AlmanacRecord, ...]:
+def _distinct(path: str | Path, pairs: Iterable[tuple[int, AlmanacRecord]]) -> tuple[AlmanacRecord, ...]:
     """Return the records from pairs of first line and record; InputError if a satellite occurs twice."""
     records: dict[int, tuple[int, AlmanacRecord]] = {}
-    for line, record in found:
+    for line, record in pairs:
         if record.prn in records:
             raise InputError(f"{path}:{line}: PRN {record.prn} again (first on line {records[record.prn][0]})")
         records[record.prn] = line, record

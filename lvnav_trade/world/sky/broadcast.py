@@ -179,15 +179,15 @@ class Integrated(NamedTuple):
         nodes = _nodes(self, first, last)
         below = np.clip(np.floor(steps).astype(np.int64), first, last - 1)
         which = np.arange(self.start.size)
-        left = [part[below - first, which] for part in nodes]
-        return _between(left, [part[below - first + 1, which] for part in nodes], (steps - below)[..., None])
+        before = [part[below - first, which] for part in nodes]
+        return _between(before, [part[below - first + 1, which] for part in nodes], (steps - below)[..., None])
 
     def clock(self, t: Floats) -> Floats:
-        """Return what the satellites' clocks are ahead, (..., n_sat) s; relativity is part of what they broadcast."""
+        """Return the broadcast clock offsets, (..., n_sat) s, which include the relativistic term."""
         return np.asarray(self.clock_bias + self.clock_drift * (t - self.start))
 
     def relativity(self, t: Floats) -> Floats:
-        """Return zeros, (..., n_sat) s: the broadcast clock holds the relativistic term (ICD 5.1, section 3.3.3)."""
+        """Return zeros, (..., n_sat) s: the broadcast clock includes the relativistic term (ICD 5.1, section 3.3.3)."""
         return np.zeros(np.broadcast_shapes(np.shape(t), self.start.shape))
 
 
@@ -244,10 +244,13 @@ def _step(r: Floats, v: Floats, a: Floats, h: float) -> tuple[Floats, Floats]:
     return r + h / 6.0 * (v + 2.0 * (v2 + v3) + v4), v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
 
 
-def _between(left: list[Floats], right: list[Floats], s: Floats) -> tuple[Floats, Floats]:
-    """Return position and velocity at the share s of a step, from position, velocity, acceleration at both ends."""
-    (r0, v0, a0), (r1, v1, a1) = left, right
-    # In time counted in steps, with the first three terms of Taylor's series taken off.
+def _between(before: list[Floats], after: list[Floats], s: Floats) -> tuple[Floats, Floats]:
+    """Return position and velocity at the fraction s of a step, by the quintic Hermite polynomial.
+
+    before, after : position, velocity and acceleration at both ends.
+    """
+    (r0, v0, a0), (r1, v1, a1) = before, after
+    # time in steps; the first three terms of the Taylor series at the start are subtracted
     v0, v1, a0, a1 = v0 * STEP, v1 * STEP, a0 * STEP**2, a1 * STEP**2
     gap, gap_v, gap_a = r1 - r0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0
     c3 = 10.0 * gap - 4.0 * gap_v + 0.5 * gap_a

@@ -100,9 +100,9 @@ class NominalConstellation(SignalErrors, NamedCard):
     @classmethod
     def _own_names(cls, slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
         names = [slot.name for slot in slots]
-        again = [name for name in names if names.count(name) > 1]
-        if again:  # draws are keyed by name
-            raise ValueError(f"two slots are named {again[0]!r}")
+        repeated = [name for name in names if names.count(name) > 1]
+        if repeated:  # draws are keyed by name
+            raise ValueError(f"two slots are named {repeated[0]!r}")
         return slots
 
 
@@ -330,8 +330,8 @@ def _orbit_of(card: NominalConstellation, slot: Slot) -> tuple[float, float, flo
 def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, beidou: bool) -> Orbits:
     """Propagate almanac elements by `elapsed` (n_sat,) s to the reference time.
 
-    The node counts from Greenwich at the start of the week. All BeiDou satellites, also geostationary ones, use the
-    algorithm of GPS (BDS-SIS-ICD, table 5-16).
+    The node counts from Greenwich at the start of the week. All BeiDou satellites, including geostationary satellites,
+    use the algorithm of GPS (BDS-SIS-ICD, table 5-16).
     """
     gm, rate = (GM_BEIDOU, EARTH_RATE_BEIDOU) if beidou else (GM_GPS, EARTH_RATE_GPS)
     letter = "C" if beidou else "G"

@@ -120,23 +120,26 @@ def read_positions(path: str | Path) -> Positions:
     if system not in _TIMES:
         raise InputError(f"{path}: times are of {system}; GPS or Galileo time is read")
     times: list[float] = []
-    found: dict[str, dict[float, tuple[list[float], float]]] = {}
+    nodes: dict[str, dict[float, tuple[list[float], float]]] = {}
     for at, line in enumerate(lines, 1):
         if line.startswith("* "):
             times.append(_time(f"{path}:{at}", line))
         elif line.startswith("P") and times:
             name = f"{line[1:2].strip() or 'G'}{line[2:4].strip():0>2}"
             x, y, z, clock = (_number(f"{path}:{at}", line, k) for k in range(4))
-            found.setdefault(name, {})[times[-1]] = ([1e3 * x, 1e3 * y, 1e3 * z], clock)
+            nodes.setdefault(name, {})[times[-1]] = ([1e3 * x, 1e3 * y, 1e3 * z], clock)
     t = np.array(times)
     if t.size < 2 * _MARGIN or np.ptp(np.diff(t)) > 1e-6 or t[1] <= t[0]:
         raise InputError(f"{path}: {t.size} epochs; at least {2 * _MARGIN} are needed, evenly spaced")
     missing = ([0.0, 0.0, 0.0], math.nan)
-    rows = {name: [one.get(time, missing) for time in times] for name, one in found.items()}
+    rows = {name: [places.get(time, missing) for time in times] for name, places in nodes.items()}
     return Positions(
         t,
-        {name: np.array([place if any(place) else [math.nan] * 3 for place, _ in one]) for name, one in rows.items()},
-        {name: np.array([clock for _, clock in one]) for name, one in rows.items()},
+        {
+            name: np.array([place if any(place) else [math.nan] * 3 for place, _ in places])
+            for name, places in rows.items()
+        },
+        {name: np.array([clock for _, clock in places]) for name, places in rows.items()},
     )
 
 

@@ -162,13 +162,17 @@ class _Record(NamedTuple):
 
 
 def read_navigation(path: str | Path) -> Navigation:
-    """Read all records of GPS, Galileo, BeiDou and GLONASS of a navigation file, gzip or plain; others are passed over.
+    """Read all records of GPS, Galileo, BeiDou and GLONASS of a navigation file, gzip or plain; others are skipped.
 
-    RINEX 2.11, table A3 to A12; RINEX 3.04, table A5 to A14. The week of a reference time is the one that lies next to
-    the time of clock, because writers disagree about whether the stated week rolls over. A record that is cut short, or
-    has a value that is not a number or impossible, is broken: merged files hold such of satellites in test, and one of
-    them says nothing about the others. InputError ``file:line: what`` where the file cannot be read, is not a RINEX
-    navigation file of version 2 or 3, or every record is broken.
+    RINEX 2.11, table A3 to A12; RINEX 3.04, table A5 to A14. The week of a reference time is the week closest to the
+    time of clock, because writers disagree about the rollover of the week. A truncated record, or a record with an
+    impossible value, is broken: merged files contain such records of satellites in test, and other records are valid.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is not a RINEX navigation file of version 2 or 3, or every record is broken. The
+        message begins with ``file:line``.
     """
     lines = read_lines(path, "RINEX navigation file")
     form = _format(path, lines)
@@ -194,7 +198,9 @@ def read_navigation(path: str | Path) -> Navigation:
 
 def _is_unhealthy(record: _Record, form: _Format) -> bool:
     """Return whether a broken record has a readable health word other than zero."""
-    field = next(one for one in (_GLONASS if record.name[0] == "R" else _KEPLERIAN) if one.name == "health")
+    field = next(
+        candidate for candidate in (_GLONASS if record.name[0] == "R" else _KEPLERIAN) if candidate.name == "health"
+    )
     try:
         return _values(record, form, (field,))["health"] != 0.0
     except InputError:
@@ -216,7 +222,7 @@ def _format(path: str | Path, lines: list[str]) -> _Format:
 
 def _klobuchar(path: str | Path, header: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
     """Return alpha and beta if the header has both, else None."""
-    found: dict[str, tuple[float, ...]] = {}
+    coefficients: dict[str, tuple[float, ...]] = {}
     for at, line in enumerate(header, start=1):
         label = line[LABEL:].strip()
         name = line[:4] if label == "IONOSPHERIC CORR" else label
@@ -224,8 +230,8 @@ def _klobuchar(path: str | Path, header: list[str]) -> tuple[tuple[float, ...], 
         if key is not None:
             start = 5 if label == "IONOSPHERIC CORR" else 2
             texts = (line[start + 12 * k : start + 12 * (k + 1)] for k in range(4))
-            found[key] = tuple(number(f"{path}:{at}: {label}", text, _ANY) for text in texts)
-    return (found["alpha"], found["beta"]) if len(found) == 2 else None
+            coefficients[key] = tuple(number(f"{path}:{at}: {label}", text, _ANY) for text in texts)
+    return (coefficients["alpha"], coefficients["beta"]) if len(coefficients) == 2 else None
 
 
 def _offsets(path: str | Path, header: list[str]) -> Iterator[TimeOffset]:
@@ -251,17 +257,17 @@ def _offsets(path: str | Path, header: list[str]) -> Iterator[TimeOffset]:
 
 def _records(path: str | Path, form: _Format, lines: list[str], start: int) -> list[_Record]:
     """Split the lines after the header into the records of the systems that are read."""
-    found: list[_Record] = []
+    records: list[_Record] = []
     for at, line in enumerate(lines[start:], start=start + 1):
         if not line.strip():
             continue
         if form.begins(line):
-            found.append(_Record(str(path), _name(path, at, form, line), at, [line]))
-        elif not found:
+            records.append(_Record(str(path), _name(path, at, form, line), at, [line]))
+        elif not records:
             raise InputError(f"{path}:{at}: a record should begin here with a satellite and a time")
         else:
-            found[-1].lines.append(line)
-    return [record for record in found if record.name[0] in _LENGTH]
+            records[-1].lines.append(line)
+    return [record for record in records if record.name[0] in _LENGTH]
 
 
 def _name(path: str | Path, at: int, form: _Format, line: str) -> str:

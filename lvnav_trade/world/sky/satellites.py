@@ -152,7 +152,7 @@ def _contents(card: RinexConstellation) -> tuple[str, list[Navigation], list[Eph
 
 
 def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
-    """Return the satellites of navigation files, Keplerian ones before GLONASS, in the order of their names."""
+    """Return the satellites of navigation files in the order of their names, GLONASS after the other systems."""
     lift_off = gps_seconds(epoch)
     shown, navigation, records, letters = _contents(card)
     taken: list[Ephemeris | StateVector] = []

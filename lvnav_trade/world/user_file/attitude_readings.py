@@ -52,23 +52,23 @@ def compared(card: TableTrajectory, r_i: Floats, force: Floats, strong: np.ndarr
         return []
     parts = [AttitudeColumns.model_validate(settings) for settings in readings(card.attitude.model_dump())]
     along = unit(force[strong])
-    found = []
+    candidates = []
     for part, q_b_i in zip(parts, read_attitudes(card, parts, r_i), strict=True):
         if q_b_i is not None:
             cosine = np.einsum("ij,ij->i", along, matrices(q_b_i[strong])[:, :, 0])
-            found.append(Reading(part, float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))))
-    return found
+            candidates.append(Reading(part, float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))))
+    return candidates
 
 
-def better(card: TableTrajectory, found: list[Reading]) -> str:
+def better(card: TableTrajectory, candidates: list[Reading]) -> str:
     """Return the warning about an interpretation that fits the forces clearly better than that of the card.
 
     The text is empty if there is none. InputError if the fit is ten times better, unless the card sets
     largest_force_angle, which confirms the angle.
     """
-    if len(found) < 2:
+    if len(candidates) < 2:
         return ""
-    stated, best = found[0], min(found[1:], key=lambda reading: reading.angle)
+    stated, best = candidates[0], min(candidates[1:], key=lambda reading: reading.angle)
     if stated.angle < _CLEAR_ANGLE or best.angle > _CLEAR * stated.angle or stated.angle - best.angle < _CLEAR_ANGLE:
         return ""
     changed = ", ".join(

@@ -118,8 +118,8 @@ def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
 def time_stamps(column: Floats, unit: str, path: str, places: list[str]) -> Floats:
     """Return a column of time (n,), restored to its grid if of single precision; InputError if such times repeat."""
     stamps = restored(column, unit)
-    again = (np.diff(column, prepend=-math.inf) == 0.0) & (stamps.apart > 0.0)
-    refuse_first(again, path, places, lambda k: f"time {column[k]:.9g} {unit} repeats: {coarse(stamps.apart, unit)}")
+    repeated = (np.diff(column, prepend=-math.inf) == 0.0) & (stamps.apart > 0.0)
+    refuse_first(repeated, path, places, lambda k: f"time {column[k]:.9g} {unit} repeats: {coarse(stamps.apart, unit)}")
     return stamps.column
 
 

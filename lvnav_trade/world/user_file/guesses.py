@@ -115,14 +115,14 @@ class _Column(NamedTuple):
     frame: str
 
 
-def epoch_of(file: str, found: Sequence[Guess], near: str) -> tuple[str, str] | None:
+def epoch_of(file: str, guesses: Sequence[Guess], near: str) -> tuple[str, str] | None:
     """Return lift-off in UTC and the reason, if the column of time is seconds of GPS week, GPS time or Unix time.
 
     None for another clock, or without a column of GPS weeks.
 
     near : ISO 8601 time in UTC that selects the era of a week number of ten bits.
     """
-    content = {part.part: part.content for part in found}
+    content = {part.part: part.content for part in guesses}
     time, delimiter = content["time"], content.get("delimiter", ",")
     liftoff = time.get("liftoff", 0.0) * parse(f"1 {time['unit']}", "s")
     name = _column(time["column"]).name
@@ -141,9 +141,9 @@ def epoch_of(file: str, found: Sequence[Guess], near: str) -> tuple[str, str] | 
     return utc_of(resolve_week(int(number), liftoff, gps_seconds(near))).isoformat(), why + era
 
 
-def left_out(file: str, found: Sequence[Guess]) -> list[str]:
+def left_out(file: str, guesses: Sequence[Guess]) -> list[str]:
     """Return the titles of the columns of a file that no guess uses."""
-    content = {part.part: part.content for part in found}
+    content = {part.part: part.content for part in guesses}
     taken = {content["time"]["column"]}
     for part in ("position", "velocity", "attitude"):
         taken |= {*content.get(part, {}).get("columns", ())}
@@ -157,23 +157,23 @@ def guess(file: str, time_column: str | None = None) -> list[Guess]:
 
     time_column : Title of the column of time; None: guess it.
     """
-    delimiter = max((",", ";", "\t"), key=lambda one: len(column_names(file, one)))
+    delimiter = max((",", ";", "\t"), key=lambda column: len(column_names(file, column)))
     columns = [_column(title) for title in column_names(file, delimiter)]
-    found = [Guess("delimiter", delimiter, "the header has more fields with it")] * (delimiter != ",")
+    guesses = [Guess("delimiter", delimiter, "the header has more fields with it")] * (delimiter != ",")
     time = _named(columns, [_TIME + _CLOCKS])
     if time_column is not None:
-        time = [one for one in columns if one.title == time_column]
+        time = [column for column in columns if column.title == time_column]
         if not time:
             raise InputError(f"{file}: no column {time_column!r}; it has {_titles(columns)}")
     if time is None:
         raise InputError(f"{file}: no column of time (one of {', '.join(_TIME)}); it has {_titles(columns)}")
 
     def values(of: Sequence[_Column]) -> Floats:
-        return read_columns(file, [one.title for one in of], delimiter)[0]
+        return read_columns(file, [column.title for column in of], delimiter)[0]
 
     t = values(time)[:, 0]
     unit = time[0].unit or ("ms" if time[0].name == "itow" else "s")
-    found.append(
+    guesses.append(
         Guess(
             "time",
             {"column": time[0].title, "unit": unit},
@@ -188,7 +188,7 @@ def guess(file: str, time_column: str | None = None) -> list[Guess]:
         if velocity is not None and velocity.content["frame"] == "unknown":
             velocity = Guess("velocity", velocity.content | {"frame": frame}, velocity.why)
     moving = [] if velocity is None else [velocity]
-    return [*found, position, *moving, *_attitude(columns, values)]
+    return [*guesses, position, *moving, *_attitude(columns, values)]
 
 
 def is_clock(title: str) -> bool:
@@ -198,9 +198,9 @@ def is_clock(title: str) -> bool:
 
 def _column(title: str) -> _Column:
     text = title.strip().lower()
-    found = _WITH_UNIT.fullmatch(text)
-    name = found[1].strip() if found else text
-    unit = text[len(name) :].strip(" _[]()") if found else ""
+    match = _WITH_UNIT.fullmatch(text)
+    name = match[1].strip() if match else text
+    unit = text[len(name) :].strip(" _[]()") if match else ""
     words = re.split(r"[\s_]+", name)
     frame = next((_FRAMES[word] for word in words if word in _FRAMES), "")
     name = "_".join(word for word in words if word not in _FRAMES)
@@ -208,7 +208,7 @@ def _column(title: str) -> _Column:
 
 
 def _titles(columns: Sequence[_Column]) -> str:
-    return ", ".join(one.title for one in columns[:20])
+    return ", ".join(column.title for column in columns[:20])
 
 
 def _why(named: str, otherwise: str) -> str:
@@ -217,16 +217,16 @@ def _why(named: str, otherwise: str) -> str:
 
 def _named(columns: Sequence[_Column], wanted: Sequence[Sequence[str]]) -> list[_Column] | None:
     """Return a column for each of several lists of names; None if a column is missing."""
-    found = [next((one for name in names for one in columns if one.name == name), None) for names in wanted]
-    return None if None in found else [one for one in found if one is not None]
+    chosen = [next((column for name in names for column in columns if column.name == name), None) for names in wanted]
+    return None if None in chosen else [column for column in chosen if column is not None]
 
 
 def _three(columns: Sequence[_Column], forms: Sequence[str]) -> list[_Column] | None:
     """Return three columns whose names differ in x, y and z only; None if there are none."""
     for form in forms:
-        found = _named(columns, [(form.format(x=axis),) for axis in "xyz"])
-        if found is not None:
-            return found
+        chosen = _named(columns, [(form.format(x=axis),) for axis in "xyz"])
+        if chosen is not None:
+            return chosen
     return None
 
 
@@ -249,35 +249,40 @@ def _position(file: str, columns: Sequence[_Column], values: Any, t: Floats) -> 
         rows = values(geodetic)
         unit = geodetic[0].unit or ("deg" if np.max(np.abs(rows[:, :2])) > 2.0 * np.pi else "rad")
         height = geodetic[2].unit or _height_unit(t, rows[:, 2])
-        content = {"frame": "geodetic", "columns": [one.title for one in geodetic], "unit": unit, "height_unit": height}
+        content = {
+            "frame": "geodetic",
+            "columns": [column.title for column in geodetic],
+            "unit": unit,
+            "height_unit": height,
+        }
         why = _why(geodetic[0].unit and geodetic[2].unit, "units by size of the numbers")
         return Guess("position", content, why), rows
-    found = _three(columns, _AXIS)
-    if found is None:
+    axes = _three(columns, _AXIS)
+    if axes is None:
         raise InputError(
             f"{file}: no columns of position (latitude, longitude, height; or x, y, z); it has {_titles(columns)}"
         )
-    rows = values(found)
-    unit = found[0].unit or ("m" if np.linalg.norm(rows[0]) > 1e5 else "km")
-    content = {"frame": found[0].frame or "unknown", "columns": [one.title for one in found], "unit": unit}
-    return Guess("position", content, _why(found[0].unit, "unit by size of the numbers")), rows * (
+    rows = values(axes)
+    unit = axes[0].unit or ("m" if np.linalg.norm(rows[0]) > 1e5 else "km")
+    content = {"frame": axes[0].frame or "unknown", "columns": [column.title for column in axes], "unit": unit}
+    return Guess("position", content, _why(axes[0].unit, "unit by size of the numbers")), rows * (
         1e3 if unit == "km" else 1.0
     )
 
 
 def _velocity(columns: Sequence[_Column], values: Any) -> Guess | None:
     ned = _named(columns, _NED)
-    found = ned or _three(columns, _RATE)
-    if found is None:
+    chosen = ned or _three(columns, _RATE)
+    if chosen is None:
         return None
-    fast = float(np.max(np.abs(values(found))))
-    unit = found[0].unit or ("m/s" if fast > 30.0 else "km/s")
+    fast = float(np.max(np.abs(values(chosen))))
+    unit = chosen[0].unit or ("m/s" if fast > 30.0 else "km/s")
     content = {
-        "frame": "ned" if ned else found[0].frame or "unknown",
-        "columns": [one.title for one in found],
+        "frame": "ned" if ned else chosen[0].frame or "unknown",
+        "columns": [column.title for column in chosen],
         "unit": unit,
     }
-    return Guess("velocity", content, _why(found[0].unit, "unit by size of the numbers"))
+    return Guess("velocity", content, _why(chosen[0].unit, "unit by size of the numbers"))
 
 
 def _frame(place: Floats, t: Floats) -> tuple[str, str]:
@@ -291,14 +296,18 @@ def _frame(place: Floats, t: Floats) -> tuple[str, str]:
 
 def _attitude(columns: Sequence[_Column], values: Any) -> list[Guess]:
     for names, scalar in _QUATERNIONS:
-        found = _named(columns, [(name,) for name in names])
-        if found is not None:
-            content = {"form": "quaternion", "frame": found[0].frame or "eci", "columns": [one.title for one in found]}
+        chosen = _named(columns, [(name,) for name in names])
+        if chosen is not None:
+            content = {
+                "form": "quaternion",
+                "frame": chosen[0].frame or "eci",
+                "columns": [column.title for column in chosen],
+            }
             content |= {"scalar": scalar, "turns": "body_to_frame"}
             return [Guess("attitude", content, "frame, scalar and sense are assumed: confirm all three")]
-    found = _named(columns, _EULER)
-    if found is None:
+    chosen = _named(columns, _EULER)
+    if chosen is None:
         return []
-    unit = found[0].unit or ("deg" if np.max(np.abs(values(found))) > 2.0 * np.pi else "rad")
-    content = {"form": "euler", "frame": "ned", "columns": [one.title for one in found], "unit": unit}
+    unit = chosen[0].unit or ("deg" if np.max(np.abs(values(chosen))) > 2.0 * np.pi else "rad")
+    content = {"form": "euler", "frame": "ned", "columns": [column.title for column in chosen], "unit": unit}
     return [Guess("attitude", content, "against north, east and down, assumed: confirm")]

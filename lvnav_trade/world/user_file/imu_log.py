@@ -96,8 +96,8 @@ def read_log(
     """
     titles = column_names(file, delimiter)
     time, scale = time_column(file, titles)
-    found = {part: _columns(file, titles, part) for part in _SI}
-    names = [time, *(name for columns, _, _ in found.values() for name in columns)]
+    triads = {part: _columns(file, titles, part) for part in _SI}
+    names = [time, *(name for columns, _, _ in triads.values() for name in columns)]
     table, places = read_columns(file, names, delimiter, FEWEST, "a log")
     stamps = table[:, 0] if counted else time_stamps(table[:, 0], time.rpartition("_")[2], file, places)
     here = _part(stamps * scale, start, end, file)
@@ -107,7 +107,7 @@ def read_log(
     dt = _interval(t - t[0], file, places) if gap is None else _uneven(t, file, places, gap)
     steps = dt if gap is None else np.diff(t, prepend=t[0] - dt)[:, None]
     means = {}
-    for at, (part, (_, unit, increments)) in zip((1, 4), found.items(), strict=True):
+    for at, (part, (_, unit, increments)) in zip((1, 4), triads.items(), strict=True):
         with np.errstate(over="ignore"):  # infinite values are refused below
             means[part] = table[:, at : at + 3] * si(unit, _SI[part][increments]) / (steps if increments else 1.0)
     _refuse_impossible(means["gyro"], means["accel"], file, places)

@@ -122,29 +122,29 @@ def read_recording(card: NavigationLog, folder: Path) -> Recording:
 
     InputError names file, row and error.
     """
-    found, unit_file = read_solutions(card.gnss, folder), os.fspath(folder / card.imu.file)
-    zero, epoch = found.zero, first_row_utc(card, found.zero, found.file)
+    solutions, unit_file = read_solutions(card.gnss, folder), os.fspath(folder / card.imu.file)
+    zero, epoch = solutions.zero, first_row_utc(card, solutions.zero, solutions.file)
     log = read_log(unit_file, card.imu.delimiter, _GAP)
     t = np.concatenate([log.t[:1] - log.dt, log.t]) - card.imu.delay
     if t[-1] <= zero + card.still[1] or t[0] > zero + card.still[0] + 1e-6:
-        spans = f"{t[0]:.9g} to {t[-1]:.9g} s, and {found.file} from {zero:.9g} s on"
+        spans = f"{t[0]:.9g} to {t[-1]:.9g} s, and {solutions.file} from {zero:.9g} s on"
         raise InputError(f"{unit_file}: its rows do not span the rest: it has {spans}")
     step, turn = np.diff(t)[:, None], turning(card.imu.axes).T
     turned, pushed = (np.cumsum(np.vstack([np.zeros(3), means * step]), axis=0) for means in (log.gyro, log.accel))
     ranges = None if card.ranges is None else read_ranges(card.ranges, folder, zero)
-    notes = found.notes + (ranges.notes if ranges is not None else ())
+    notes = solutions.notes + (ranges.notes if ranges is not None else ())
     return Recording(
         t - zero,
         turned @ turn,
         pushed @ turn,
-        found.t - zero,
-        found.place,
-        found.moving,
-        found.sigma,
+        solutions.t - zero,
+        solutions.place,
+        solutions.moving,
+        solutions.sigma,
         epoch,
         ranges,
-        found.lines,
-        found.file,
+        solutions.lines,
+        solutions.file,
         notes,
     )
 

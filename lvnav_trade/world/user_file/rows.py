@@ -167,14 +167,14 @@ def read_attitudes(card: TableTrajectory, parts: Sequence[AttitudeColumns], r_i:
 
     r_i : (n, 3) m. Positions of the rows.
     """
-    read, found = _Reader(card), list[Floats | None]()
+    read, attitudes = _Reader(card), list[Floats | None]()
     positions = r_i[np.cumsum(~read.before) - 1 + read.before]  # both rows of an event have that of the second
     for part in parts:
         try:
-            found.append(read.attitudes(part, positions)[0][~read.before])
+            attitudes.append(read.attitudes(part, positions)[0][~read.before])
         except InputError:
-            found.append(None)
-    return found
+            attitudes.append(None)
+    return attitudes
 
 
 def si(unit: str, base: str) -> float:
@@ -243,12 +243,12 @@ class _Reader:
         """
         if self.late == 0.0:
             return [position[1], velocity[1]]
-        kept, found = ~self.before, []
+        single, sigmas = ~self.before, []
         for rows, noise in (position, velocity):
-            change = np.zeros(1) if rows is None else np.linalg.norm(np.diff(rows[kept], axis=0), axis=1)
-            rate = float(np.median(change / np.diff(self.t[kept]))) if rows is not None else 0.0
-            found.append(math.hypot(noise, rate * self.late))
-        return found
+            change = np.zeros(1) if rows is None else np.linalg.norm(np.diff(rows[single], axis=0), axis=1)
+            rate = float(np.median(change / np.diff(self.t[single]))) if rows is not None else 0.0
+            sigmas.append(math.hypot(noise, rate * self.late))
+        return sigmas
 
     def refuse_jumps(
         self, events: Mapping[str, float], motion: tuple[Floats, Floats | None, Floats | None], noise: tuple[float, ...]

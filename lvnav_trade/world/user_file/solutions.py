@@ -99,12 +99,12 @@ def read_solutions(card: ReceiverFile, folder: Path) -> Solutions:
     refuse_impossible(table[:, 1:7], file, places)
     sigma = table[:, 7:] if stated else np.full((t.size, 6), np.nan)
     place = np.column_stack([np.radians(table[:, 1:3]), table[:, 3]])
-    found = Solutions(file, t, place, table[:, 4:7], sigma, tuple(places), float(t[0]))
-    found = found.only(*_complete(found))
-    found = found.only(*_fixed(found))
+    solutions = Solutions(file, t, place, table[:, 4:7], sigma, tuple(places), float(t[0]))
+    solutions = solutions.only(*_complete(solutions))
+    solutions = solutions.only(*_fixed(solutions))
     if stated:
-        found = _weighed(found, card.noise == "log")
-    return consistent(found)
+        solutions = _weighed(solutions, card.noise == "log")
+    return consistent(solutions)
 
 
 def refuse_impossible(rows: Floats, file: str, places: list[str]) -> None:
@@ -118,64 +118,64 @@ def refuse_impossible(rows: Floats, file: str, places: list[str]) -> None:
     refuse_first(speed > _FASTEST, file, places, lambda k: f"a speed of {speed[k]:.6g} m/s; is the unit right?")
 
 
-def _complete(found: Solutions) -> tuple[Bools, str]:
-    full = np.asarray(np.isfinite(np.hstack([found.place, found.moving])).all(axis=1))
-    return full, left_out(found, ~full, "have an empty field")
+def _complete(solutions: Solutions) -> tuple[Bools, str]:
+    full = np.asarray(np.isfinite(np.hstack([solutions.place, solutions.moving])).all(axis=1))
+    return full, left_out(solutions, ~full, "have an empty field")
 
 
-def _fixed(found: Solutions) -> tuple[Bools, str]:
-    none = np.asarray(np.all(found.place[:, :2] == 0.0, axis=1))
+def _fixed(solutions: Solutions) -> tuple[Bools, str]:
+    none = np.asarray(np.all(solutions.place[:, :2] == 0.0, axis=1))
     return np.logical_not(none), left_out(
-        found, none, "are at latitude and longitude zero, as of a receiver without a fix"
+        solutions, none, "are at latitude and longitude zero, as of a receiver without a fix"
     )
 
 
-def left_out(found: Solutions, gone: Bools, why: str) -> str:
+def left_out(solutions: Solutions, gone: Bools, why: str) -> str:
     """Return the note on omitted rows `gone` (m,)."""
-    which = [found.lines[k] for k in np.flatnonzero(gone)]
+    which = [solutions.lines[k] for k in np.flatnonzero(gone)]
     named = ", ".join(which[:_NAMED]) + (", ..." if len(which) > _NAMED else "")
-    place = f"{os.path.basename(found.file)}:{named}"
+    place = f"{os.path.basename(solutions.file)}:{named}"
     return f"{len(which)} of {gone.size} solutions {why}: left out ({place})"
 
 
-def _weighed(found: Solutions, used: bool) -> Solutions:
+def _weighed(solutions: Solutions, used: bool) -> Solutions:
     """Return the solutions with possible sigmas, or all of them if sigmas are not used."""
-    wrong = ~((found.sigma >= _SMALLEST) & (found.sigma <= _LARGEST))
+    wrong = ~((solutions.sigma >= _SMALLEST) & (solutions.sigma <= _LARGEST))
     rows = np.asarray(wrong.any(axis=1))
     if not used:
-        below = (found.sigma <= 0.0).any(axis=1)
+        below = (solutions.sigma <= 0.0).any(axis=1)
         note = f"sigmas of {np.count_nonzero(below)} of {below.size} solutions are not above zero; they are not used"
-        return found._replace(notes=(*found.notes, note)) if below.any() else found
+        return solutions._replace(notes=(*solutions.notes, note)) if below.any() else solutions
     if np.count_nonzero(rows) > 0.5 * rows.size:
         k = int(np.argmax(rows))
         at = int(np.argmax(wrong[k]))
         limits = f"from {_SMALLEST[at]:g} to {_LARGEST[at]:g}"
         raise InputError(
-            f"{found.file}:{found.lines[k]}: {SIGMAS[at]} is {found.sigma[k, at]:g}; a sigma is {limits} (gnss.noise: "
-            f"filter takes the noise of the filter's card)"
+            f"{solutions.file}:{solutions.lines[k]}: {SIGMAS[at]} is {solutions.sigma[k, at]:g}; a sigma is {limits} "
+            f"(gnss.noise: filter takes the noise of the filter's card)"
         )
-    return found.only(
-        np.logical_not(rows), left_out(found, rows, "have a sigma that is not above zero, or empty or too large")
+    return solutions.only(
+        np.logical_not(rows), left_out(solutions, rows, "have a sigma that is not above zero, or empty or too large")
     )
 
 
 # --- positions against velocities -------------------------------------------------------------------------------------
 
 
-def consistent(found: Solutions) -> Solutions:
+def consistent(solutions: Solutions) -> Solutions:
     """Return the solutions without outliers; InputError if positions and velocities of the log are inconsistent."""
-    r_e, v_e = _earth_fixed(found.place, found.moving)
-    used, worst = _on_path(found.t, r_e, v_e)
+    r_e, v_e = _earth_fixed(solutions.place, solutions.moving)
+    used, worst = _on_path(solutions.t, r_e, v_e)
     gone = np.logical_not(used)
     if np.count_nonzero(gone) <= max(1.0, MOST_WILD * gone.size):
         why = f"contradict the positions and velocities of the rows around them, by up to {_length(worst)}"
-        found = found.only(used, left_out(found, gone, why))
-        _refuse_contradiction(found)
-        return found
-    _refuse_contradiction(found)
+        solutions = solutions.only(used, left_out(solutions, gone, why))
+        _refuse_contradiction(solutions)
+        return solutions
+    _refuse_contradiction(solutions)
     k = int(np.argmax(used[1:] != used[:-1])) + 1  # first row at which the consistent run begins or ends
     raise InputError(
-        f"{found.file}:{found.lines[k]}: the position is not where the rows before and their velocities lead; "
+        f"{solutions.file}:{solutions.lines[k]}: the position is not where the rows before and their velocities lead; "
         f"{np.count_nonzero(gone)} of {gone.size} solutions so, by up to {_length(worst)}"
     )
 
@@ -247,25 +247,25 @@ _READINGS: tuple[tuple[str, _Change], ...] = (
 )
 
 
-def _refuse_contradiction(found: Solutions) -> None:
+def _refuse_contradiction(solutions: Solutions) -> None:
     """Raise InputError if positions and velocities disagree, in the whole log or along an axis.
 
     The message offers the interpretation of the columns, if any, with which they agree.
     """
-    missed = _missed(found.t, found.place, found.moving)
+    missed = _missed(solutions.t, solutions.place, solutions.moving)
     axis = int(np.argmax(missed)) if missed.size else 0
     if not missed.size or missed[axis] <= _MISSED:
         return
     what = "positions contradict the velocities" if axis == 0 else f"{MOTION[axis - 1]} contradicts the positions"
     fits = []
     for name, change in _READINGS:
-        place, moving = change(found.place, found.moving)
+        place, moving = change(solutions.place, solutions.moving)
         if np.abs(place[:, 0]).max() <= 0.5 * np.pi:
-            other = _missed(found.t, place, moving)
+            other = _missed(solutions.t, place, moving)
             if other.size and other.max() <= _FITS:
                 fits.append((float(other.max()), name))
     hint = f"with {min(fits)[1]} they fit: is that so?" if fits else "is a unit, an axis or a time wrong?"
-    raise InputError(f"{found.file}: {what}: they miss the path by {100.0 * missed[axis]:.0f} % of it; {hint}")
+    raise InputError(f"{solutions.file}: {what}: they miss the path by {100.0 * missed[axis]:.0f} % of it; {hint}")
 
 
 def _missed(t: Floats, place: Floats, moving: Floats) -> Floats:

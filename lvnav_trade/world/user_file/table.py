@@ -221,14 +221,14 @@ def _worst(
     what: str, rows: Rows, edges: list[float], size: Callable[[NDArray[np.int64]], Floats]
 ) -> tuple[Residual, ...]:
     """Return the worst residual of each part with two rows or more; `size` returns the residuals at given rows."""
-    noise, found = rows.noise[("position", "velocity", "attitude").index(what)], []
+    noise, residuals = rows.noise[("position", "velocity", "attitude").index(what)], []
     for begin, end in pairwise(edges):
         here = np.flatnonzero((rows.t >= begin - SAME) & (rows.t <= end + SAME))
         if here.size > 1:
             sizes = size(here)
             k = int(np.argmax(sizes))
-            found.append(Residual(what, begin, end, float(rows.t[here[k]]), float(sizes[k]), noise))
-    return tuple(found)
+            residuals.append(Residual(what, begin, end, float(rows.t[here[k]]), float(sizes[k]), noise))
+    return tuple(residuals)
 
 
 def _angles(p: Floats, q: Floats) -> Floats:
@@ -238,7 +238,7 @@ def _angles(p: Floats, q: Floats) -> Floats:
 
 def _moved(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str, float]) -> list[Jump]:
     """Remove the declared movements of the reference point from the `change` from row to row (n - 1, 3)."""
-    found = []
+    jumps = []
     for first, last in card.moving_reference:
         times = marks.get(first), marks.get(last)
         if times[0] is None or times[1] is None or times[0] >= times[1]:
@@ -246,15 +246,15 @@ def _moved(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str
         here = (rows.t[1:] > times[0]) & (rows.t[:-1] < times[1])
         # an interval with a step is treated by `_stepped`
         here &= np.linalg.norm(change, axis=1) < card.smallest_jump
-        found.append(Jump(f"{first} to {last}", times[0], -np.sum(change[here], axis=0)))
+        jumps.append(Jump(f"{first} to {last}", times[0], -np.sum(change[here], axis=0)))
         change[here] = 0.0
-    return found
+    return jumps
 
 
 def _stepped(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str, float]) -> list[Jump]:
     """Remove the steps at events from the `change` from row to row (n - 1, 3); InputError for a step without event."""
     size = np.linalg.norm(change, axis=1)
-    found = []
+    jumps = []
     for k in np.flatnonzero(size > card.smallest_jump + 10.0 * rows.noise[0]):
         names = _names_at(marks, rows.t[k], rows.t[k + 1])
         if not names:
@@ -262,9 +262,9 @@ def _stepped(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[s
                 f"{card.file}: the position steps by {size[k]:.3g} m beside its velocity between {rows.t[k]:.9g} and "
                 f"{rows.t[k + 1]:.9g} s, where no event is declared: is one missing, or a frame or unit wrong?"
             )
-        found.append(Jump(names, float(rows.t[k + 1]), -change[k]))
+        jumps.append(Jump(names, float(rows.t[k + 1]), -change[k]))
         change[k] = 0.0
-    return found
+    return jumps
 
 
 def _by_position(card: TableTrajectory, rows: Rows, edges: list[float], marks: Mapping[str, float]) -> Fitted:
@@ -273,11 +273,11 @@ def _by_position(card: TableTrajectory, rows: Rows, edges: list[float], marks: M
     free = fit(rows.t, rows.r_i, breaks, 5, noise, breaks)
     size = np.linalg.norm(free.steps, axis=1)
     kept = [time for time, step in zip(breaks, size, strict=True) if step > card.smallest_jump + 10.0 * noise]
-    found = fit(rows.t, rows.r_i, breaks, 5, noise, kept)
+    fitted = fit(rows.t, rows.r_i, breaks, 5, noise, kept)
     names = [_names_at(marks, time - SAME, time + SAME) for time in kept]
-    jumps = tuple(Jump(*item) for item in zip(names, kept, found.steps, strict=True))
+    jumps = tuple(Jump(*item) for item in zip(names, kept, fitted.steps, strict=True))
     offset = sum((np.outer(rows.t >= jump.time, jump.shift) for jump in jumps), start=np.zeros_like(rows.r_i))
-    return Fitted(rows, found.spline, edges, jumps, _misfit(rows, found.spline(rows.t) + offset - rows.r_i), ())
+    return Fitted(rows, fitted.spline, edges, jumps, _misfit(rows, fitted.spline(rows.t) + offset - rows.r_i), ())
 
 
 def _misfit(rows: Rows, apart: Floats) -> tuple[float, float, float]:

@@ -49,16 +49,16 @@ def restored(column: Floats, unit: str) -> Stamps:
         return as_is
     near = np.abs(np.spacing(single)).astype(float)  # of each number from the next
     apart = float(np.max(near))
-    said = f"time stamps of single precision, up to {apart:.2g} {unit} apart"
+    remark = f"time stamps of single precision, up to {apart:.2g} {unit} apart"
     grid = _grid(column, near, apart)
     if grid is None:
         ticks = column / (_CLEAR * apart)
         if np.all(ticks == np.rint(ticks)):  # a clock of binary ticks
             return as_is
-        return Stamps(column, f"{said}, fit no grid: the noise of the rows includes their rounding", apart)
+        return Stamps(column, f"{remark}, fit no grid: the noise of the rows includes their rounding", apart)
     if np.max(np.abs(grid - column)) <= _MEANT * apart:
         return as_is
-    return Stamps(grid, f"{said}, are restored to the grid that they were rounded from", 0.0)
+    return Stamps(grid, f"{remark}, are restored to the grid that they were rounded from", 0.0)
 
 
 def _is_single(column: Floats, single: np.ndarray) -> bool:
