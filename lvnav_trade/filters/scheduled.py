@@ -160,19 +160,19 @@ def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float 
     """
     flat = gains.reshape(len(t), -1)
     flat = flat / np.maximum(np.abs(flat).max(axis=0), np.maximum(np.ravel(negligible) / tolerance, 1e-300))
-    kept, open_spans = {0, len(t) - 1}, [(0, len(t) - 1)]
+    knots, open_spans = {0, len(t) - 1}, [(0, len(t) - 1)]
     while open_spans:
         first, last = open_spans.pop()
         if last - first < 2:
             continue
         inner = np.arange(first + 1, last)
         share = ((t[inner] - t[first]) / (t[last] - t[first]))[:, None]
-        off = np.abs(flat[inner] - (flat[first] + share * (flat[last] - flat[first]))).max(axis=1)
-        if off.max() > tolerance:
-            middle = int(inner[np.argmax(off)])
-            kept.add(middle)
+        error = np.abs(flat[inner] - (flat[first] + share * (flat[last] - flat[first]))).max(axis=1)
+        if error.max() > tolerance:
+            middle = int(inner[np.argmax(error)])
+            knots.add(middle)
             open_spans += [(first, middle), (middle, last)]
-    return sorted(kept)
+    return sorted(knots)
 
 
 class FlownGains(NamedTuple):

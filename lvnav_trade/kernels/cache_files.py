@@ -28,8 +28,8 @@ class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba publishes
     def load(self, key: Any) -> Any:
         """Return the version for a key (argument types, processor, byte code); None if there is none."""
         name = self._load_index().get(key)
-        found = None if name is None else self._read(name)
-        return found[1] if found is not None and found[0] == key else None
+        stored = None if name is None else self._read(name)
+        return stored[1] if stored is not None and stored[0] == key else None
 
     def save(self, key: Any, data: Any) -> None:
         """Write a version. A lock on the index prevents two processes from using one file name for two versions."""
@@ -47,10 +47,10 @@ class CheckedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba publishes
 
     def _read(self, name: str) -> Any:
         try:
-            found = Path(self._cache_path, name).read_bytes()
+            content = Path(self._cache_path, name).read_bytes()
         except OSError:
             return None
-        return pickle.loads(found[_DIGEST:]) if self._digest(found[_DIGEST:]) == found[:_DIGEST] else None
+        return pickle.loads(content[_DIGEST:]) if self._digest(content[_DIGEST:]) == content[:_DIGEST] else None
 
     def _write(self, name: str, value: Any) -> None:
         content = self._dump(value)

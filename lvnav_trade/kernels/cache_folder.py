@@ -86,10 +86,12 @@ def _temporary_root(name: str) -> Path:
     place = Path(tempfile.gettempdir(), f"lvnav_trade-{user}")
     try:
         place.mkdir(mode=0o700, exist_ok=True)
-        found = place.lstat()
+        status = place.lstat()
     except OSError:
-        found = None
-    is_own = found is not None and stat.S_ISDIR(found.st_mode) and found.st_uid == user and not found.st_mode & 0o077
+        status = None
+    is_own = (
+        status is not None and stat.S_ISDIR(status.st_mode) and status.st_uid == user and not status.st_mode & 0o077
+    )
     if is_own and not _refusal(place / name):
         return place
     private, owner = tempfile.mkdtemp(prefix="lvnav_trade-"), os.getpid()

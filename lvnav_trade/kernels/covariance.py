@@ -142,8 +142,8 @@ def _add_turned(P, uneven, sums, seconds):
                 for j in range(i, 3):
                     total = like(P[0, 0], 0.0)
                     for c in range(3):
-                        both = sums[SUM_C + 3 * i + c] * sums[SUM_C + 3 * j + c]
-                        total = total + (0.5 * uneven[sensor, c] / seconds) * both
+                        product = sums[SUM_C + 3 * i + c] * sums[SUM_C + 3 * j + c]
+                        total = total + (0.5 * uneven[sensor, c] / seconds) * product
                     value = P[at + i, at + j] + total
                     P[at + i, at + j] = value
                     P[at + j, at + i] = value

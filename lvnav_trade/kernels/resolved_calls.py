@@ -20,18 +20,19 @@ class RememberingContext(Context):  # type: ignore[misc]  # numba tells no types
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
         """Return the signature of a call for given argument types."""
-        known = func if isinstance(func, types.Type) else self._lookup_global(func)
-        if not isinstance(known, types.Function) or kws:
+        kind = func if isinstance(func, types.Type) else self._lookup_global(func)
+        if not isinstance(kind, types.Function) or kws:
             return super().resolve_function_type(func, args, kws)
-        key = (id(known), tuple(args), self._options())
+        key = (id(kind), tuple(args), self._options())
         if key not in self.answers:
-            found = super().resolve_function_type(known, args, kws)
-            if found is None or found.args not in known._impl_keys:
-                return found
-            self.answers[key] = (known, found, known._impl_keys[found.args])  # kept, so that its id is not used again
-        _, found, implementation = self.answers[key]
-        known._impl_keys[found.args] = implementation
-        return found
+            signature = super().resolve_function_type(kind, args, kws)
+            if signature is None or signature.args not in kind._impl_keys:
+                return signature
+            # the function type is stored too, so that its id stays unique
+            self.answers[key] = (kind, signature, kind._impl_keys[signature.args])
+        _, signature, implementation = self.answers[key]
+        kind._impl_keys[signature.args] = implementation
+        return signature
 
     def _options(self) -> int:
         """Return a number for the options of the present compilation, on which the resolution may depend."""

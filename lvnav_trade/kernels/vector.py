@@ -57,8 +57,8 @@ def as_vector(context, builder, kind, value, lane):
     vector = context.get_value_type(lane)
     undefined = ir.Constant(vector, ir.Undefined)
     number = context.cast(builder, value, kind, lane.scalar)
-    one = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH))
+    first = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH))
 
 
 def _define(symbol, lane, result, emit):

@@ -76,8 +76,8 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
         # K_r = P h_r' of the covariance after the updates before it: P h_r' - sum over q of K_q weight_q (K_q' h_r').
         # Estimated states see the whole of K_q' h_r', considered states only its part over estimated states.
         for q in range(r):
-            estimated, every = _seen_by(K, h, columns, r, q, n_estimated)
-            factor = every * weight[q]
+            estimated, total_seen = _seen_by(K, h, columns, r, q, n_estimated)
+            factor = total_seen * weight[q]
             for i in range(n_estimated):
                 K[r, i] = K[r, i] - factor * K[q, i]
             factor = estimated * weight[q]

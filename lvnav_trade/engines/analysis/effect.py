@@ -91,7 +91,7 @@ def _uncertain(prepared: Prepared) -> set[str]:
 
 def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield the states on which no measurement depends: their Jacobian column is zero at every epoch."""
-    layout, taken = prepared.layout, prepared.model.measured
+    layout, measured = prepared.layout, prepared.model.measured
     entering = [
         _enters(prepared, block, partial)
         for block, partial in zip(layout.extras, prepared.signals.partial, strict=True)
@@ -99,7 +99,7 @@ def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
     touched = {
         block.name
         for block, row in zip(layout.extras, entering, strict=True)
-        if np.any(row & (block.member >= 0) & taken)
+        if np.any(row & (block.member >= 0) & measured)
     }
     for path, name in _named(prepared):
         if name in SENSOR_STATES and name not in touched & _uncertain(prepared):
@@ -140,11 +140,11 @@ def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
 def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield the noise factors of measurements that receiver or filter do not take."""
     model, listed = scenario.filter.receiver, scenario.filter.measurements
-    taken = [DIFFERENCES.get(name, name) for name in listed]
+    observables = [DIFFERENCES.get(name, name) for name in listed]
     solved = (*RANGES, "carrier_phase") if smoothing_of(scenario) is not None else RANGES
     for path, tables, measured in (
-        ("receiver", scenario.receiver.noise_by, solved if solves(scenario) else taken),
-        ("filter.receiver", () if isinstance(model, str) else model.noise_by, () if solves(scenario) else taken),
+        ("receiver", scenario.receiver.noise_by, solved if solves(scenario) else observables),
+        ("filter.receiver", () if isinstance(model, str) else model.noise_by, () if solves(scenario) else observables),
     ):
         for number in idle_tables(tables, measured):
             yield f"{path}.noise_by.{number}", "no effect: none of these measurements is taken"

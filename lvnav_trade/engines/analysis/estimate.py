@@ -52,20 +52,22 @@ def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
     """Return the inputs of some ticks; they do not depend on the error of the estimate."""
     ticks, dt = slice(first, first + n_tick), prepared.unit.dt
     true, sensors = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]]), []
-    for sensor, own, other in ((GYRO, slice(0, 3), slice(3, 6)), (ACCEL, slice(3, 6), slice(0, 3))):
+    for sensor, columns, other_columns in ((GYRO, slice(0, 3), slice(3, 6)), (ACCEL, slice(3, 6), slice(0, 3))):
         blocks = [block for block in prepared.layout.parameters if block.sensor == sensor]
         if blocks:
-            driven = [_driver(block.driver, *(true[:, own] / dt).T, *(true[:, other] / dt).T) for block in blocks]
+            drivers = [
+                _driver(block.driver, *(true[:, columns] / dt).T, *(true[:, other_columns] / dt).T) for block in blocks
+            ]
             states = np.array([block.offset for block in blocks])[:, None] + np.arange(3)
-            sensors.append((own, states, np.stack([np.stack(axes, axis=1) for axes in driven])))
+            sensors.append((columns, states, np.stack([np.stack(axes, axis=1) for axes in drivers])))
     return Inputs(true, tuple(sensors), dt)
 
 
 def compensated(given: Inputs, d: Floats) -> Floats:
     """Return increments (n_tick, 6) compensated with parameters in error by d: true increments plus residual errors."""
     result = given.true.copy()
-    for columns, states, driven in given.sensors:
-        terms = driven * d[states][:, None] * given.dt
+    for columns, states, drivers in given.sensors:
+        terms = drivers * d[states][:, None] * given.dt
         result[:, columns] = np.add.reduce(np.concatenate([given.true[None, :, columns], terms]))  # in this order
     return result
 

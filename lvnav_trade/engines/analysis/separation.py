@@ -91,5 +91,5 @@ def with_nominal_alarms(history: CovHistory, prepared: Prepared, found: Protecti
 
 def _joined(decisions: Floats, more: Floats) -> Floats:
     """Return decisions sorted by run, then by time."""
-    both = np.concatenate([decisions, more])
-    return both[np.lexsort((both[:, 1], both[:, 0]))]
+    joined = np.concatenate([decisions, more])
+    return joined[np.lexsort((joined[:, 1], joined[:, 0]))]

@@ -133,7 +133,7 @@ def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, 
         return ()
     count = max(2, math.ceil(_PER_DECADE * math.log10(max(most, 2))))
     factors = np.unique(np.rint(np.geomspace(1, most, count)).astype(np.int64)).tolist()
-    tau, found = dt * np.array(factors, dtype=float), []
+    tau, curves = dt * np.array(factors, dtype=float), []
     owners = (
         [(0, imu, "")]
         if isinstance(imu, ImuCard)
@@ -144,5 +144,5 @@ def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, 
         for first, label, sensor, unit in ((0, "gyro", card.gyro, "rad/s"), (3, "accelerometer", card.accel, "m/s^2")):
             deviation = np.sqrt(np.mean(allan.overlapping(means[:, first : first + 3], dt, factors) ** 2, axis=1))
             parts = by_card(sensor, tau)
-            found.append(Curve(f"{name}{label}", unit, tau, deviation, allan.together(*parts), *parts))
-    return tuple(found)
+            curves.append(Curve(f"{name}{label}", unit, tau, deviation, allan.together(*parts), *parts))
+    return tuple(curves)

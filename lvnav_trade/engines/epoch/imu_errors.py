@@ -104,9 +104,9 @@ def _add_profiles(z, true, unit, reference, tick, t):
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0 and true.sampled[j]:
             first = 3 * true.sensor[j]
-            own = reference.dtheta[tick] if true.sensor[j] == GYRO else reference.dvel[tick]
+            increment = reference.dtheta[tick] if true.sensor[j] == GYRO else reference.dvel[tick]
             for axis in range(3):
-                u = 1.0 if true.driver[j] == CONSTANT else own[axis] / unit.dt
+                u = 1.0 if true.driver[j] == CONSTANT else increment[axis] / unit.dt
                 z[first + axis] += u * profile_value(unit, true.profile[j], axis, t)
 
 

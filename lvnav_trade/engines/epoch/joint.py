@@ -93,9 +93,9 @@ def component_partial(h, signals, true, family, epoch, channel, whitened):
     if whitened:
         extra = shared.extra[family]
         return (family if extra >= 0 else -1), (-h[N_ENTRY + extra] if extra >= 0 else 0.0)
-    measured, own = measured_channel(signals, channel), true.shared_family[family]
-    known = signals.partial[own, epoch, channel] if own >= 0 else 0.0
-    return shared.member[family, measured], shared.partial[family, epoch, measured] - known
+    measured, block = measured_channel(signals, channel), true.shared_family[family]
+    modelled = signals.partial[block, epoch, channel] if block >= 0 else 0.0
+    return shared.member[family, measured], shared.partial[family, epoch, measured] - modelled
 
 
 @jit

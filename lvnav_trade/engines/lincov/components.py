@@ -257,10 +257,10 @@ def components(prepared: Prepared) -> Components:
     """
     names, model, n = source_names(prepared), prepared.model, n_joint(prepared)
     terms, by_samples, units = _terms(prepared), prepared.layout.motion >= 0, prepared.options.units
-    known = _profiles(prepared)
-    blocks = [*((term.sensor, term.driver, term.offset, term.triad) for term in terms), *known]
+    profiles = _profiles(prepared)
+    blocks = [*((term.sensor, term.driver, term.offset, term.triad) for term in terms), *profiles]
     sensor, driver, matched, triad = np.array(blocks, dtype=np.int64).reshape(-1, 4).T.copy()
-    profile = np.array([*[-1] * len(terms), *range(len(known))], dtype=np.int64)
+    profile = np.array([*[-1] * len(terms), *range(len(profiles))], dtype=np.int64)
     moving = (matched < 0) & ((driver == GRAVITY) | (not by_samples))
     sampled = (matched < 0) & (driver >= 0) & by_samples
     of_terms = [

@@ -74,19 +74,19 @@ def _case(prepared: Prepared, aided: bool = True) -> FilterCase:
 
 def _new_parts(prepared: Prepared) -> Parts:
     """Return the arrays of the optional features that a case has, for its nominal flight."""
-    options, found = prepared.options, dict[str, Any]()
+    options, parts = prepared.options, dict[str, Any]()
     sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
     if options.rules is not None:
-        found["watch"] = new_watch(*sizes)
+        parts["watch"] = new_watch(*sizes)
     if options.integrity is not None:
-        found["monitor"] = new_monitor(*sizes, options.integrity.window)
+        parts["monitor"] = new_monitor(*sizes, options.integrity.window)
     if options.late is not None:
-        found["past"] = np.zeros((1 + options.late.buffered.size, N_PAST))
+        parts["past"] = np.zeros((1 + options.late.buffered.size, N_PAST))
     if options.vehicle is not None:
-        found["motion"] = new_motion(prepared.layout.n_state, options.vehicle.columns.shape[1])
+        parts["motion"] = new_motion(prepared.layout.n_state, options.vehicle.columns.shape[1])
     if options.solver is not None:
-        found["rx"] = Reported(np.zeros((6, 6)))
-    return Parts(earlier=new_nominal_earlier(prepared), **found)
+        parts["rx"] = Reported(np.zeros((6, 6)))
+    return Parts(earlier=new_nominal_earlier(prepared), **parts)
 
 
 def has_uncorrected_outputs(prepared: Prepared) -> bool:
@@ -145,20 +145,20 @@ def covariance(prepared: Prepared) -> CovHistory:
     tape = nothing if prepared.plan is None else _whole_tape(prepared)
     passed = _pass(prepared, true, tape)
     out, monitor = _with_outputs(prepared, true, nothing, passed), passed.monitor
-    found = solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
+    history = solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
     if prepared.plan is not None:
-        found = found._replace(injection=_injection(prepared, prepared.plan, tape, out))
+        history = history._replace(injection=_injection(prepared, prepared.plan, tape, out))
     if monitor is not None:
         logs = (monitor.isolated[None], monitor.excluded[None])
-        found = found._replace(decisions=decisions_of(*logs, prepared.t_epoch, 0))
+        history = history._replace(decisions=decisions_of(*logs, prepared.t_epoch, 0))
     if prepared.options.backup is None:
-        return found
+        return history
     # the backup strapdown does not depend on measurements, so its covariance is that of a pass without them
     alone, motion = _pass(prepared, true, nothing, aided=False).out, slice(0, N_MOTION)
     turn = turns(prepared)[:, motion, motion]
     formal, total = (turn @ P[:, motion, motion] @ np.swapaxes(turn, 1, 2) for P in (alone.formal, alone.true))
     mean = np.einsum("hij,hj->hi", turn, alone.mean[:, motion])
-    return behind(found, alone.budget[:, :, motion], mean, formal, total)
+    return behind(history, alone.budget[:, :, motion], mean, formal, total)
 
 
 def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
@@ -184,14 +184,14 @@ def _injection(prepared: Prepared, plan: Plan, tape: UpdateTape, out: PassResult
     """Return the linear covariance of the injection of a guided ascent, from tape and results of a forward pass."""
     if has_uncorrected_outputs(prepared):
         return InjectionLaw("a mode logic decides when the outputs of the open loop are corrected")
-    known = steering_times(plan, prepared.t_hist)
-    by_error = sensitivity(plan, prepared.t_hist[known])
+    steered = steering_times(plan, prepared.t_hist)
+    by_error = sensitivity(plan, prepared.t_hist[steered])
     if by_error.why:
         return InjectionLaw(by_error.why)
     rows = injection_rows(by_error)
     times = np.flatnonzero(rows.any(axis=(1, 2)))
     variance = _go_back(prepared, times, rows[times], _whole(prepared), tape)[1].sum(axis=2)
-    return injection_law(by_error, source_labels(prepared), variance, out.mean[known, :N_MOTION])
+    return injection_law(by_error, source_labels(prepared), variance, out.mean[steered, :N_MOTION])
 
 
 def _whole(prepared: Prepared) -> float:

@@ -63,10 +63,12 @@ def solution_outputs_of(prepared: Prepared, history: CovHistory, out: PassResult
         return history
     turn = _turn(prepared)
     # formal covariance of the last solution at each epoch
-    own = chain.own[np.maximum.accumulate(np.where(chain.solved, np.arange(len(chain.solved)), 0))]
+    covariance = chain.own[np.maximum.accumulate(np.where(chain.solved, np.arange(len(chain.solved)), 0))]
     last = last_epoch(prepared)
     formal = (
-        turn @ np.concatenate([own, np.zeros((1, receiver.N_STATE, receiver.N_STATE))])[last] @ np.swapaxes(turn, 1, 2)
+        turn
+        @ np.concatenate([covariance, np.zeros((1, receiver.N_STATE, receiver.N_STATE))])[last]
+        @ np.swapaxes(turn, 1, 2)
     )
     by_source = np.einsum("hij,hsjk,hlk->hsil", turn, out.receiver, turn)
     diagonal = range(N_SOLUTION)

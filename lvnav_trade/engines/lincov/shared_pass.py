@@ -129,12 +129,12 @@ def largest_difference(found: CovHistory, computed: CovHistory) -> float:
     apart = [float(np.max(np.abs(found.true_cov - computed.true_cov) / scale, initial=0.0))]
     for name in ("expected_nees", "expected_nis", "row_ratio"):
         a, b = getattr(found, name), getattr(computed, name)
-        known = np.isfinite(a) & np.isfinite(b) & (b != 0.0)
-        apart.append(float(np.max(np.abs(a[known] / b[known] - 1.0), initial=0.0)))
+        valid = np.isfinite(a) & np.isfinite(b) & (b != 0.0)
+        apart.append(float(np.max(np.abs(a[valid] / b[valid] - 1.0), initial=0.0)))
         if not np.array_equal(np.isnan(a), np.isnan(b)):
             return float("inf")
     if found.injection is not None and computed.injection is not None and not computed.injection.why:
         totals = [np.diagonal(law.covariance.sum(axis=0)) for law in (found.injection, computed.injection)]
-        known = np.isfinite(totals[1]) & (totals[1] > 0.0)
-        apart.append(float(np.max(np.abs(totals[0][known] / totals[1][known] - 1.0), initial=0.0)))
+        valid = np.isfinite(totals[1]) & (totals[1] > 0.0)
+        apart.append(float(np.max(np.abs(totals[0][valid] / totals[1][valid] - 1.0), initial=0.0)))
     return max(apart)

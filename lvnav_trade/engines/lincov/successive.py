@@ -84,9 +84,9 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
     if prepared.options.delayed is None:
         return None
     signals, frozen = prepared.signals, prepared.signals.frozen
-    own = difference_channels(prepared)
-    n, n_epoch, n_kind = len(own), prepared.t_epoch.size, prepared.model.n_kind
-    observables = [prepared.channels.observables[channel % n_kind] for channel in own]
+    channels = difference_channels(prepared)
+    n, n_epoch, n_kind = len(channels), prepared.t_epoch.size, prepared.model.n_kind
+    observables = [prepared.channels.observables[channel % n_kind] for channel in channels]
     used = np.zeros((n_epoch, len(prepared.sky.names)), dtype=np.bool_)
     for epoch in range(n_epoch):
         used[epoch, signals.used[epoch, : signals.n_used[epoch]]] = True
@@ -94,24 +94,24 @@ def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> 
     move, white = np.zeros((n_epoch, 2 * n, 2 * n)), np.zeros((n_epoch, 2 * n, n))
     variance, shared = np.zeros((n_epoch, n)), np.zeros((n_epoch, 2 * n, signals.shared.start.size))
     is_state = prepared.scenario.filter.previous_noise == "estimated"
-    for i, (channel, name) in enumerate(zip(own, observables, strict=True)):
+    for i, (channel, name) in enumerate(zip(channels, observables, strict=True)):
         satellite = channel // n_kind
         move[:, n + i, i], move[:, i, i] = 1.0, frozen
         white[:, i, i] = 1.0
         if not is_state:
             variance[:, i] = np.where(new[:, satellite], signals.sigma[:, channel] ** 2, 0.0)
         true = channel if name in PHASES else n_kind * satellite
-        for family, known in enumerate(families):
+        for family, block in enumerate(families):
             m = signals.shared.member[family, true]
             if m >= 0:
-                assumed = signals.partial[known, :, channel] if known >= 0 else 0.0
+                assumed = signals.partial[block, :, channel] if block >= 0 else 0.0
                 beyond = signals.shared.partial[family, :, true] - assumed
                 shared[:, i, m] += np.where(new[:, satellite], beyond, 0.0)
     return Successive(
         move,
         white,
         variance,
-        np.array(own, dtype=np.int64),
+        np.array(channels, dtype=np.int64),
         shared,
         np.zeros((n_epoch, 2 * n)),
         *_renewed(prepared, names),

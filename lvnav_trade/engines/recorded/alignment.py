@@ -110,12 +110,12 @@ def _heading_of_motion(
         gained[k + 1] = gained[k] + middle.apply(pushed[k])
         attitude = attitude * step
     gained[:, 2] += weight * (t - end)
-    own = np.interp(log.t_fix[fixes], t, gained[:, 0]) + 1j * np.interp(log.t_fix[fixes], t, gained[:, 1])
-    given = log.moving[fixes, 0] + 1j * log.moving[fixes, 1]
-    if not fixes.any() or np.sqrt(np.mean(np.abs(given) ** 2)) < _SLOWEST:
+    inertial = np.interp(log.t_fix[fixes], t, gained[:, 0]) + 1j * np.interp(log.t_fix[fixes], t, gained[:, 1])
+    received = log.moving[fixes, 0] + 1j * log.moving[fixes, 1]
+    if not fixes.any() or np.sqrt(np.mean(np.abs(received) ** 2)) < _SLOWEST:
         raise InputError(
             f"heading: the vehicle hardly moves in the {card.heading_within:g} s after its rest; state the heading"
         )
-    heading = float(np.angle(np.sum(given * np.conj(own))))
-    across = np.imag(given * np.exp(-1j * (np.angle(own) + heading)))
-    return heading, float(np.sqrt(np.mean(across**2) / np.sum(np.abs(own) ** 2)))
+    heading = float(np.angle(np.sum(received * np.conj(inertial))))
+    across = np.imag(received * np.exp(-1j * (np.angle(inertial) + heading)))
+    return heading, float(np.sqrt(np.mean(across**2) / np.sum(np.abs(inertial) ** 2)))

@@ -105,23 +105,23 @@ def consistent(log: Recording, card: NavigationLog, lever: Floats) -> Recording:
     """
     bias = _rest_rate(log, card.still)
     _refuse_units(log, card, lever, bias)
-    found = _intervals(log, lever, bias, 0.0)
-    left, rows = _unexplained(found, log.t_fix)
+    intervals = _intervals(log, lever, bias, 0.0)
+    residuals, rows = _unexplained(intervals, log.t_fix)
     if not rows.size:
         return log
-    size = np.full(found.first.size, np.nan)
-    size[rows] = left
-    allowed = max(_JUMP, _SCATTERS * float(np.median(left)))
+    size = np.full(intervals.first.size, np.nan)
+    size[rows] = residuals
+    allowed = max(_JUMP, _SCATTERS * float(np.median(residuals)))
     bad = np.nan_to_num(size) > allowed
     if not bad.any():
         return log
-    wild = _both_sides(found, bad, log.t_fix.size)
-    explained = wild[found.first] | wild[found.last]
+    wild = _both_sides(intervals, bad, log.t_fix.size)
+    explained = wild[intervals.first] | wild[intervals.last]
     worst = float(np.nanmax(np.where(bad, size, np.nan)))
     if np.count_nonzero(wild) > max(1.0, _MOST_WILD * wild.size) or (bad & ~explained).any():
         k = int(np.argmax(bad if explained.all() else bad & ~explained))
-        row = found.last[k]
-        step = log.t_fix[row] - log.t_fix[found.first[k]]
+        row = intervals.last[k]
+        step = log.t_fix[row] - log.t_fix[intervals.first[k]]
         raise InputError(
             f"{log.fixes}:{log.lines[row] if log.lines else row}: in the {step:.3g} s before it the velocity "
             f"gains {size[k]:.3g} m/s that the unit ({card.imu.file}) does not show: are times, units and axes of both "
@@ -161,12 +161,12 @@ def _refuse_units(log: Recording, card: NavigationLog, lever: Floats, bias: Floa
     stated = _typical(part, lever, bias, np.ones(3))
     if stated <= _UNFIT:
         return
-    found = [(_typical(part, lever, bias, factor), said) for factor, said in (*_UNITS, *_SIGNS)]
-    best, said = min(found, key=lambda one: one[0])
+    candidates = [(_typical(part, lever, bias, factor), explanation) for factor, explanation in (*_UNITS, *_SIGNS)]
+    best, explanation = min(candidates, key=lambda one: one[0])
     if best <= _BETTER * stated:
         raise InputError(
             f"{card.imu.file}: the rates contradict the receiver's velocities, which gain {stated:.2g} m/s in some "
-            f"{_STEP:g} s that they do not explain; {best:.2g} m/s {said}: are units and axes right?"
+            f"{_STEP:g} s that they do not explain; {best:.2g} m/s {explanation}: are units and axes right?"
         )
     if stated > _IMPOSSIBLE:
         raise InputError(

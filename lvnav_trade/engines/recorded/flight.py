@@ -145,10 +145,10 @@ def _on_log(prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: Recor
     """Return a prepared case whose IMU and receiver output the contents of the log, without draws."""
     rate, epochs = prepared.scenario.imu.rate, prepared.sky.t  # times of validity of the measurements
     at = _nearest(fixes[0], epochs)
-    met = np.abs(fixes[0][at] - epochs) < 0.5 / rate
-    if np.count_nonzero(met) < _FEWEST:
+    matched = np.abs(fixes[0][at] - epochs) < 0.5 / rate
+    if np.count_nonzero(matched) < _FEWEST:
         raise InputError(
-            f"{np.count_nonzero(met)} of the case's {epochs.size} epochs, {epoch_interval(prepared.scenario):g} s "
+            f"{np.count_nonzero(matched)} of the case's {epochs.size} epochs, {epoch_interval(prepared.scenario):g} s "
             f"apart, meet a solution of the log to half a tick of its unit, {0.5 / rate:.2g} s"
         )
     signals, unit, ref = prepared.signals, prepared.unit, prepared.reference
@@ -156,7 +156,7 @@ def _on_log(prepared: Prepared, fixes: tuple[Floats, Floats, Floats], log: Recor
     variance = signals.variance.copy()
     if card.gnss.noise == "log" and not prepared.scenario.filter.tight:
         variance[:, :6] = _variances(log, fixes, at, prepared.trajectory.theta0)
-    n_used = np.where(met, _SATELLITES, 0)
+    n_used = np.where(matched, _SATELLITES, 0)
     shared = signals.shared._replace(start=nothing(signals.shared.start), walk=nothing(signals.shared.walk))
     return prepared._replace(
         signals=signals._replace(

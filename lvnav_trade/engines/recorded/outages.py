@@ -51,9 +51,9 @@ class Outage(NamedTuple):
 
 def with_outage(prepared: Prepared, begin: float, end: float) -> Prepared:
     """Return a replayed case without solutions from begin to end (s), bounds included."""
-    gone = (prepared.t_epoch >= begin - 1e-9) & (prepared.t_epoch <= end + 1e-9)
+    withheld = (prepared.t_epoch >= begin - 1e-9) & (prepared.t_epoch <= end + 1e-9)
     signals = prepared.signals
-    return prepared._replace(signals=signals._replace(n_used=np.where(gone, 0, signals.n_used)))
+    return prepared._replace(signals=signals._replace(n_used=np.where(withheld, 0, signals.n_used)))
 
 
 def outage(prepared: Prepared, begin: float, length: float) -> Outage | None:
@@ -70,10 +70,10 @@ def outage(prepared: Prepared, begin: float, length: float) -> Outage | None:
     cut = with_outage(prepared, begin, end)._replace(schedule=type(schedule)(*(part[:last] for part in schedule)))
     error, covariance, failed = end_of_run(cut, at)
     turn, states = prepared.record.axes[at], slice(VEL, VEL + _MOTION)
-    both = np.kron(np.eye(2), turn)
+    turns = np.kron(np.eye(2), turn)
     failed = failed or not (np.isfinite(error[states]).all() and np.isfinite(covariance).all())
     P = covariance[states, states] + _noise(prepared, end)
-    return Outage(begin, end, error[states], both @ P @ both.T, failed)
+    return Outage(begin, end, error[states], turns @ P @ turns.T, failed)
 
 
 def _noise(prepared: Prepared, t: float) -> Floats:

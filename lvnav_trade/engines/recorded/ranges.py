@@ -47,14 +47,14 @@ def with_ranges(
         If the ranges contradict the solutions throughout, or if no epoch has enough satellites.
     """
     observed = _by_epoch(prepared, ranges, start)
-    taken = measured(prepared.scenario)
-    sky, needed = prepared.sky, [column for column, name in enumerate(_OBSERVABLES) if name in taken]
+    measurements = measured(prepared.scenario)
+    sky, needed = prepared.sky, [column for column, name in enumerate(_OBSERVABLES) if name in measurements]
     tracked = np.isfinite(observed[:, :, needed]).all(axis=2) & sky.tracked
     added = _corrections(prepared, observed[:, :, 0])
     if not (tracked.sum(axis=1) >= _START).any():
-        known, logged = (", ".join(sorted(set(names))[:8]) for names in (sky.names, ranges.satellites))
+        orbiting, logged = (", ".join(sorted(set(names))[:8]) for names in (sky.names, ranges.satellites))
         raise InputError(
-            f"ranges: at no epoch of the case {_START} satellites that it tracks; it has {known}, the log {logged}"
+            f"ranges: at no epoch of the case {_START} satellites that it tracks; it has {orbiting}, the log {logged}"
         )
     tracked, notes = compared(prepared, Measured(observed, added, tracked, needed), ranges.file)
     corrected = observed + added
@@ -63,19 +63,19 @@ def with_ranges(
     since = (sky.t - sky.t[epoch])[:, None]
     signals = prepared.signals
     used, n_used = slots(tracked)
-    off = (clock[0] + clock[1] * since, clock[1])
+    clock_errors = (clock[0] + clock[1] * since, clock[1])
     size, rate = (
-        np.where(tracked & np.isfinite(corrected[:, :, k]), corrected[:, :, k] - off[k], plain)
+        np.where(tracked & np.isfinite(corrected[:, :, k]), corrected[:, :, k] - clock_errors[k], plain)
         for k, plain in enumerate((signals.range, signals.rate))
     )
-    found = prepared._replace(signals=signals._replace(used=used, n_used=n_used, range=size, rate=rate))
-    return found, (*_strangers(prepared, ranges), *notes)
+    with_log = prepared._replace(signals=signals._replace(used=used, n_used=n_used, range=size, rate=rate))
+    return with_log, (*_strangers(prepared, ranges), *notes)
 
 
 def _strangers(prepared: Prepared, ranges: Ranges) -> tuple[str, ...]:
     """Return a note on satellites of the log that the constellation of the case lacks; empty if there are none."""
-    known = set(map(satellite_name, prepared.sky.names))
-    counts = Counter(name for name in ranges.satellites if name not in known)
+    constellation = set(map(satellite_name, prepared.sky.names))
+    counts = Counter(name for name in ranges.satellites if name not in constellation)
     if not counts:
         return ()
     named = ", ".join(f"{name} ({count})" for name, count in sorted(counts.items())[:_NAMED])
@@ -89,8 +89,8 @@ def _by_epoch(prepared: Prepared, ranges: Ranges, start: float) -> Floats:
     t = prepared.sky.t  # times of validity of the measurements
     observed = np.full((t.size, len(prepared.sky.names), 2), np.nan)
     at = np.clip(np.rint((ranges.t - start - t[0]) / prepared.signals.interval).astype(int), 0, t.size - 1)
-    met = np.abs(ranges.t - start - t[at]) < 0.5 * prepared.unit.dt
-    for row in np.flatnonzero(met).tolist():
+    at_epoch = np.abs(ranges.t - start - t[at]) < 0.5 * prepared.unit.dt
+    for row in np.flatnonzero(at_epoch).tolist():
         if ranges.satellites[row] in number:
             observed[at[row], number[ranges.satellites[row]]] = ranges.values[row]
     return observed

@@ -52,35 +52,37 @@ def compared(prepared: Prepared, log: Measured, file: str) -> tuple[Bools, tuple
     """
     expected = _expected(prepared)
     near = _near_solution(prepared)[:, None] & log.tracked
-    gone, worst = np.zeros_like(log.tracked), {}
+    omitted, worst = np.zeros_like(log.tracked), {}
     for at in log.needed:
-        left = _left(log.observed[:, :, at] + log.added[:, :, at] - expected[:, :, at], near)
-        seen = np.abs(left[np.isfinite(left)])
+        residuals = _left(log.observed[:, :, at] + log.added[:, :, at] - expected[:, :, at], near)
+        seen = np.abs(residuals[np.isfinite(residuals)])
         if not seen.size:
             continue
         typical = float(np.median(seen))
         if typical > _CONTRADICTED[at]:
             hint = (
-                _range_hint(left, expected[:, :, 1]) if at == 0 else _rate_hint(log, expected[:, :, 1], near, typical)
+                _range_hint(residuals, expected[:, :, 1])
+                if at == 0
+                else _rate_hint(log, expected[:, :, 1], near, typical)
             )
             raise InputError(
                 f"{file}: {('pseudorange_m', 'range_rate_m_s')[at]} contradicts the solutions: without the receiver's "
                 f"clock, half of them are off by more than {_sized(typical, at)}; {hint}"
             )
-        wild = np.abs(np.nan_to_num(left)) > max(_WILD[at], _SCATTERS * typical)
-        gone |= wild
+        wild = np.abs(np.nan_to_num(residuals)) > max(_WILD[at], _SCATTERS * typical)
+        omitted |= wild
         if wild.any():
-            worst[at] = float(np.nanmax(np.abs(left)))
-    count = int(np.count_nonzero(gone))
+            worst[at] = float(np.nanmax(np.abs(residuals)))
+    count = int(np.count_nonzero(omitted))
     if not count:
         return log.tracked, ()
     sizes = " and ".join(_sized(size, at) for at, size in worst.items())
-    names = Counter(prepared.sky.names[k] for k in np.nonzero(gone)[1].tolist())
+    names = Counter(prepared.sky.names[k] for k in np.nonzero(omitted)[1].tolist())
     named = ", ".join(f"{name} ({times})" for name, times in sorted(names.items())[:_NAMED])
-    said = f"{count} of {np.count_nonzero(near)} ranges contradict the solutions, by up to {sizes}"
+    note = f"{count} of {np.count_nonzero(near)} ranges contradict the solutions, by up to {sizes}"
     if count > max(1.0, _MOST_WILD * np.count_nonzero(near)):
-        raise InputError(f"{file}: {said}: {named}")
-    return log.tracked & ~gone, (f"{said}: left out, by satellite: {named}",)
+        raise InputError(f"{file}: {note}: {named}")
+    return log.tracked & ~omitted, (f"{note}: left out, by satellite: {named}",)
 
 
 def _sized(size: float, at: int) -> str:
@@ -101,12 +103,12 @@ def _near_solution(prepared: Prepared) -> Bools:
 
 def _left(difference: Floats, used: Bools) -> Floats:
     """Return differences (n_epoch, n_sat) minus the median of their epoch; NaN if unused or with too few satellites."""
-    found = np.where(used & np.isfinite(difference), difference, np.nan)
-    few = np.isfinite(found).sum(axis=1) < _FEWEST
-    found[few] = np.nan
+    residuals = np.where(used & np.isfinite(difference), difference, np.nan)
+    few = np.isfinite(residuals).sum(axis=1) < _FEWEST
+    residuals[few] = np.nan
     some = ~few
-    found[some] -= np.nanmedian(found[some], axis=1, keepdims=True)
-    return found
+    residuals[some] -= np.nanmedian(residuals[some], axis=1, keepdims=True)
+    return residuals
 
 
 def _range_hint(left: Floats, rate: Floats) -> str:
@@ -125,8 +127,8 @@ def _range_hint(left: Floats, rate: Floats) -> str:
 
 def _rate_hint(log: Measured, rate: Floats, near: Bools, typical: float) -> str:
     """Return a hint on the interpretation of the range-rate column that fits, if there is one."""
-    for factor, said in _READINGS:
-        left = _left(factor * log.observed[:, :, 1] + log.added[:, :, 1] - rate, near)
-        if np.nanmedian(np.abs(left)) <= min(_CONTRADICTED[1], _FITS * typical):
-            return said
+    for factor, hint in _READINGS:
+        residuals = _left(factor * log.observed[:, :, 1] + log.added[:, :, 1] - rate, near)
+        if np.nanmedian(np.abs(residuals)) <= min(_CONTRADICTED[1], _FITS * typical):
+            return hint
     return "are the epoch and the unit right?"

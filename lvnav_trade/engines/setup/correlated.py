@@ -58,29 +58,29 @@ def receiver_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedEr
 
     Settings of errors that enter no channel are not read.
     """
-    receiver, found = scenario.receiver, list[CorrelatedError]()
+    receiver, errors = scenario.receiver, list[CorrelatedError]()
     solution = None if solves(scenario) else direct(scenario)
     if _labels("range_bias", channels):
         reflected = receiver.amplification * receiver.multipath
-        found.append(_error(MULTIPATH, "range_bias", reflected, channels, receiver.multipath_time))
+        errors.append(_error(MULTIPATH, "range_bias", reflected, channels, receiver.multipath_time))
     if _labels("ambiguity", channels):
-        found.append(_error("carrier ambiguity", "ambiguity", receiver.carrier_ambiguity, channels))
+        errors.append(_error("carrier ambiguity", "ambiguity", receiver.carrier_ambiguity, channels))
     if _labels("range_rate_offset", channels):
-        found += _of_rates(receiver, channels)
+        errors += _of_rates(receiver, channels)
     if _labels("timing", channels):
-        found.append(_error("latency error", "timing", receiver.latency_error, channels))
-        found.append(_error("latency jitter", "timing", receiver.latency_sigma, channels, 0.0, state=""))
+        errors.append(_error("latency error", "timing", receiver.latency_error, channels))
+        errors.append(_error("latency jitter", "timing", receiver.latency_sigma, channels, 0.0, state=""))
     for axis in LEVER_AXES:
         if _labels(axis, channels):
-            found.append(_error("lever arm", axis, receiver.lever_error, channels, state=""))
+            errors.append(_error("lever arm", axis, receiver.lever_error, channels, state=""))
     if solution is not None and _labels("position_bias", channels):
-        found.append(_of_solution("position", solution, channels))
-    found += _of_air(scenario, channels)
+        errors.append(_of_solution("position", solution, channels))
+    errors += _of_air(scenario, channels)
     for part in parts_of(scenario.constellation):
-        found += _of_satellites(part, channels)
+        errors += _of_satellites(part, channels)
     if solution is not None and _labels("velocity_bias", channels):
-        found.append(_of_solution("velocity", solution, channels))
-    return found
+        errors.append(_of_solution("velocity", solution, channels))
+    return errors
 
 
 def _labels(kind: str, channels: Channels) -> tuple[str, ...]:
@@ -112,12 +112,12 @@ def _of_solution(quantity: str, solution: DirectSolution, channels: Channels) ->
 
 def _of_air(scenario: Scenario, channels: Channels) -> list[CorrelatedError]:
     """Return the scale-factor errors of the atmospheric delays; with two frequencies none of the ionosphere."""
-    found = []
+    errors = []
     for layer in ("troposphere_scale",) if scenario.receiver.is_dual else ("troposphere_scale", "ionosphere_scale"):
         if _labels(layer, channels):
             sigma, time = (getattr(scenario.atmosphere, name) for name in (layer, f"{layer}_time"))
-            found.append(_error(layer.replace("_", " "), layer, sigma, channels, time or math.inf))
-    return found
+            errors.append(_error(layer.replace("_", " "), layer, sigma, channels, time or math.inf))
+    return errors
 
 
 def letters(part: Part) -> tuple[str, ...]:
@@ -130,18 +130,18 @@ def letters(part: Part) -> tuple[str, ...]:
 def _of_satellites(part: Part, channels: Channels) -> list[CorrelatedError]:
     """Return the residual error of each satellite and the time offset of each system of a part of a constellation."""
     systems = letters(part)
-    found, owner = [], dict(zip(channels.satellites, channels.systems, strict=True))
+    errors, owner = [], dict(zip(channels.satellites, channels.systems, strict=True))
     if labels := _labels("range_bias", channels):
         satellites = tuple(label for label in labels if owner[label] in systems)
         time = part.range_error_time or math.inf
         name = "satellite clock and ephemeris"
-        found.append(CorrelatedError(name, "range_bias", part.range_error, "", time, satellites, state="range_bias"))
+        errors.append(CorrelatedError(name, "range_bias", part.range_error, "", time, satellites, state="range_bias"))
     if labels := _labels("time_offset", channels):
         offsets = tuple(label for label in labels if label in systems)
         time = part.time_offset_time or math.inf
         name = "system time offset"
-        found.append(CorrelatedError(name, "time_offset", part.time_offset, "", time, offsets, state="time_offset"))
-    return found
+        errors.append(CorrelatedError(name, "time_offset", part.time_offset, "", time, offsets, state="time_offset"))
+    return errors
 
 
 def _entering(error: CorrelatedError, geometry: Geometry, channels: Channels) -> EnteringError:
@@ -158,7 +158,7 @@ def _entering(error: CorrelatedError, geometry: Geometry, channels: Channels) ->
 
 def _of_sensors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> list[EnteringError]:
     """Return the correlated errors of the sensors other than the receiver, one error per label."""
-    found = []
+    errors = []
     for at, device in zip(channels.first, devices, strict=True):
         scalars, states = slice(at, at + len(device.channels.labels)), device.card.model.states
         for error, by_label in device.lasting:
@@ -168,8 +168,8 @@ def _of_sensors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -
                 partials = np.zeros((n_epoch, channels.n_channel))
                 partials[:, scalars] = by_label[:, :, k]
                 member[scalars] = np.where(np.any(partials[:, scalars] != 0.0, axis=0), 0, -1)
-                found.append(EnteringError(error._replace(labels=(label,), state=state), member, partials))
-    return found
+                errors.append(EnteringError(error._replace(labels=(label,), state=state), member, partials))
+    return errors
 
 
 def _wild(failed: Failures, channels: Channels) -> list[EnteringError]:
@@ -225,8 +225,8 @@ def shared_of(
         walk=np.repeat(sigma * np.sqrt(1.0 - factor * factor), counts),
         sources=np.array([source_word(f"{error.source} {error.kind}") for error, _ in labelled], dtype=np.uint64),
         satellites=np.array([source_word(label) if label else 0 for _, label in labelled], dtype=np.uint64),
-        extra=np.array([found[0] if found else -1 for found in stand], dtype=np.int64),
-        error_of=np.array([m for m, found in enumerate(stand) for _ in found], dtype=np.int64),
-        state_of=np.array([number for found in stand for number in found], dtype=np.int64),
+        extra=np.array([numbers[0] if numbers else -1 for numbers in stand], dtype=np.int64),
+        error_of=np.array([m for m, numbers in enumerate(stand) for _ in numbers], dtype=np.int64),
+        state_of=np.array([number for numbers in stand for number in numbers], dtype=np.int64),
         given=np.array([error.kind == RECORDED for error, _ in labelled], dtype=np.bool_),
     )

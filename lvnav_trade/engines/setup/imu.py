@@ -99,7 +99,7 @@ def unit_of(
         Conditions of the trajectory; IMUs of an array, whose combined triad is returned, None for one IMU.
     """
     card = scenario.imu
-    one = equivalent(card)
+    equivalent_card = equivalent(card)
     inertial = [term for term in terms if term.sensor >= 0]
     dt = 1.0 / card.rate
     process_ticks = max(1, round(card.rate / card.process_rate))
@@ -116,8 +116,8 @@ def unit_of(
     ).reshape(-1, 3)
     profiles = profiles_of(card, scenario.faults, course)
     if units is None:
-        sensed = arriving(ref, one, scenario.faults, course)
-        dtheta, dvel = elements(sensed, one, np.eye(3), 0, scenario.faults, course, ref.t[1:])
+        sensed = arriving(ref, equivalent_card, scenario.faults, course)
+        dtheta, dvel = elements(sensed, equivalent_card, np.eye(3), 0, scenario.faults, course, ref.t[1:])
     else:
         dtheta, dvel = fused(units, dt)
     return Unit(
@@ -126,7 +126,7 @@ def unit_of(
         biases_only=all(b.driver == CONSTANT for b in inertial) and all(p[1] == CONSTANT for p in profiles),
         dtheta=dtheta,
         dvel=dvel,
-        white=white_of(one, dt),
+        white=white_of(equivalent_card, dt),
         process_ticks=process_ticks,
         drifting=bool(np.any(walk > 0.0)) or bool(profiles),
         sigma=np.array([axes(b.sigma) for b in terms], dtype=float).reshape(-1, 3),

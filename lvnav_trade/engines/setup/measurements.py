@@ -112,9 +112,9 @@ def _ranging(scenario: Scenario, flight: Flight, filtering: Filtering) -> _Rangi
     offsets = time_offsets(scenario.constellation, seen.systems, flight.trajectory.epoch, seen.t)
     offsets = offsets + relativity_left(scenario, flight)
     gain = smoothing_gains(scenario, seen)
-    left = late_by.left + offsets + doppler_left(scenario, flight)
-    left = left + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], failed.slip, line)
-    received = received_of(scenario, flight, shared, left, tabled.mean)
+    residual = late_by.left + offsets + doppler_left(scenario, flight)
+    residual = residual + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], failed.slip, line)
+    received = received_of(scenario, flight, shared, residual, tabled.mean)
     return _Ranging(received, entering, tabled, gain, offsets)
 
 

@@ -179,7 +179,7 @@ def late_of(
     if card is None or not delays:
         return None
     ends = np.where(schedule.n_tick > 0, schedule.first_tick + schedule.n_tick, -1)
-    ticks, sensors = scenario.imu.rate * epoch_interval(scenario), [taken.sensor for taken in delays]
+    ticks, sensors = scenario.imu.rate * epoch_interval(scenario), [item.sensor for item in delays]
     n_ring = np.array([_stored_at_once(at, ticks) for at in kept], dtype=np.int64)
     extrapolated = card.kind == "extrapolated" and sensors[0] < 0
     return Late(

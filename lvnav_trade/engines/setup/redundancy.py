@@ -77,13 +77,13 @@ def redundant_of(
         return units
     dt = 1.0 / card.rate
     owner = np.array([triad.unit for triad in triads_of(card)], dtype=np.int64)
-    own = _Axes(owner, own_solutions(card), axis_weights(card))
+    axes = _Axes(owner, own_solutions(card), axis_weights(card))
     test = _test(card, units, owner, dt)
     excludes = (card.parity or ParityCard()).after_detection == "exclude"
     along = np.array(along_axes(units, dt))
-    known = _known(units, profiles, 0.5 * (ref.t[:-1] + ref.t[1:]), dt)
+    errors = _known(units, profiles, 0.5 * (ref.t[:-1] + ref.t[1:]), dt)
     tested = card.parity is not None and excludes
-    lost = failed(along + known, units.frames[:, :, 0], test) if tested else []
+    lost = failed(along + errors, units.frames[:, :, 0], test) if tested else []
     excluded = [{unit for _, unit in lost[:n]} for n in range(len(lost) + 1)]
     spread, walk = _of_biases(card)
     redundant = Redundant(
@@ -93,16 +93,16 @@ def redundant_of(
         weight=test.weight,
         limits=test.limits,
         owner=owner,
-        alone=own.alone,
-        shares=own.shares,
+        alone=axes.alone,
+        shares=axes.shares,
         noise=units.white[:, :6].reshape(-1, 2, 3).swapaxes(0, 1) ** 2 / dt,
         spread=spread,
         walk=walk,
         lost=np.array([at for at, _ in lost], dtype=np.int64),
-        mean=np.array([_mean(units, own, out).solved for out in excluded]),
+        mean=np.array([_mean(units, axes, out).solved for out in excluded]),
     )
-    looked = _Looked(card, units, own, ref, along, known) if redundant.middle else None
-    return _staged(units, own, looked, lost, redundant)
+    statistics = _Looked(card, units, axes, ref, along, errors) if redundant.middle else None
+    return _staged(units, axes, statistics, lost, redundant)
 
 
 def _test(card: ImuSet, units: Units, owner: Ints, dt: float) -> ParityTest:

@@ -72,8 +72,8 @@ def _channel_names(scenario: Scenario, channels: Channels, report: Report | None
         return ("none",)
     sensors = ("gyro", "accelerometer") if "imu" in scenario.filter.measurements else ()
     solved = channels.satellites if report is not None and report.n_channel else ()
-    own = [f"receiver {name} {what}" for name in solved for what in ("range", "range rate")]
-    return (*channels.names, *(f"{sensor} {axis}" for sensor in sensors for axis in "xyz"), *own)
+    receiver_names = [f"receiver {name} {what}" for name in solved for what in ("range", "range rate")]
+    return (*channels.names, *(f"{sensor} {axis}" for sensor in sensors for axis in "xyz"), *receiver_names)
 
 
 def _record(scenario: Scenario, flight: Flight, times: Times) -> Record:

@@ -83,7 +83,9 @@ def _states(
     model: SensorModel, lasting: Iterable[tuple[CorrelatedError, Floats]], wanted: Collection[str]
 ) -> tuple[SensorState, ...]:
     """Return the filter states that model lasting errors of a sensor, for the state names in `wanted`."""
-    known = [(model.states[error.field], error, partials) for error, partials in lasting if error.field in model.states]
+    modelled = [
+        (model.states[error.field], error, partials) for error, partials in lasting if error.field in model.states
+    ]
     return tuple(
         SensorState(
             state.name,
@@ -93,7 +95,7 @@ def _states(
             state[1:],
             np.ascontiguousarray(partials[:, :, k]),
         )
-        for state, error, partials in known
+        for state, error, partials in modelled
         if state.name in wanted
         for k, label in enumerate(error.labels)
     )
@@ -135,7 +137,7 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
     views = cache(lambda delay: view_of(trajectory, t_epoch - delay))
     kinds, compensates = [card.measurement for card in used.values()], scenario.filter.delay_compensation is not None
     states = (*scenario.filter.extra_states, *scenario.filter.consider, *scenario.filter.as_noise)
-    found = []
+    sensors = []
     for name, card in used.items():
         alone = kinds.count(card.measurement) == 1
         model = sensor_model(scenario, card)
@@ -159,7 +161,7 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
         lasting = tuple((error, error.partials(view, len(card.scalars))) for error in errors)
         entering = tuple((error, error.partials(assumed, len(card.scalars))) for error in errors)
         channel = card.measurement if alone else name
-        found.append(
+        sensors.append(
             Sensor(
                 name,
                 card,
@@ -176,7 +178,7 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
                 since,
             )
         )
-    return tuple(found)
+    return tuple(sensors)
 
 
 def _padded(values: Floats, width: int) -> Floats:

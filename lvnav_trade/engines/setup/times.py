@@ -113,7 +113,7 @@ def times_of(
     card, ref, (_, tick, n_imu, group) = scenario.filter, flight.reference, flight.epochs
     rate, start = scenario.imu.rate, float(ref.t[0])
     delayed = delays_taken(scenario, flight.epochs.t, flight.stamped, flight.devices)
-    kept = clone_times(scenario, flight.epochs.t, delayed, ref.t, group)
+    stored_times = clone_times(scenario, flight.epochs.t, delayed, ref.t, group)
     per_window = max(1, round(rate / card.covariance_rate))
     # an event within the last fraction of a tick has the errors of the last tick
     end = flight.trajectory.end
@@ -122,7 +122,9 @@ def times_of(
     if every_step_beside is not None:
         t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
     hist_tick = _history_ticks(t_hist, events, start, rate, n_imu, group)
-    stored = np.concatenate([np.zeros(0, dtype=np.int64), *(ticks for at in kept for ticks in (at.valid, at.early))])
+    stored = np.concatenate(
+        [np.zeros(0, dtype=np.int64), *(ticks for at in stored_times for ticks in (at.valid, at.early))]
+    )
     cut = _cut(n_imu, per_window, hist_tick, tick, stored, group)
     windows = Windows(cut.first_tick, cut.n_tick)
     lengths, length = np.unique(cut.n_tick, return_inverse=True)
@@ -137,4 +139,4 @@ def times_of(
         injection=injection,
         linearised=linearisations(card, rate, windows),
     )
-    return Times(t_hist, hist_tick, schedule, lengths / rate, injected, delayed, kept)
+    return Times(t_hist, hist_tick, schedule, lengths / rate, injected, delayed, stored_times)

@@ -102,17 +102,17 @@ def injections(
 
 def _changes(card: RegionNoiseCard, course: Course, ref: Reference, first: Ints, end: Ints) -> Bools:
     """Return whether the operating region changes within each window, (n,); first, end (n,): ticks of the windows."""
-    held = course.holding(card)
+    intervals = course.holding(card)
     if card.force_change is None and card.rate_change is None:
-        edges = np.array([edge for interval in held for edge in interval])
+        edges = np.array([edge for interval in intervals for edge in interval])
         since, until = ref.t[first][:, None] + ROUNDING, ref.t[end][:, None] + ROUNDING
         return np.asarray(np.any((edges >= since) & (edges < until), axis=1))
-    found = np.zeros(first.size, dtype=bool)
+    changed = np.zeros(first.size, dtype=bool)
     for limit, increments in ((card.force_change, ref.dvel), (card.rate_change, ref.dtheta)):
         if limit is not None:
             summed = np.concatenate([np.zeros((1, 3)), np.cumsum(increments, axis=0)])
-            found |= _jumps((summed[end] - summed[first]) / (ref.t[end] - ref.t[first])[:, None], limit)
-    return found & inside(held, ref.t[end])
+            changed |= _jumps((summed[end] - summed[first]) / (ref.t[end] - ref.t[first])[:, None], limit)
+    return changed & inside(intervals, ref.t[end])
 
 
 def _tabled(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory, start: Floats, end: Floats) -> Floats:
@@ -132,11 +132,11 @@ def _tabled(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory, start: 
 
 def _jumps(values: Floats, limit: float) -> Bools:
     """Return whether values (n, 3) differ by a limit or more from those at the last such change, (n,)."""
-    found, last = np.zeros(len(values), dtype=bool), values[0]
+    jumped, last = np.zeros(len(values), dtype=bool), values[0]
     for k, value in enumerate(values):
         if np.linalg.norm(value - last) >= limit:
-            found[k], last = True, value
-    return found
+            jumped[k], last = True, value
+    return jumped
 
 
 def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floats:

@@ -76,9 +76,9 @@ def arriving(
     if dropped:
         out = [array.copy() for array in out]  # the reference is shared with other cases
     for fault, (start, end) in dropped:
-        gone = np.flatnonzero((ref.t[1:] > start + 1e-9) & (ref.t[1:] <= end + 1e-9))
+        lost = np.flatnonzero((ref.t[1:] > start + 1e-9) & (ref.t[1:] <= end + 1e-9))
         for array in out:
-            array[gone] = array[max(0, gone[0] - 1)] if gone.size and fault.instead == "last" else 0.0
+            array[lost] = array[max(0, lost[0] - 1)] if lost.size and fault.instead == "last" else 0.0
     return out
 
 

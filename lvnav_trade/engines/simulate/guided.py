@@ -43,18 +43,18 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
     plan = prepared.plan
     if plan is None:
         return NO_INJECTIONS, NO_LOST
-    known = steering_times(plan, prepared.record.t)
-    navigated = [Navigation(prepared.record.t[known], error[known]) for error in in_inertial_axes(prepared, errors)]
+    steered = steering_times(plan, prepared.record.t)
+    navigated = [Navigation(prepared.record.t[steered], error[steered]) for error in in_inertial_axes(prepared, errors)]
     drawn = [draw(plan.card, seed, first_run + k) for k in range(len(navigated))]
-    found = [inject(plan, *pair) for pair in zip(drawn, navigated, strict=True)]
+    results = [inject(plan, *pair) for pair in zip(drawn, navigated, strict=True)]
     lost = [
         (first_run + k, SOURCES.index(name), number, value)
-        for k, one in enumerate(found)
-        if one.outcome != INJECTED
+        for k, result in enumerate(results)
+        if result.outcome != INJECTED
         for name, values in drawn[k].items()
         for number, value in enumerate(values)
     ]
-    return rows_of(found, plan.nominal), np.array(lost, dtype=float).reshape(-1, 4)
+    return rows_of(results, plan.nominal), np.array(lost, dtype=float).reshape(-1, 4)
 
 
 def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
@@ -70,9 +70,9 @@ def in_inertial_axes(prepared: Prepared, errors: Floats) -> Floats:
 
 def rows_of(found: list[Injection], nominal: Floats) -> Floats:
     """Return the rows of `RunBlock.injections`; nominal: (7,) nominal state at cut-off, the target."""
-    y, error = np.stack([one.y for one in found]), np.stack([one.error for one in found])
+    y, error = np.stack([item.y for item in found]), np.stack([item.error for item in found])
     target = orbit_of(nominal[None])[0]
     achieved, navigated = orbit_of(y), orbit_of(y[:, :6] - error[:, [6, 7, 8, 3, 4, 5]])
-    head = np.array([[OUTCOMES.index(one.outcome), one.t, one.left] for one in found])
+    head = np.array([[OUTCOMES.index(item.outcome), item.t, item.left] for item in found])
     parts = ((achieved, target), (achieved, navigated))
     return np.concatenate([head, *(orbit_difference(*pair) for pair in parts)], axis=1)

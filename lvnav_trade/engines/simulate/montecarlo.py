@@ -149,42 +149,42 @@ def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
 
 def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
     """Return the arrays of the optional features that a case has; `n_lane` is 0 for one run."""
-    options, layout, found = prepared.options, prepared.layout, dict[str, Any]()
+    options, layout, parts = prepared.options, prepared.layout, dict[str, Any]()
     n, n_channel = layout.n_state, prepared.channels.n_receiver
     if options.solver is not None:
-        found["rx"] = new_receiver(n_lane, len(prepared.sky.names))
+        parts["rx"] = new_receiver(n_lane, len(prepared.sky.names))
     if prepared.scenario.filter.feedback == "open":
-        found["open_loop"] = new_open_loop(n, len(layout.parameters), prepared.model.extra_offset.size, n_lane)
+        parts["open_loop"] = new_open_loop(n, len(layout.parameters), prepared.model.extra_offset.size, n_lane)
     if options.late is not None:
-        found["past"] = aligned_zeros((options.late.buffered.size + 1, N_PAST, *((n_lane,) if n_lane else ())))
+        parts["past"] = aligned_zeros((options.late.buffered.size + 1, N_PAST, *((n_lane,) if n_lane else ())))
     if options.rules is not None:
-        found["watch"] = new_watch(prepared.t_epoch.size, n_channel, prepared.n_row, n_lane)
+        parts["watch"] = new_watch(prepared.t_epoch.size, n_channel, prepared.n_row, n_lane)
     if options.integrity is not None:
         sizes = (prepared.t_epoch.size, n_channel, prepared.n_row, options.integrity.window)
-        found["monitor"] = new_monitor(*sizes, n_lane)
+        parts["monitor"] = new_monitor(*sizes, n_lane)
     if options.vehicle is not None or options.samples is not None:
         n_entry = 0 if options.vehicle is None else options.vehicle.columns.shape[1]
-        found["motion"] = new_motion(n, n_entry, n_lane)
+        parts["motion"] = new_motion(n, n_entry, n_lane)
     if options.report is not None:
-        found["held"] = Held(**zeros_of({"error": (N_RECEIVER,), "covariance": (N_RECEIVER, N_RECEIVER)}, n_lane))
+        parts["held"] = Held(**zeros_of({"error": (N_RECEIVER,), "covariance": (N_RECEIVER, N_RECEIVER)}, n_lane))
     if options.units is not None:
         n_tick = int(prepared.schedule.n_tick.max(initial=0))
-        found["units"] = new_units(options.units, n_tick, n_lane)
+        parts["units"] = new_units(options.units, n_tick, n_lane)
     if options.delayed is not None:
         n_extra, lever_arms = prepared.model.extra_offset.size, prepared.model.lever_arms
-        found["earlier"] = new_earlier(options.delayed, len(lever_arms), n_extra, n, n_lane)
+        parts["earlier"] = new_earlier(options.delayed, len(lever_arms), n_extra, n, n_lane)
         shape = (len(prepared.sky.names), prepared.model.n_kind)
-        found["last"] = aligned_zeros((*shape, *((n_lane,) if n_lane else ())))
+        parts["last"] = aligned_zeros((*shape, *((n_lane,) if n_lane else ())))
     if options.misses is not None:
-        found["missed"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
+        parts["missed"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
     if options.backup is not None:
-        found["backup"] = new_backup(n, n_lane)
+        parts["backup"] = new_backup(n, n_lane)
     if options.unscented is not None:
         n_tick = int(prepared.schedule.n_tick.max(initial=0))
-        found["points"] = new_points(n, len(layout.parameters), n_tick, prepared.n_row, n_lane)
+        parts["points"] = new_points(n, len(layout.parameters), n_tick, prepared.n_row, n_lane)
     if options.iterated is not None:
-        found["again"] = new_again(n, prepared.model.extra_offset.size, n_lane)
-    return Parts(**found)
+        parts["again"] = new_again(n, prepared.model.extra_offset.size, n_lane)
+    return Parts(**parts)
 
 
 def _fly(prepared: Prepared, seed: int, first: int, lanes: bool, taped: bool = False) -> tuple[Work, Parts]:

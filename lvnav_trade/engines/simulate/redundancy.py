@@ -197,8 +197,8 @@ def _residual(own, units, vote, sensor, window, skip):
     for k in range(n):
         for c in range(units.n_axis[k]):
             h, w = units.frames[k, c, 0], _weight(own, skip, vote, weights, k, c)
-            off = own.sums[sensor, k, c] - (h[0] * own.fit[0] + h[1] * own.fit[1] + h[2] * own.fit[2])
-            square = square + w * off * off
+            residual = own.sums[sensor, k, c] - (h[0] * own.fit[0] + h[1] * own.fit[1] + h[2] * own.fit[2])
+            square = square + w * residual * residual
     return square, dof
 
 
@@ -297,8 +297,8 @@ def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
             for c in range(n_axis[k]):
                 for i in range(3):
                     all_units = vote.mean[0, k, sensor, i, c]
-                    more = solved[k, sensor, i, c] * solved[k, sensor, i, c] - all_units * all_units
-                    total = total + more * vote.noise[sensor, k, c]
+                    excess = solved[k, sensor, i, c] * solved[k, sensor, i, c] - all_units * all_units
+                    total = total + excess * vote.noise[sensor, k, c]
         total = where((wanted > 0.0) & (total > 0.0), total * (seconds / 3.0), 0.0)  # mean over the three axes
         for i in range(3):
             P[at + i, at + i] = P[at + i, at + i] + total

@@ -266,9 +266,9 @@ def _errors(block: RunBlock, until: Floats, unit: Floats, at: Ints, outputs: tup
 
 def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArray[np.intp]:
     index = np.clip(np.searchsorted(t, t_event - 1e-9), 0, len(t) - 1)
-    for name, wanted, found in zip(names, t_event, t[index], strict=True):
-        if abs(wanted - found) > 1e-6:
-            raise ValueError(f"event {name} at {wanted} s is not a history time (nearest after it {found} s)")
+    for name, wanted, nearest in zip(names, t_event, t[index], strict=True):
+        if abs(wanted - nearest) > 1e-6:
+            raise ValueError(f"event {name} at {wanted} s is not a history time (nearest after it {nearest} s)")
     return index
 
 
@@ -367,7 +367,7 @@ def quantiles(summary: BlockSummary, *probabilities: float) -> list[Floats]:
     bins = np.empty((len(ranks), *summary.total.shape), dtype=np.int64)
     for k, histogram in enumerate(counts(summary)):  # one time after another: cumulated, they are as large again
         cumulated = np.cumsum(histogram, axis=-1, dtype=np.uint32)
-        for found, rank in zip(bins, ranks, strict=True):
-            found[k] = np.argmax(cumulated >= rank, axis=-1)
+        for place, rank in zip(bins, ranks, strict=True):
+            place[k] = np.argmax(cumulated >= rank, axis=-1)
     middle = summary.scale * LOWEST * np.exp((bins - 0.5) * BIN)
     return list(np.where(bins == 0, 0.0, np.where(bins == N_BIN - 1, np.inf, middle)))

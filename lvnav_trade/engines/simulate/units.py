@@ -241,21 +241,21 @@ def _fuse(increments, own, units, at, n_tick, dt):
 @jit
 def _fuse_redundant(increments, own, units, vote, at, first_tick, n_tick, dt):
     """Set the increments of the combined triad as `_fuse` does, for IMUs with a parity test or a selection."""
-    n, mine = units.n_axis.shape[0], own.redundant
+    n, redundant = units.n_axis.shape[0], own.redundant
     for row in range(at, at + n_tick):
         for k in range(n):
             for c in range(units.n_axis[k]):
-                note(mine, 0, k, c, own.sensed[k, row, c])
-        combine(increments, mine, units, vote, row, 0)
+                note(redundant, 0, k, c, own.sensed[k, row, c])
+        combine(increments, redundant, units, vote, row, 0)
         x, y, z = increments[row, 0], increments[row, 1], increments[row, 2]
         for k in range(n):
             sx, sy, sz = swung(own, units, k, x, y, z, dt)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
-                note(mine, 1, k, c, own.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz))
-        combine(increments, mine, units, vote, row, 1)
+                note(redundant, 1, k, c, own.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz))
+        combine(increments, redundant, units, vote, row, 1)
         own.before[0], own.before[1], own.before[2], own.before[3] = x, y, z, like(x, 1.0)
-        check(mine, units, vote, first_tick + row - at)
+        check(redundant, units, vote, first_tick + row - at)
 
 
 @jit

@@ -86,7 +86,7 @@ def _isolate_satellites(monitor, H, case, fails, first, kind, epoch, n_row):
     found : 1 where satellites were excluded
     agrees : 1 where the residuals of the remaining satellites are not significant
     """
-    found, agrees = like(fails, 0.0), like(fails, 0.0)
+    excluded_any, agrees = like(fails, 0.0), like(fails, 0.0)
     tests, model, z = case.options.integrity, case.model, monitor.z
     for attempt in range(tests.exclusions + 1):
         square, dof = fit(monitor, H, z, first, kind, model.n_kind, n_row)
@@ -98,11 +98,11 @@ def _isolate_satellites(monitor, H, case, fails, first, kind, epoch, n_row):
                 square = where(monitor.weight[row] > 0.0, monitor.square[row], 0.0)
                 worst = where(square > worst, square, worst)
             wanted = where((fails > 0.0) & (beyond > 0.0) & (dof >= 1.0), 1.0, 0.0)
-            found = where(wanted > 0.0, 1.0, found)
+            excluded_any = where(wanted > 0.0, 1.0, excluded_any)
             for row in range(kind, n_row, model.n_kind):
                 this = where((wanted > 0.0) & (monitor.square[row] == worst) & (monitor.weight[row] > 0.0), 1.0, 0.0)
                 _exclude_row(monitor, tests, this, model, case.signals, epoch, row)
-    return found, agrees
+    return excluded_any, agrees
 
 
 @jit
@@ -179,8 +179,8 @@ def _assess_ranges(monitor, work, case, running, epoch, n_row):
     for step in range(2):
         kind = 1 - step
         first, at = (H_POS, POS) if kind == 0 else (H_VEL, VEL)
-        found, agrees = _isolate_satellites(monitor, work.H, case, fails, first, kind, epoch, n_row)
-        isolated = where((found > 0.0) & (isolated == 0.0), OF_CHANNEL, isolated)
+        excluded_any, agrees = _isolate_satellites(monitor, work.H, case, fails, first, kind, epoch, n_row)
+        isolated = where((excluded_any > 0.0) & (isolated == 0.0), OF_CHANNEL, isolated)
         detected = agrees * fails * _is_detected(monitor, tests, model, signals, epoch, kind, n_row)
         shift, drift, size, offset = compare(monitor, tests, P, at, clock + kind)
         motion = where((shift > 1.0) & (agrees * fails * where(seen_motion > 0.0, 1.0, detected) > 0.0), 1.0, 0.0)

@@ -153,7 +153,7 @@ def find_common(monitor, work, case, wanted, excluded, n_row):
     zero, factor = like(monitor.fit[0], 0.0), tests.recovery * tests.recovery
     beyond, few = _withhold(monitor, tests, model, n_row)
     several, steady = where(few * (beyond + excluded) > 1.0, wanted, 0.0), _is_steady(monitor, tests, model, n_row)
-    found, speed, jumped = zero, zero, zero
+    isolated, speed, jumped = zero, zero, zero
     for kind in range(2):
         first, at = (H_POS, POS) if kind == 0 else (H_VEL, VEL)
         _, dof = fit(monitor, work.H, z, first, kind, model.n_kind, n_row)
@@ -168,11 +168,11 @@ def find_common(monitor, work, case, wanted, excluded, n_row):
         jumped = where(few > 0.0, of_clock, jumped)
         inflate(P, at, 3, motion, factor * size)
         inflate(P, model.clock + kind, 1, of_clock, factor * where(few > 0.0, largest, offset))
-        found = where(motion > 0.0, OF_INERTIAL, where((of_clock > 0.0) & (found == 0.0), OF_CLOCK, found))
+        isolated = where(motion > 0.0, OF_INERTIAL, where((of_clock > 0.0) & (isolated == 0.0), OF_CLOCK, isolated))
         speed = where(motion > 0.0, size, speed) if kind == 1 else speed
     for row in range(n_row):
         monitor.weight[row] = where(monitor.weight[row] < 0.0, -monitor.weight[row], monitor.weight[row])
-    return found, speed
+    return isolated, speed
 
 
 @jit

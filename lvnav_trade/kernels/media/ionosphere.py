@@ -105,11 +105,11 @@ def pierced(
     up = np.maximum(el, 0.0)
     ratio = (EARTH_RADIUS + np.asarray(height, dtype=float)) / (EARTH_RADIUS + np.asarray(shell, dtype=float))
     central = 0.5 * np.pi - up - np.arcsin(np.minimum(ratio * np.cos(up), 1.0))
-    there = np.arcsin(np.sin(lat) * np.cos(central) + np.cos(lat) * np.sin(central) * np.cos(az))
+    latitude_there = np.arcsin(np.sin(lat) * np.cos(central) + np.cos(lat) * np.sin(central) * np.cos(az))
     east = np.arctan2(
         np.sin(central) * np.sin(az), np.cos(lat) * np.cos(central) - np.sin(lat) * np.sin(central) * np.cos(az)
     )
-    return np.asarray(there), np.asarray(np.asarray(longitude, dtype=float) + east)
+    return np.asarray(latitude_there), np.asarray(np.asarray(longitude, dtype=float) + east)
 
 
 # --- Chapman layer ----------------------------------------------------------------------------------------------------

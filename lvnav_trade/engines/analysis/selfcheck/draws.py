@@ -155,12 +155,12 @@ def _of_units(prepared: Prepared, seed: int, n: int) -> Floats:
     units, (work, _) = prepared.options.units, new_work(prepared, lanes=False)
     work = work._replace(increments=np.zeros((n, 6)))
     quiet = units._replace(white=units.white * np.repeat([1.0, 0.0], [6, 2]), redundant=None)
-    own = new_units(quiet, n)
+    array_work = new_units(quiet, n)
     sensed = []
     for run in range(2 * _NOISE_RUNS):
         work.run[0] = run
-        sense_units(work, own, quiet, 0, 0, n, prepared.unit.dt, *seed_words(seed))
-        sensed.append(own.sensed.copy())
+        sense_units(work, array_work, quiet, 0, 0, n, prepared.unit.dt, *seed_words(seed))
+        sensed.append(array_work.sensed.copy())
     runs = np.array(sensed)
     return np.asarray((runs[::2] - runs[1::2]) / math.sqrt(2.0))
 
@@ -181,4 +181,6 @@ def of_start(prepared: Prepared, seed: int) -> list[Check]:
         ("initial velocity", card.velocity, errors[:, 3:6]),
         ("initial position", card.position, errors[:, 6:]),
     )
-    return [check for what, sigma, found in parts if sigma > 0.0 for check in moments(what, found / sigma)]
+    return [
+        check for what, sigma, errors_of_part in parts if sigma > 0.0 for check in moments(what, errors_of_part / sigma)
+    ]

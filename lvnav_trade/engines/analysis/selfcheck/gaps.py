@@ -25,14 +25,14 @@ def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float
     stretches = [(f"gap of {gap.end - gap.begin:.0f} s", gap.begin, gap.end) for gap in gaps(history)]
     if not (history.n_row > 0).any():
         stretches = [("the whole flight, unaided", float(history.t[0]), float(history.t[-1]))]
-    found = []
+    checks = []
     for what, begin, end in stretches:
         index = nonlinearity(prepared, formal, begin, end=end)
         where = f"{names[index.state]}, {begin:g} to {end:g} s"
-        found.append(Check(KIND, what, max(index.motion, index.transition), high=ALLOWED, where=where))
+        checks.append(Check(KIND, what, max(index.motion, index.transition), high=ALLOWED, where=where))
     intervals = [(nonlinearity(prepared, formal, t), name) for name, t in events.items()]
     if intervals:
         index, event = max(intervals, key=lambda item: max(item[0].motion, item[0].transition))
         where = f"{names[index.state]} at {event}"
-        found.append(Check(KIND, "update interval", max(index.motion, index.transition), high=ALLOWED, where=where))
-    return found
+        checks.append(Check(KIND, "update interval", max(index.motion, index.transition), high=ALLOWED, where=where))
+    return checks

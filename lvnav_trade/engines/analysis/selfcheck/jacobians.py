@@ -63,12 +63,12 @@ def jacobians(prepared: Prepared) -> list[Check]:
             d[state] = size[state]
             plus, minus = (rows_at(prepared, work, epoch, sign * d).z for sign in (1.0, -1.0))
             differences[:, state] = (plus - minus) / 2.0
-        off, states = _off(nominal.H * size, differences, groups)
+        deviations, states = _off(nominal.H * size, differences, groups)
         for row, measurement in enumerate(nominal.names):
-            if not off[row] <= worst.get(measurement, (-1.0, ""))[0]:
-                worst[measurement] = (float(off[row]), f"{names[states[row]]} at {prepared.t_epoch[epoch]:g} s")
+            if not deviations[row] <= worst.get(measurement, (-1.0, ""))[0]:
+                worst[measurement] = (float(deviations[row]), f"{names[states[row]]} at {prepared.t_epoch[epoch]:g} s")
     samples = _samples(prepared) if prepared.options.vehicle is not None else []
-    checks = [Check("Jacobian", name, found, high=ALLOWED, where=where) for name, (found, where) in worst.items()]
+    checks = [Check("Jacobian", name, figure, high=ALLOWED, where=where) for name, (figure, where) in worst.items()]
     missing = [name for name in prepared.scenario.filter.measurements if name in TYPES and name not in worst]
     never = [Check("Jacobian", name, reason="it measures at no epoch of this flight") for name in missing]
     return [*checks, *samples, *never]
@@ -171,7 +171,7 @@ def _samples(prepared: Prepared) -> list[Check]:
                 d[state] = size[state]
                 with_d, without = (increments(prepared, tick, 1, sign * d)[0] for sign in (1.0, -1.0))
                 differences[:, state] = (with_d - without) / (2.0 * dt * size[state])
-        off = np.abs((H - differences) * size).max(axis=1) / np.abs(H * size).max(axis=1)
-        if off.max() >= worst:
-            worst, where = float(off.max()), f"{time:.0f} s"
+        deviations = np.abs((H - differences) * size).max(axis=1) / np.abs(H * size).max(axis=1)
+        if deviations.max() >= worst:
+            worst, where = float(deviations.max()), f"{time:.0f} s"
     return [Check("Jacobian", "imu", worst, high=ALLOWED, where=where)]

@@ -81,13 +81,13 @@ def _clock(prepared: Prepared, drawn: Drawn) -> list[Check]:
     card = prepared.scenario.receiver.clock
     q11, _, q22 = step_covariance(prepared.signals.interval, card.h0, card.h_minus2)
     checks: list[Check] = []
-    for what, sigma, found in (
+    for what, sigma, values in (
         ("clock bias", card.initial_bias, drawn.start[:, 0]),
         ("clock drift", card.initial_drift, drawn.start[:, 1]),
         ("step of clock bias", math.sqrt(q11), drawn.steps[..., 0]),
         ("step of clock drift", math.sqrt(q22), drawn.steps[..., 1]),
     ):
-        checks += moments(what, found / sigma) if sigma > 0.0 else []
+        checks += moments(what, values / sigma) if sigma > 0.0 else []
     return checks
 
 
@@ -138,8 +138,8 @@ def _drawn(prepared: Prepared, seed: int) -> Drawn:
             if plain[epoch] and prepared.channels.receiver:
                 _add_receiver(white, prepared, work, epoch, ranges)
                 _add_phases(white, prepared, work, parts.last, epoch)
-            for name, found in _innovations(prepared, work, epoch).items():
-                z, sigma = found[0] - clean[epoch][name][0], found[1]
+            for name, innovation in _innovations(prepared, work, epoch).items():
+                z, sigma = innovation[0] - clean[epoch][name][0], innovation[1]
                 white[name].append(z[sigma > 0.0] / sigma[sigma > 0.0])
     joined = {name: np.concatenate(parts) for name, parts in white.items()}
     return Drawn(start, steps, shared, {name: z for name, z in joined.items() if z.size})
@@ -209,7 +209,7 @@ def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False
 
     The result is by noise source. exact : whether measurements have no error
     """
-    found, H, z = {}, np.zeros((4, N_ENTRY)), np.zeros(4)
+    by_source, H, z = {}, np.zeros((4, N_ENTRY)), np.zeros(4)
     none = np.zeros(prepared.layout.n_state)
     for k, device in enumerate(prepared.devices):
         if not device.on[epoch] or isinstance(device.card, ImuDifferenceCard):  # their noise is that of the units
@@ -222,5 +222,5 @@ def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False
         fill(H, z, 0, sensors.code[k], work.observed[k], nav, sensors.theta[k, epoch], sensors.known[k, epoch])
         channels = np.arange(n) + sensors.channel[k] + prepared.signals.shift
         lasting = np.zeros(n) if exact else _shared_errors(prepared, work, epoch, channels)
-        found[device.noise] = (z[:n] - lasting, device.sigma[epoch, :n])
-    return found
+        by_source[device.noise] = (z[:n] - lasting, device.sigma[epoch, :n])
+    return by_source

@@ -40,8 +40,8 @@ class Delays(NamedTuple):
     @property
     def left(self) -> Floats:
         """Residual delay of the code after the filter's correction, (n_epoch, n_sat, 2) m, m/s."""
-        true, taken = self.troposphere + self.ionosphere, self.modelled_troposphere + self.modelled_ionosphere
-        return np.asarray(true - taken)
+        true, modelled = self.troposphere + self.ionosphere, self.modelled_troposphere + self.modelled_ionosphere
+        return np.asarray(true - modelled)
 
     @property
     def left_of_phase(self) -> Floats:

@@ -82,8 +82,8 @@ def further_of(
             for k, label in enumerate(error.labels):
                 ambiguity[seen.names.index(label)] = first + k
         first += len(error.labels)
-    left = flight.lines.sight.distance + flight.biased[..., 0] + flight.delays.left_of_phase + offsets
-    phase = np.asarray(left + wavelength(scenario) * flight.failed.slip)
+    residual = flight.lines.sight.distance + flight.biased[..., 0] + flight.delays.left_of_phase + offsets
+    phase = np.asarray(residual + wavelength(scenario) * flight.failed.slip)
     hold(signals.frozen, phase)
     return Further(
         phase=phase,

@@ -61,9 +61,9 @@ def lines_of(trajectory: Trajectory, lever_b: Floats, seen: Sky) -> Lines:
     push = falling(at.r_i, GM) + np.einsum("nij,nj->ni", C_b_i, at.f_b)
     points = [point_of(at, C_b_i, lever) for lever in seen.lever_arms]
     places, speeds = (np.stack(arrays, axis=1) for arrays in zip(*points, strict=True))
-    found = sight(
+    lines = sight(
         seen.r_i - np.take_along_axis(places, seen.antenna[:, :, None], axis=1),
         seen.v_i - np.take_along_axis(speeds, seen.antenna[:, :, None], axis=1),
     )
-    acceleration = found.acceleration(falling(seen.r_i, GM) - push[:, None, :])
-    return Lines(trajectory, seen.t, at, C_b_i, position, velocity, push, found, acceleration)
+    acceleration = lines.acceleration(falling(seen.r_i, GM) - push[:, None, :])
+    return Lines(trajectory, seen.t, at, C_b_i, position, velocity, push, lines, acceleration)

@@ -94,22 +94,22 @@ def assumed_variance(
     """
     if channels.tight:
         card = scenario.filter
-        own = tuple(assumed_sigma(scenario, model, seen, line, name) ** 2 for name in channels.observables)
-        own = tuple(
+        variances = tuple(assumed_sigma(scenario, model, seen, line, name) ** 2 for name in channels.observables)
+        variances = tuple(
             (_of_difference(value) if card.previous_noise == "white" else 0.0 * value)
             if name in card.differences
             else value
-            for name, value in zip(channels.observables, own, strict=True)
+            for name, value in zip(channels.observables, variances, strict=True)
         )
     elif isinstance(scenario.filter.receiver, str):
-        own = tuple(sigma**2 for sigma in true_sigma(scenario, seen, line, channels))
+        variances = tuple(sigma**2 for sigma in true_sigma(scenario, seen, line, channels))
     else:
         grown = line.noise_factors(model.noise_by, RECEIVER_SOLUTION)
-        own = tuple(
+        variances = tuple(
             (getattr(model, f"{name}_sigma") * factor) ** 2
             for name, factor in zip(RECEIVER_SOLUTION, grown, strict=True)
         )
-    return by_channel(channels, seen.t.size, (1.0, 1.0) if solves(scenario) else own, devices, "variance")
+    return by_channel(channels, seen.t.size, (1.0, 1.0) if solves(scenario) else variances, devices, "variance")
 
 
 def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lines, observable: str) -> Floats:

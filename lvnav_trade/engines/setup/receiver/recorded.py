@@ -66,7 +66,7 @@ def recorded(scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels
     table = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
     hold(frozen, np.swapaxes(table, 0, 1))
     mean = table.mean(axis=0)
-    left, size, shapes = np.linalg.svd((table - mean).reshape(card.starts, -1), full_matrices=False)
+    vectors, size, shapes = np.linalg.svd((table - mean).reshape(card.starts, -1), full_matrices=False)
     count = int(np.count_nonzero(size > _NEGLIGIBLE * max(float(size[0]), float(np.max(np.abs(table))))))
     entering = (size[:count, None] * shapes[:count] / np.sqrt(card.starts)).reshape(count, n_epoch, 6)
     everywhere = np.where(np.arange(channels.n_channel) < 6, 0, -1)
@@ -75,7 +75,7 @@ def recorded(scenario: Scenario, theta0: float, line: Lines, seen: Sky, channels
         EnteringError(CorrelatedError(SOURCE, RECORDED, 1.0, "", math.inf, (str(number),)), everywhere, shape)
         for number, shape in enumerate(entering)
     )
-    return Recorded(mean, errors, left[:, :count].T * np.sqrt(card.starts))
+    return Recorded(mean, errors, vectors[:, :count].T * np.sqrt(card.starts))
 
 
 def values_of(found: Recorded, seed: int, runs: NDArray[Any]) -> Floats:

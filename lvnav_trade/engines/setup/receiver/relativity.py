@@ -24,20 +24,20 @@ def relativity_left(scenario: Scenario, flight: Flight) -> Floats | float:
     seen = flight.sky
     if not seen.tracked.any():
         return 0.0
-    left: Floats | float = 0.0
+    residual: Floats | float = 0.0
     if any(card.relativity for card in parts_of(scenario.constellation)):
         sent = seen.t[:, None] - flight.lines.sight.distance / SPEED_OF_LIGHT
         steps = (-HALF_STEP, 0.0, HALF_STEP)
         epoch = flight.trajectory.epoch
         before, now, after = (clock_relativity(scenario.constellation, epoch, sent + step) for step in steps)
-        left = -SPEED_OF_LIGHT * np.stack([now, (after - before) / (2.0 * HALF_STEP)], axis=2)
+        residual = -SPEED_OF_LIGHT * np.stack([now, (after - before) / (2.0 * HALF_STEP)], axis=2)
     if scenario.filter.corrections.relativity:
         # satellite velocities of the sky are by reception time
         passing = 1.0 - flight.lines.sight.rate / SPEED_OF_LIGHT
         term = clock_term(seen.r_i, seen.v_i / passing[..., None])
         of_system = np.array([letter != _CORRECTED_BY_THEIR_SYSTEM for letter in seen.systems])
-        left = left - np.where(of_system[:, None], term, 0.0)
-    return left
+        residual = residual - np.where(of_system[:, None], term, 0.0)
+    return residual
 
 
 def clock_term(r_i: Floats, v_i: Floats) -> Floats:

@@ -189,10 +189,10 @@ def received_of(scenario: Scenario, flight: Flight, shared: Shared, left: Floats
     noise = true_sigma(scenario, seen, line, flight.ranging)
     sigma = by_channel(flight.ranging, seen.t.size, noise, flight.devices, "sigma")
     interval = epoch_interval(scenario)
-    off, off_rate = np.moveaxis(flight.biased + left, 2, 0)
-    ranges, rates = np.asarray(line.sight.distance + off), np.asarray(line.sight.rate + off_rate)
-    position = line.position + _shifts(line, seen.tracked, off) + tabled[:, :3]
-    velocity = line.velocity + _shifts(line, seen.tracked, off_rate) + tabled[:, 3:]
+    range_error, rate_error = np.moveaxis(flight.biased + left, 2, 0)
+    ranges, rates = np.asarray(line.sight.distance + range_error), np.asarray(line.sight.rate + rate_error)
+    position = line.position + _shifts(line, seen.tracked, range_error) + tabled[:, :3]
+    velocity = line.velocity + _shifts(line, seen.tracked, rate_error) + tabled[:, 3:]
     if not solves(scenario):  # otherwise the receiver continues internally behind a frozen output
         hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
     return Received(

@@ -142,12 +142,12 @@ def _gains(solver: Solver, before: Floats, rows: Floats, acceleration: Floats, s
 
 def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: int, received: Received) -> Floats:
     """Return the deterministic error of the receiver's filter by true motion and clock jumps, (n_epoch, 11)."""
-    known = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
-    moved = mismatch(model, known, point[:, 3:], point[:, :3])
+    modelled = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
+    moved = mismatch(model, modelled, point[:, 3:], point[:, :3])
     moved[:, BIAS] += received.clock_jump[:, 0]
     moved[:, DRIFT] += received.clock_jump[:, 1]
     # at its start the filter has no estimate of the acceleration, so the whole acceleration is its error
-    moved[begun, :3] = known[begun]
+    moved[begun, :3] = modelled[begun]
     return moved
 
 
@@ -192,7 +192,7 @@ def solved(solver: Solver, received: Received, point: Floats, acceleration: Floa
         moved = _moved(model, point, acceleration, min(begun, n_epoch - 1), received)
     move, white = np.zeros((n_epoch, N_STATE, N_STATE)), np.zeros((n_epoch, N_STATE, n_in))
     variance, shared = np.zeros((n_epoch, n_in)), np.zeros((n_epoch, N_STATE, received.shared.start.size))
-    push, own, reported = np.zeros((n_epoch, N_STATE)), np.zeros_like(move), np.tile(np.eye(6), (n_epoch, 1, 1))
+    push, formal, reported = np.zeros((n_epoch, N_STATE)), np.zeros_like(move), np.tile(np.eye(6), (n_epoch, 1, 1))
     step = received.clock_step
     clock = np.array([[step[0], 0.0], [step[1], step[2]]])
     out = solver.point.reported if model is None else model.reported
@@ -202,7 +202,7 @@ def solved(solver: Solver, received: Received, point: Floats, acceleration: Floa
         gains = _gains(solver, gains.P, rows, slope[k], k - begun, bool(fixed[k]))
         n_row = gains.gain.shape[1]  # zero if the receiver processes nothing
         channels = channels[:n_row]
-        move[k], own[k] = gains.keep @ gains.phi, gains.P
+        move[k], formal[k] = gains.keep @ gains.phi, gains.P
         white[k, :, :n_row], variance[k, :n_row] = -gains.gain, received.sigma[k, channels] ** 2
         white[k, :, -2:], variance[k, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock, 1.0
         shared[k] = -gains.gain @ _shared(received, k, channels)
@@ -219,7 +219,7 @@ def solved(solver: Solver, received: Received, point: Floats, acceleration: Floa
         reported=reported * scale[:, :, None] * scale[:, None, :],
         solved=solved_at,
         point=point,
-        own=own,
+        own=formal,
     )
 
 
@@ -257,24 +257,27 @@ def _with_smoothing(chain: Chain, smoothing: Smoothing, received: Received) -> C
     the correlated errors c.
     """
     ever = np.flatnonzero(np.any(smoothing.gain > 0.0, axis=0))
-    m, n_slot, more = chain.move.shape[1], received.used.shape[1], ever.size
+    m, n_slot, n_smoothed = chain.move.shape[1], received.used.shape[1], ever.size
     n_in = chain.white.shape[2]
-    move = np.pad(chain.move, ((0, 0), (0, more), (0, more)))
-    white = np.pad(chain.white, ((0, 0), (0, more), (0, n_slot)))
+    move = np.pad(chain.move, ((0, 0), (0, n_smoothed), (0, n_smoothed)))
+    white = np.pad(chain.white, ((0, 0), (0, n_smoothed), (0, n_slot)))
     variance = np.pad(chain.variance, ((0, 0), (0, n_slot)))
-    shared, push = np.pad(chain.shared, ((0, 0), (0, more), (0, 0))), np.pad(chain.push, ((0, 0), (0, more)))
-    move[:, range(m, m + more), range(m, m + more)] = 1.0
+    shared, push = (
+        np.pad(chain.shared, ((0, 0), (0, n_smoothed), (0, 0))),
+        np.pad(chain.push, ((0, 0), (0, n_smoothed))),
+    )
+    move[:, range(m, m + n_smoothed), range(m, m + n_smoothed)] = 1.0
     place = {int(satellite): m + number for number, satellite in enumerate(ever)}
     for k in range(len(push)):
         for slot, satellite in enumerate(received.used[k, : received.n_used[k]].tolist()):
             state, code, phase = place[satellite], 2 * slot, n_in + slot
-            a, taken = smoothing.gain[k, satellite], chain.white[k, :, code]  # minus the solver's gain
+            a, gain = smoothing.gain[k, satellite], chain.white[k, :, code]  # minus the solver's gain
             differing = _code_minus_carrier(received, smoothing, k, satellite)
-            move[k, :m, state], move[k, state, state] = (1.0 - a) * taken, 1.0 - a
-            white[k, :m, code], white[k, state, code] = a * taken, a
-            white[k, :m, phase], white[k, state, phase] = (1.0 - a) * taken, -a
+            move[k, :m, state], move[k, state, state] = (1.0 - a) * gain, 1.0 - a
+            white[k, :m, code], white[k, state, code] = a * gain, a
+            white[k, :m, phase], white[k, state, phase] = (1.0 - a) * gain, -a
             variance[k, [code, phase]] = received.sigma[k, 2 * satellite] ** 2, smoothing.sigma[k, satellite] ** 2
-            shared[k, :m] -= (1.0 - a) * np.outer(taken, differing)
+            shared[k, :m] -= (1.0 - a) * np.outer(gain, differing)
             shared[k, state] = a * differing
     kind = np.concatenate([chain.kind, np.full(n_slot, PHASE)])
     return chain._replace(move=move, white=white, variance=variance, kind=kind, shared=shared, push=push)
