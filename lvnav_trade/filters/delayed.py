@@ -127,8 +127,16 @@ def is_present(delayed, model, epoch, channel):
 
 @jit
 def subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel):
-    """Set the Jacobian entries of extra states at the earlier epoch of a difference; return the contribution of their
-    estimates, which is subtracted from the prediction.
+    """Set the Jacobian entries of extra states at the earlier epoch of a difference.
+
+    Returns the contribution of their estimates, which is subtracted from the prediction.
+
+    Parameters
+    ----------
+    work : arrays of the run
+    earlier, delayed : Earlier, Delayed
+    model, signals : FilterModel, Signals
+    epoch, row, channel : indices
     """
     h = work.H[row]
     total = like(work.x[0], 0.0)
@@ -337,7 +345,13 @@ def correct_earlier(x, earlier, delayed, model):
 def store_estimate(work, earlier, past, late, delayed, model, epoch):
     """Store the estimate at the end of an epoch, for the differences of the next epoch.
 
-    For a delayed receiver (Late, or None) it is the estimate at the time of validity of its measurements.
+    Parameters
+    ----------
+    work : arrays of the run
+    earlier : Earlier, updated in place
+    past, late : stored states, and Late of a delayed receiver, whose estimate is that of the time of validity; or None
+    delayed, model : Delayed, or None; FilterModel
+    epoch : index
     """
     if delayed is not None:
         for a in range(model.lever_arms.shape[0]):

@@ -53,7 +53,7 @@ def fill_receiver_rows(work, parts, case, points, late, epoch):
 
 @inlined
 def fill_sensor_rows(work, parts, case, points, late, k, epoch):
-    """Set Jacobian rows and innovations of sensor k, as `fill_receiver_rows` does."""
+    """Set Jacobian rows and innovations of sensor k; parameters as in `fill_receiver_rows`."""
     if points is None:
         fill_sensor_at_state(work, parts, case, k, epoch)
     elif is_sensor_stored(late, k):

@@ -394,7 +394,7 @@ def enter(P, y, variance, b, at):
 
 @jit
 def variance_along(P, at, c0, c1, c2):
-    """Return the variance of a block of three states, from `at` on, along a direction (c0, c1, c2)."""
+    """Return the variance c' P c of a block of three states, from `at` on, along a direction c."""
     a = P[at, at] * c0 * c0 + P[at + 1, at + 1] * c1 * c1 + P[at + 2, at + 2] * c2 * c2
     b = P[at, at + 1] * c0 * c1 + P[at, at + 2] * c0 * c2 + P[at + 1, at + 2] * c1 * c2
     return a + 2.0 * b

@@ -83,7 +83,21 @@ def tick_at(prepared: Prepared, time: float) -> int:
 
 
 def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
-    """Set the estimate in `work` to the truth minus the error d, at an epoch or at another time (s)."""
+    """Set the estimate in `work` to the truth minus an error.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    work
+        Arrays of the nominal run; navigation state, increments, clock, extra states and antennas are set.
+    epoch
+        Epoch, whose antennas are placed.
+    d
+        (n_state,) SI. Error, truth minus estimate.
+    time
+        s since lift-off. Time of the truth; None: that of the epoch.
+    """
     model = prepared.model
     tick = tick_at(prepared, prepared.t_epoch[epoch] if time is None else time)
     work.nav[:] = navigation_at(prepared, tick, d)

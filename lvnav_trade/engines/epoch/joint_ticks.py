@@ -102,7 +102,16 @@ def _record(tape, gain, tick):
 
 @jit
 def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
-    """Update every source and the mean with the joint gain by which the filter has processed the samples of a tick."""
+    """Update every source and the mean with the joint gain by which the filter has processed the samples of a tick.
+
+    Parameters
+    ----------
+    joint, flight : Joint, NominalFlight
+    motion : Motion, with P h' and weights of the filter's update
+    model, vehicle : FilterModel, VehicleModel
+    units : Units of an IMU array; None for one IMU
+    tick : index
+    """
     state, ticks, true, unit, h = joint.state, flight.ticks, joint.true, flight.unit, motion.h
     mean, gain = state.mean, ticks.gain
     deviations(ticks.deviation, true, unit, units, flight.reference, tick)

@@ -19,6 +19,15 @@ def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, ou
 
     Without reported samples the history is returned unchanged. Covariances with other outputs are not computed and are
     zero.
+
+    Parameters
+    ----------
+    prepared, true
+        Prepared case, and its error components.
+    history
+        History to extend.
+    out
+        Results of the forward pass.
     """
     samples = prepared.options.samples
     if samples is None:

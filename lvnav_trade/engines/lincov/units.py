@@ -78,7 +78,10 @@ def unit_input_matrix(scratch, j, true, units, sums, seconds, first, n_tick):
 
 @jit
 def inform_nominal(formal, units, model, first, n_tick, seconds):
-    """Inflate the formal covariance for IMUs that are excluded on the nominal flight, as in a run, over a window."""
+    """Inflate the formal covariance for IMUs that are excluded on the nominal flight, as in a run, over a window.
+
+    formal : (n, n) covariance of the filter, updated in place; units : Units, or None; first, n_tick, seconds : window
+    """
     if units is not None:
         _inform(formal, units, units.redundant, model, first, n_tick, seconds)
 

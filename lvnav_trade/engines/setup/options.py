@@ -174,7 +174,19 @@ def delays_taken(
 def late_of(
     scenario: Scenario, delays: Sequence[DelayTaken], kept: Sequence[CloneTimes], schedule: Schedule, channels: Channels
 ) -> Late | None:
-    """Return the delay compensation as arrays for the kernels; None without."""
+    """Return the delay compensation as arrays for the kernels; None without.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    delays, kept
+        Delays of `delays_taken`, and the storage times of `clone_times` for each.
+    schedule
+        Windows of the flight.
+    channels
+        Measurement channels of the filter.
+    """
     card = scenario.filter.delay_compensation
     if card is None or not delays:
         return None

@@ -65,8 +65,16 @@ class _Same(NamedTuple):
 
 
 def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
-    """Return the satellites at the times of validity of the measurements: epochs (n_epoch,) s minus the latency, not
-    before `start` s.
+    """Return the satellites at the times of validity of the receiver's measurements.
+
+    Parameters
+    ----------
+    scenario, trajectory
+        Validated model of the case, and its true flight.
+    t_epoch
+        (n_epoch,) s since lift-off. Epochs; the latency is subtracted.
+    start
+        s since lift-off. Earliest time of validity.
     """
     key = content_of_sky(scenario.constellation)
     heard = _heard(key, scenario, _Same(trajectory), t_epoch.tobytes(), start)

@@ -25,7 +25,17 @@ def _by_sensor(gyro: PerAxis, accel: PerAxis) -> Floats:
 
 
 def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout) -> VehicleModel | None:
-    """Return the vehicle model of a filter; None unless it processes IMU samples as measurements."""
+    """Return the vehicle model of a filter; None unless it processes IMU samples as measurements.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    trajectory, ref
+        True flight, and true motion at the ticks.
+    layout
+        States of the filter.
+    """
     if layout.motion < 0:
         return None
     dt, (imu, *_) = 1.0 / scenario.imu.rate, filter_models(scenario)

@@ -87,7 +87,19 @@ def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> R
 
 
 def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate: float) -> Tests:
-    """Return the thresholds of the tests for faults; the number of tests is that of rows on the nominal flight."""
+    """Return the thresholds of the tests for faults.
+
+    The number of tests is the number of receiver rows on the nominal flight.
+
+    Parameters
+    ----------
+    card
+        Levels of the tests.
+    signals, model
+        Satellites in use, and the filter.
+    rate
+        Hz. Update rate of the filter.
+    """
     per_epoch = model.n_kind * signals.n_used if model.tight else np.where(signals.n_used >= 4, 6, 0)
     return thresholds_of(card, int(np.sum(per_epoch)), signals.used.shape[1], 1.0 / rate)
 

@@ -201,7 +201,10 @@ def sense(work, own, unit, units, first, n_tick, key):
 
 @jit
 def step_clock(clock, step, interval, jump, n0, n1):
-    """Step bias (m) and drift (m/s) of a clock over an interval (s), with two normals and the jumps of faults."""
+    """Step bias (m) and drift (m/s) of a clock over an interval (s).
+
+    step : (3,) Cholesky factor of the noise; jump : (2,) jumps by faults; n0, n1 : standard normals
+    """
     clock[0] = clock[0] + interval * clock[1] + step[0] * n0 + jump[0]
     clock[1] = clock[1] + step[1] * n0 + step[2] * n1 + jump[1]
 

@@ -62,7 +62,12 @@ def spilker(
 ) -> Floats:
     """Return the delay (...,) m of Spilker's simple model: Trigo and Theil, eq. 16 to 18.
 
-    elevation (...,) rad, above zero: at sin(elevation) = -offset the formula is infinite; height (...,) m.
+    Parameters
+    ----------
+    elevation, height
+        (...,) rad and m. Elevation must be positive: at sin(elevation) = -offset the formula is infinite.
+    zenith, scale_height, offset
+        m, m, 1. Zenith delay at sea level, scale height, and constant of the mapping function.
     """
     mapping = (1.0 + offset) / (np.sin(elevation) + offset)
     return np.asarray(zenith * np.exp(-np.asarray(height, dtype=float) / scale_height) * mapping)
@@ -101,6 +106,15 @@ def weather(
 ) -> tuple[Floats, Floats, Floats]:
     """Return pressure (Pa), temperature (K) and vapour pressure (Pa) at heights (...,) m, from those at sea level.
 
+    Parameters
+    ----------
+    height
+        (...,) m above sea level.
+    pressure, temperature, humidity
+        Pa, K, and relative humidity (0 to 1) at sea level.
+
+    Notes
+    -----
     Up to 11 km the temperature falls by the standard 6.5 K/km with constant relative humidity (0 to 1), as in RTKLIB
     (``tropmodel``), where the delay ends there with a step. Here the air is isothermal above, with constant mixing
     ratio, so that the delay falls smoothly to zero.
@@ -118,8 +132,12 @@ def saastamoinen_zenith(
 ) -> tuple[Floats, Floats]:
     """Return dry and wet zenith delay (...,) m from the weather at the receiver (Saastamoinen 1972, Davis 1985).
 
-    pressure, vapour (...,) Pa; temperature (...,) K; latitude (...,) rad; height (...,) m, for the fall of gravity
-    (beyond 100 km, where there is no air, it counts as 100 km).
+    Parameters
+    ----------
+    pressure, temperature, vapour
+        (...,) Pa, K, Pa. Weather at the receiver.
+    latitude, height
+        (...,) rad and m, for gravity; heights above 100 km count as 100 km.
     """
     p, warmth, e, lat = (np.asarray(value, dtype=float) for value in (pressure, temperature, vapour, latitude))
     gravity = 1.0 - 0.00266 * np.cos(2.0 * lat) - 0.00028e-3 * np.clip(height, 0.0, 100e3)
@@ -159,8 +177,14 @@ def niell(
 ) -> tuple[Floats, Floats]:
     """Return Niell's dry and wet mapping functions (...,), J. Geophys. Res. 101 (B2), 1996, 3227-3246.
 
-    elevation, latitude (...,) rad; height (...,) m; day_of_year (...,) from 1.0 at the start of the year. Made for
-    elevations from 3 degrees and for the Earth's surface.
+    The functions are valid for elevations above 3 degrees and receivers on the Earth's surface.
+
+    Parameters
+    ----------
+    elevation, latitude, height
+        (...,) rad, rad, m.
+    day_of_year
+        (...,) 1.0 at the start of the year.
     """
     el, lat, h, day = np.broadcast_arrays(
         *(np.asarray(v, dtype=float) for v in (elevation, latitude, height, day_of_year))
@@ -178,6 +202,6 @@ def niell(
 
 
 def _fraction(elevation: Floats, a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return Marini's continued fraction, one at the zenith."""
+    """Return Marini's continued fraction, normalised to 1 at the zenith."""
     sine = np.sin(elevation)
     return np.asarray((1.0 + a / (1.0 + b / (1.0 + c))) / (sine + a / (sine + b / (sine + c))))

@@ -40,7 +40,19 @@ def moments(what: str, z: Floats, where: str = "") -> list[Check]:
 
 
 def correlation(what: str, first: Floats, later: Floats, expected: float, seconds: float) -> Check:
-    """Return the check of the correlation between standard normals and their values some seconds later."""
+    """Return the check of the correlation between standard normals and their values some time later.
+
+    Parameters
+    ----------
+    what
+        Name of the quantity.
+    first, later
+        Standard normals, and the same quantities later.
+    expected
+        Expected correlation.
+    seconds
+        s. Time in between.
+    """
     law = stats.norm(expected, math.sqrt((1.0 + expected**2) / first.size))
     where = f"after {seconds:.3g} s; expected {expected:.3f}"
     return Check(KIND, f"{what}, correlation", float(np.mean(first * later)), where=where, law=law)

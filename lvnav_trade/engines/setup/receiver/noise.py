@@ -91,6 +91,17 @@ def assumed_variance(
 
     It is that of the filter's receiver model, or that of the true receiver if the model is `matched`. It is 1 for a
     receiver that reports a covariance with each solution.
+
+    Parameters
+    ----------
+    scenario, model
+        Validated model of the case, and the filter's receiver model.
+    channels
+        Measurement channels of the filter.
+    seen, line
+        Satellites at the epochs, lines of sight.
+    devices
+        Sensors other than the receiver.
     """
     if channels.tight:
         card = scenario.filter
