@@ -25,6 +25,7 @@ from lvnav_trade.api.pages import (
     StudyScript,
     published_rows,
     recount,
+    renew,
 )
 
 STATEMENTS, STUDY = "statements", "study"
@@ -178,22 +179,22 @@ def main(study: StudyScript, arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--fresh", action="store_true", help="begin again instead of resuming")
     parser.add_argument("--only-page", action="store_true", help="make the report from existing results")
     parser.add_argument("--recount", action="store_true", help="count the kept report anew, without results")
+    parser.add_argument(
+        "--campaigns", nargs="+", metavar="NAME", help="run these alone, and renew what the kept report has of them"
+    )
     parser.add_argument("--jobs", type=int, default=-1, help="worker processes, -1 for all cores")
     asked = parser.parse_args(arguments)
+    if asked.campaigns and (asked.recount or asked.only_page):
+        parser.error("--campaigns runs campaigns; leave out --recount and --only-page")
     try:
         if asked.recount:
             print(f"kept: {recount(study, asked.keep)}")
             return api.MET
-        found = api.study(
-            study,
-            asked.keep,
-            asked.runs,
-            asked.out,
-            asked.jobs,
-            asked.fresh,
-            asked.only_page,
-            api.StudyWatch(on_campaign=_show),
-        )
+        watch = api.StudyWatch(on_campaign=_show)
+        if asked.campaigns:
+            found = renew(study, asked.keep, asked.campaigns, asked.runs, asked.out, asked.jobs, asked.fresh, watch)
+        else:
+            found = api.study(study, asked.keep, asked.runs, asked.out, asked.jobs, asked.fresh, asked.only_page, watch)
     except InputError as error:
         print(error, file=sys.stderr)
         return api.USAGE

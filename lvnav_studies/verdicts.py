@@ -10,13 +10,13 @@ from lvnav_studies.claims import Elsewhere, OfStudy, Statement
 from lvnav_studies.evaluate import NOT_FLOWN
 from lvnav_trade.api.input import Stated
 from lvnav_trade.api.measures import FAILS, HOLDS, NOT_SET_UP, UNDECIDED, marks
-from lvnav_trade.api.pages import Block, Text, table
+from lvnav_trade.api.pages import Block, Text, short_cases, table
 
 # Headings of the tables by verdict, in their order
 _HEADINGS = {
-    HOLDS: "Statements that hold.",
     FAILS: "Statements that do not hold here.",
     UNDECIDED: "Statements that these runs do not decide.",
+    HOLDS: "Statements that hold.",
     NOT_SET_UP: "Statements that are not set up, and what is missing.",
     NOT_FLOWN: "Statements whose campaign has no results yet.",
 }
@@ -74,7 +74,7 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
     if mixed := len(groups) - sum(only.values()):
         counts.append(f"{mixed} hold in part: for some readings or some of their conditions")
     blocks: list[Block] = [Text(f"Of {len(groups)} statements {', '.join(counts)}.")]
-    rows = frame.assign(order=order).sort_values("order", kind="stable").dropna(axis="columns", how="all")
+    rows = short_cases(frame).assign(order=order).sort_values("order", kind="stable").dropna(axis="columns", how="all")
     for word, heading in _HEADINGS.items():
         mine = rows[rows.verdict == word]
         if len(mine):

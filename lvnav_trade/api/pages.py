@@ -1,9 +1,10 @@
 """What scripts add to the report of a study: paragraphs, tables and figures, by a `StudyScript`."""
 
-from lvnav_trade.api.studies import load_script, recount
+from lvnav_trade.api.studies import load_script, recount, renew
 from lvnav_trade.campaign.reading.study import Figure as FigureEntry
 from lvnav_trade.campaign.reading.study import Part, Question
 from lvnav_trade.report.blocks import Block, Picture, Text, number, shown, table, words
+from lvnav_trade.report.printed import short_cases
 from lvnav_trade.report.script import Answered, StudyFigure, StudyScript, published_rows
 
 __all__ = [
@@ -20,6 +21,8 @@ __all__ = [
     "number",
     "published_rows",
     "recount",
+    "renew",
+    "short_cases",
     "shown",
     "table",
     "words",

@@ -13,6 +13,7 @@ from lvnav_trade.api.results import Results
 from lvnav_trade.api.types import Study
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.syntax.cards import shipped
+from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError, refuse_all
 from lvnav_trade.store.contents import owned
 
@@ -78,13 +79,14 @@ def study(
         a script of the user's own, which this function does not run.
     """
     from lvnav_trade.campaign.reading.study import load_study
+    from lvnav_trade.report.printed import mistakes
     from lvnav_trade.report.script import StudyScript
     from lvnav_trade.report.study import build
 
     owned(keep, "study")  # refused before anything is computed
     script = folder if isinstance(folder, StudyScript) else script_of(folder)
     found, questions = load_study(script.folder, runs, script.figures)
-    refuse_all(list(script.mistakes(questions)))
+    refuse_all([*script.mistakes(questions), *mistakes(found, questions, script)])
     place = Path(results) if results is not None else Path("results") / (found.name or script.folder.name)
     unflown = _unflown([one.campaign for one in questions], place) if only_page else []
     task = None if only_page else Task(jobs, fresh, report=False)
@@ -116,13 +118,69 @@ def recount(folder: str | Path | StudyScript, keep: str | Path) -> Path:
         A mistake in the folder; no report there; or a row of which nothing is stated any more.
     """
     from lvnav_trade.campaign.reading.study import load_study
+    from lvnav_trade.report.printed import mistakes
     from lvnav_trade.report.recount import recount as written
     from lvnav_trade.report.script import StudyScript
 
     script = folder if isinstance(folder, StudyScript) else script_of(folder)
     found, questions = load_study(script.folder, None, script.figures)
-    refuse_all(list(script.mistakes(questions)))
+    refuse_all([*script.mistakes(questions), *mistakes(found, questions, script)])
     return written(found, [one.campaign for one in questions], keep, script)
+
+
+def renew(
+    folder: str | Path | StudyScript,
+    keep: str | Path,
+    campaigns: Sequence[str],
+    runs: int | None = None,
+    results: str | Path | None = None,
+    jobs: int = -1,
+    fresh: bool = False,
+    watch: StudyWatch | None = None,
+) -> Study:
+    """Run some campaigns of a study, and write anew what its kept report has of them; what it has of others stays.
+
+    Parameters
+    ----------
+    folder : str, Path or StudyScript
+        As of `study`.
+    keep : str or Path
+        Where the report is kept.
+    campaigns : sequence of str
+        Names of the campaigns; one that the report does not have yet is put where study.yaml has it.
+    runs, results, jobs, fresh, watch
+        As of `study`.
+
+    Returns
+    -------
+    Study
+        The page, how many published rows of these campaigns hold, failed runs.
+
+    Raises
+    ------
+    InputError
+        As of `study`; no campaign of such a name; no report there; or a row of another campaign of which nothing is
+        stated any more.
+    """
+    from lvnav_trade.campaign.reading.study import load_study
+    from lvnav_trade.report.printed import mistakes
+    from lvnav_trade.report.recount import renew as written
+    from lvnav_trade.report.script import StudyScript
+
+    script = folder if isinstance(folder, StudyScript) else script_of(folder)
+    found, questions = load_study(script.folder, runs, script.figures)
+    refuse_all([*script.mistakes(questions), *mistakes(found, questions, script)])
+    known = [one.campaign.name for one in questions]
+    for name in campaigns:
+        if name not in known:
+            raise InputError(f"{script.folder}: no campaign {name!r}{hint(name, known)}; there are {', '.join(known)}")
+    place = Path(results) if results is not None else Path("results") / (found.name or script.folder.name)
+    asked = [one for one in questions if one.campaign.name in campaigns]
+    answered, failures = _answers(asked, place, Task(jobs, fresh, report=False), watch or StudyWatch(), script)
+    counts = {one.campaign.name: _counted(one, script) for one in answered}
+    stated, hold = (sum(one[k] for one in counts.values()) for k in (0, 1))
+    page = written(found, [one.campaign for one in questions], keep, script, answered)
+    return Study(page, counts, stated, hold, failures)
 
 
 def script_of(folder: str | Path) -> StudyScript:

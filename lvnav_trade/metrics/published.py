@@ -79,9 +79,7 @@ def published_row(
     """Return a row; found: the value three times, of which that of the statistic must lie in `scale` times the band."""
     ends, word = sorted(scale * end for end in band), HOLDS if band[0] <= tested <= band[1] else FAILS
     if found is not None:
-        number = {"formal": "formal", "lincov": "true"}.get(str(stated.get("statistic")), "monte_carlo")
-        number = "true" if number == "monte_carlo" and np.isnan(found.monte_carlo) else number
-        word = verdict(found, ends[0], ends[1], (number,))
+        word = verdict(found, ends[0], ends[1], (_tested(stated, found),))
     return {
         "source": stated["source"],
         "item": stated.get("item") or "",
@@ -110,6 +108,31 @@ def marks(stated: Mapping[str, Any], kind: str) -> dict[str, str]:
     return {**found, "counts_as": next((name for name in MARKS if found[name]), kind)}
 
 
+def band_of(published: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the band of ours over a published number, wider by half of its last printed digit."""
+    low, high = published.get("band") or (0.5, 2.0)
+    half = 0.5 * float(published.get("digit") or 0.0) / abs(float(published["value"]))
+    return low - abs(low) * half, high + abs(high) * half
+
+
+def judged(row: Mapping[str, Any], published: Mapping[str, Any]) -> dict[str, Any]:
+    """Return band and verdict of a row of a published number, by the band that is stated of it now."""
+    low, high = band_of(published)
+    formal, true, drawn, least, most = (float(row[key]) for key in (*NUMBERS, "low", "high"))
+    found = Value(formal, true, drawn, least, most, 0, ())
+    ends = sorted(float(row["published"]) * end for end in (low, high))
+    known = row["ratio"] == row["ratio"]
+    word = verdict(found, ends[0], ends[1], (_tested(published, found),)) if known else row["verdict"]
+    inside = bool(low <= row["ratio"] <= high)
+    return {"band_low": low, "band_high": high, "in_band": inside, "verdict": word}
+
+
+def _tested(stated: Mapping[str, Any], found: Value) -> str:
+    """Return which of the three numbers the statistic of a row asks for."""
+    number = {"formal": "formal", "lincov": "true"}.get(str(stated.get("statistic")), "monte_carlo")
+    return "true" if number == "monte_carlo" and np.isnan(found.monte_carlo) else number
+
+
 def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
     value, unit, against = float(published["value"]), str(published["unit"]), published.get("against")
     than, found = published.get("than"), SingleValue(np.nan, "no such case")
@@ -126,7 +149,7 @@ def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> d
     return published_row(
         published,
         (found.remark,),
-        published.get("band", (0.5, 2.0)),
+        band_of(published),
         ratio,
         _three(tables, case, published),
         value,

@@ -8,6 +8,7 @@ import pandas as pd
 from lvnav_trade.metrics.held import EDGES, at_an_edge, evidence, fitted, held, most_important
 from lvnav_trade.metrics.verdicts import FAILS, HOLDS
 from lvnav_trade.report.blocks import Block, Text, stated
+from lvnav_trade.report.printed import short_cases
 
 _EXPRESSION = r"^[^:]*[-+*/(][^:]*: "  # a metric of a statement: the expression, and what its terms are
 
@@ -104,17 +105,19 @@ def _short(rows: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
     said, cases = rows["item"] != "", whole.groupby("item")["case"].nunique()
     alone = said & rows["item"].map(cases).eq(1)
     expression = said & rows.metric.str.contains(_EXPRESSION)
+    named = short_cases(rows)["case"]
     return rows.assign(
-        case=rows["case"].where(~alone, rows["case"].str.partition(": ")[0]), metric=rows.metric.mask(expression, "")
+        case=named.where(~alone, rows["case"].str.partition(": ")[0]), metric=rows.metric.mask(expression, "")
     )
 
 
-def those_that_fail(frame: pd.DataFrame) -> list[Block]:
-    """Return the rows that do not hold, and those that are not counted: repeated, not published, read again, and of the
-    tool.
-    """
-    groups = (
-        ("out_of_band", frame[evidence(frame) & ~held(frame)]),
-        *((name, frame[frame.counts_as == mark]) for mark, name in _TABLES.items()),
-    )
-    return [stated(name, rows) for name, rows in groups if len(rows)]
+def those_that_miss(frame: pd.DataFrame) -> list[Block]:
+    """Return the counted rows that do not hold, with reasons."""
+    rows = frame[evidence(frame) & ~held(frame)]
+    return [stated("out_of_band", short_cases(rows))] if len(rows) else []
+
+
+def not_counted(frame: pd.DataFrame) -> list[Block]:
+    """Return the rows that are not counted: repeated, not published, read again, and of the tool."""
+    groups = ((name, frame[frame.counts_as == mark]) for mark, name in _TABLES.items())
+    return [stated(name, short_cases(rows)) for name, rows in groups if len(rows)]

@@ -28,14 +28,16 @@ from lvnav_trade.report.diagnostics import error_bound
 from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.report.evidence import logic_tables
 from lvnav_trade.report.flight import control_tables, motion_summary, observed_table
-from lvnav_trade.report.headline import headline, those_that_fail
+from lvnav_trade.report.headline import headline, not_counted, those_that_miss
 from lvnav_trade.report.integrity import rates, worth
 from lvnav_trade.report.kml import flights, kml
+from lvnav_trade.report.printed import printed_tables
 from lvnav_trade.report.script import Answered, StudyScript, published_rows
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import Tables
 
 _ACRONYMS = {"ekf", "fdir", "hil", "imu", "pvt", "ukf"}
+APPENDIX = "Appendix: Monte Carlo against linear covariance"
 _MANY = 12  # cases: a table of them has one event
 
 
@@ -58,47 +60,59 @@ def build(
     rows = [
         published_rows(one.campaign.name, one.tables, one.campaign.model_dump(mode="json"), script) for one in answered
     ]
-    published = _together(answered, [_frame(one) for one in rows])
+    published = together(answered, [frame_of(one) for one in rows])
     if further := script.further_rows(unflown):
-        published = pd.concat([published, _frame(further)], ignore_index=True)
-    agreed = _together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
-    assumptions: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
+        published = pd.concat([published, frame_of(further)], ignore_index=True)
     sections = [
-        answer(study, published, script, [_line(one, published) for one in answered]),
-        *([Section("assumptions", "Assumptions", assumptions)] if assumptions else []),
-        *(_campaign(one, _frame(mine), script) for one, mine in zip(answered, rows, strict=True)),
-        _agreements(answered),
-        _reproduce(study, answered),
+        answer(study, published, script, [line_of(one, published) for one in answered]),
+        *assumptions(study),
+        *(campaign_section(one, frame_of(mine), script) for one, mine in zip(answered, rows, strict=True)),
+        reproduce(study, answered),
+        agreements(answered),
     ]
     files: dict[str, bytes | str] = {
         **pictures(sections),
         "references.csv": csv_text(published),
-        "agreement.csv": csv_text(agreed),
+        "agreement.csv": csv_text(agreed(answered)),
         "report.md": markdown_page(study.title, study.description.strip(), sections),
-        **{f"{one.part.campaign}.kml": _flight(one, one.part.kml) for one in answered if one.part.kml is not None},
+        **{f"{one.part.campaign}.kml": flight_of(one, one.part.kml) for one in answered if one.part.kml is not None},
     }
     with writing(folder, "the study cannot be kept there"):
         target.publish("study", files)
     return target.folder / "report.md"
 
 
-def _frame(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+def assumptions(study: Study) -> list[Section]:
+    """Return what the publication leaves open, as a section; none where nothing is said."""
+    blocks: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
+    return [Section("assumptions", "Assumptions", blocks)] if blocks else []
+
+
+def agreed(answered: Sequence[Answered]) -> pd.DataFrame:
+    """Return the rows of agreement.csv: runs against linear covariance, by campaign and case."""
+    return together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
+
+
+def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return rows as the table of published numbers."""
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _flight(one: Answered, case: Case) -> bytes:
+def flight_of(one: Answered, case: Case) -> bytes:
+    """Return the flight of a case as KML."""
     label = one.tables.labels[_cases(one, case)[0]]
     drawn = [flight for flight in flights(one.tables, True, 60.0) if flight.name == label]
     return kml(f"{one.part.campaign}: {label}", drawn)
 
 
-def _together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
+def together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Return the frames of all campaigns, the campaign's name before each case."""
-    named = [_named(one, frame) for one, frame in zip(answered, frames, strict=True)]
-    return pd.concat([frame for frame in named if len(frame)] or named[:1], ignore_index=True)
+    found = [named(one, frame) for one, frame in zip(answered, frames, strict=True)]
+    return pd.concat([frame for frame in found if len(frame)] or found[:1], ignore_index=True)
 
 
-def _named(one: Answered, frame: pd.DataFrame) -> pd.DataFrame:
+def named(one: Answered, frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a frame with the campaign's name before each case."""
     return frame.assign(case=[f"{one.part.campaign}: {case}" for case in frame["case"]])
 
 
@@ -110,15 +124,21 @@ def answer(study: Study, every: pd.DataFrame, script: StudyScript, campaigns: Se
     """
     numbered = script.is_statement(every) & evidence(every)
     frame = every[~numbered]
-    blocks = [*headline(frame, study.important, every[numbered]), *script.verdicts(every[numbered])]
+    blocks = [
+        *headline(frame, study.important, every[numbered]),
+        *printed_tables(study, every),
+        *those_that_miss(frame),
+        *script.verdicts(every[numbered]),
+    ]
     blocks.append(table(pd.DataFrame(campaigns), "The campaigns of this study."))
     numbers = frame[frame.published.notna() & evidence(frame)]
     if len(numbers):
         blocks.append(Picture("ratios", ratios(numbers), "All published numbers that are counted, in one figure."))
-    return Section("answer", "Answer", [*blocks, *those_that_fail(frame)])
+    return Section("answer", "Answer", [*blocks, *not_counted(frame)])
 
 
-def _line(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
+def line_of(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
+    """Return the line of a campaign in the table of campaigns; frame: rows of all of them."""
     mine = frame[frame["case"].str.startswith(f"{one.part.campaign}: ") & evidence(frame)]
     counted, cases = by_case(one.tables), one.tables.cases
     tested = counted[counted.verdict.isin(["agree", "disagree"])]
@@ -133,11 +153,12 @@ def _line(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _campaign(one: Answered, frame: pd.DataFrame, script: StudyScript) -> Section:
+def campaign_section(one: Answered, frame: pd.DataFrame, script: StudyScript) -> Section:
+    """Return the section of a campaign; frame: its rows."""
     part, tables = one.part, one.tables
     question = part.question or one.campaign.description
     blocks: list[Block] = [Text(" ".join(question.split()))] if question else []
-    frame = frame[~script.is_statement(_named(one, frame))]  # those stand in the answer
+    frame = frame[~script.is_statement(named(one, frame))]  # those stand in the answer
     if len(frame):
         blocks.append(stated("study_references", frame, sources="; ".join(dict.fromkeys(frame.source))))
     blocks += [*script.blocks(one), *motion_summary(tables), *control_tables(tables, brief=True)]
@@ -195,18 +216,22 @@ def _cases(one: Answered, case: Case) -> list[str]:
     return found
 
 
-def _agreements(answered: Sequence[Answered]) -> Section:
+def agreements(answered: Sequence[Answered]) -> Section:
+    """Return the appendix: cases in which runs and linear covariance do not agree."""
     frame = pd.concat([by_case(one.tables).assign(campaign=one.part.campaign) for one in answered], ignore_index=True)
     frame = frame[frame.verdict != "no runs"]
     frame = frame.assign(
         outside=frame.outside_count.astype(str) + " of " + frame.tested_count.astype(str),
         furthest=frame.state + " at " + frame.event,
     )
-    blocks: list[Block] = [Text(note("study_agreement", level=percent(0.01))), stated("study_agreement", frame)]
-    return Section("agreement", "Monte Carlo against linear covariance", blocks)
+    others = frame[frame.verdict != "agree"]
+    blocks: list[Block] = [Text(note("study_agreement", level=percent(0.01)))]
+    blocks += [stated("study_agreement", others)] if len(others) else []
+    return Section("agreement", APPENDIX, blocks)
 
 
-def _reproduce(study: Study, answered: Sequence[Answered]) -> Section:
+def reproduce(study: Study, answered: Sequence[Answered]) -> Section:
+    """Return the command, seeds and digests of each campaign."""
     rows = [
         {
             "campaign": one.part.campaign,

@@ -21,6 +21,7 @@ from lvnav_studies.checks import faults
 from lvnav_studies.claims import Claims
 from lvnav_trade.api import check
 from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading.study import Study
 from lvnav_trade.cli import app
 from lvnav_trade.errors import InputError
 
@@ -192,6 +193,9 @@ def test_the_settings_of_a_page_are_accepted(root, desk, monkeypatch, page):
             continue
         if set(settings) <= set(Claims.model_fields) - {"references"}:  # of a study, on the campaign above it
             assert list(faults(Claims.model_validate(settings), check(campaign).campaign)) == []
+            continue
+        if set(settings) == {"printed"}:  # of study.yaml
+            assert Study.model_validate({"title": "A paper", "description": "", **settings}).printed
             continue
         base = yaml.load(start) if page == "search.md" else base
         _laid_over(base, settings)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.published import references
+from lvnav_trade.metrics.published import band_of, judged, references
 
 
 def test_references_are_held_against_their_band_in_their_own_unit(good):
@@ -57,3 +57,25 @@ def test_an_improvement_is_held_against_another_case(good):
     assert found.in_band.iloc[0]
     nobody = references(good, {"references": [number | {"against": {"imu": "none"}}]})
     assert nobody.remark.iloc[0] == "0 cases to hold it against"
+
+
+def test_a_band_is_wider_by_half_of_the_last_printed_digit(good):
+    """0.01 may be 0.005 to 0.015: a factor of two about it reaches from 0.25 to 3 of the printed number."""
+    assert band_of({"value": 0.01, "digit": 0.01}) == pytest.approx((0.25, 3.0))
+    assert band_of({"value": -4.0, "digit": 1.0, "band": (-0.5, 2.0)}) == pytest.approx((-0.5625, 2.25))
+    assert band_of({"value": 0.49}) == (0.5, 2.0)
+    number = SOURCE | {"metric": "velocity_error_3d", "value": 1.0, "unit": "m/s", "case": {"imu": "fine"}}
+    ours = references(good, {"references": [number]}).ours.iloc[0]
+    printed = number | {"value": 2.05 * ours}
+    assert not references(good, {"references": [printed]}).in_band.iloc[0]
+    assert references(good, {"references": [printed | {"digit": 0.1 * ours}]}).in_band.iloc[0]
+
+
+def test_a_row_is_judged_anew_as_its_results_would_be(good):
+    number = SOURCE | {"metric": "velocity_error_3d", "value": 1.0, "unit": "m/s", "case": {"imu": "fine"}}
+    for factor in (0.9, 1.98, 2.05, 2.6):
+        value = factor * references(good, {"references": [number]}).ours.iloc[0]
+        plain, wide = number | {"value": value}, number | {"value": value, "digit": 0.2 * value}
+        kept, made = (references(good, {"references": [one]}).iloc[0] for one in (plain, wide))
+        again = judged(kept, wide)
+        assert again == {name: made[name] for name in again}

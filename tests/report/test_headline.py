@@ -8,7 +8,7 @@ import pandas as pd
 from lvnav_trade.metrics.published import COLUMNS, marks
 from lvnav_trade.metrics.verdicts import FAILS, HOLDS, UNDECIDED
 from lvnav_trade.report.blocks import Table, Text
-from lvnav_trade.report.headline import counted, headline, those_that_fail
+from lvnav_trade.report.headline import counted, headline, not_counted, those_that_miss
 
 
 def _row(item: str, ratio: float, percentile: float = np.nan, published: float = 1.0, **cells: object) -> dict:
@@ -28,6 +28,11 @@ ROWS = pd.DataFrame(
     ],
     columns=COLUMNS,
 )  # fmt: skip
+
+
+def below(rows):
+    """Return the tables below the counts: what is not reproduced, and what is not counted."""
+    return [*those_that_miss(rows), *not_counted(rows)]
 
 
 def test_the_first_lines_count_evidence_edges_and_inputs() -> None:
@@ -75,13 +80,13 @@ def test_rows_that_are_not_published_are_counted_apart_and_have_a_table() -> Non
         "Not counted: 1 results fixed by our inputs (1 hold); 2 results whose statement or bound is ours (1 hold)."
     )
     assert [row[0] for row in headline(rows, ("limit of ours",))[1].rows] == ["far", "out", "main"]
-    tables = those_that_fail(rows)
+    tables = below(rows)
     assert [[row[0] for row in one.rows] for one in tables[1:]] == [["input"], ["bound of ours", "limit of ours"]]
     assert "the limit" in tables[2].rows[1]
 
 
 def test_every_row_that_fails_and_every_input_stands_in_a_table_of_its_own() -> None:
-    failing, repeated = those_that_fail(ROWS)
+    failing, repeated = below(ROWS)
     assert isinstance(failing, Table)
     assert isinstance(repeated, Table)
     assert [row[0] for row in failing.rows] == ["out", "far", "main"]
@@ -101,7 +106,7 @@ def test_rows_that_runs_do_not_decide_are_counted_as_such() -> None:
 
 def test_second_readings_and_verifications_have_tables_of_their_own() -> None:
     rows = pd.DataFrame([_row("a", 9.0, again="table 2"), _row("b", 1.0, verification="one motion")], columns=COLUMNS)
-    tables = those_that_fail(rows)
+    tables = below(rows)
     assert [[row[0] for row in one.rows] for one in tables] == [["a"], ["b"]]
     assert ["table 2" in tables[0].rows[0], "one motion" in tables[1].rows[0]] == [True, True]
     text = headline(rows, ())[0]
@@ -114,7 +119,7 @@ def test_second_readings_and_verifications_have_tables_of_their_own() -> None:
 def test_nothing_is_said_without_rows_and_no_table_where_all_hold() -> None:
     assert headline(ROWS[:0], ()) == []
     assert len(headline(ROWS[:1], ())) == 1
-    assert those_that_fail(ROWS[:1]) == []
+    assert below(ROWS[:1]) == []
 
 
 def test_what_an_item_says_is_not_said_again_by_its_case_and_expression() -> None:

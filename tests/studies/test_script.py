@@ -73,11 +73,11 @@ def test_the_page_says_first_which_statements_hold_and_which_do_not(folder: Path
     text = Path("kept/report.md").read_text(encoding="utf-8")
     answer = text.partition("## Answer")[2].partition("\n## ")[0]
     assert "Of 3 statements 1 hold in every reading, 1 do not hold here, 1 are not set up." in answer
-    holds, fails, missing = (
-        answer.index(item, answer.index("Statements that hold."))
-        for item in ("#1 three times", "#2 small", "#3 unheard of")
+    fails, holds, missing = (
+        answer.index(item, answer.index("Statements that do not hold here."))
+        for item in ("#2 small", "#1 three times", "#3 unheard of")
     )
-    assert holds < fails < missing
+    assert fails < holds < missing
     assert "there is no such sensor" in answer
     assert "1 of 1 orders and statements on innovations are reproduced, 0 are not." in text
     assert text.count("#1 three times") == 1  # not again with its campaign
@@ -104,6 +104,37 @@ def test_a_kept_page_is_counted_anew_with_the_marks_that_its_folder_has_by_now(f
     page = Path("kept/report.md").read_text()
     assert "1 results whose statement or bound is ours" in page
     assert page.partition("\n## Ass")[2] == before.partition("\n## Ass")[2]
+
+
+def test_a_campaign_of_a_kept_page_is_renewed_and_the_others_stay(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(Publication(folder), ["--keep", "kept", "--only-page"]) == 0
+    before, first = Path("kept/report.md").read_text(), pd.read_csv("kept/references.csv", keep_default_na=False)
+    monkeypatch.setattr("lvnav_trade.api.studies.carry_out", lambda *args: None)  # results are there
+    again = ["--keep", "kept", "--campaigns", "synthetic"]
+    assert main(Publication(folder), again) == 0
+    assert Path("kept/report.md").read_text() == before
+    pd.testing.assert_frame_equal(pd.read_csv("kept/references.csv", keep_default_na=False), first)
+    # a campaign that is new stands before it, and has its section, its rows and its line; what is there stays
+    more = f"monte_carlo: {{runs: 40}}\n{AXIS}"
+    (folder / "earlier.yaml").write_text(CAMPAIGN.format(name="earlier", more=more))
+    write(folder / "study.yaml", STUDY | {"campaigns": [{"campaign": "earlier"}, *STUDY["campaigns"]]})
+    write(folder / "statements" / "earlier.yaml", {"statements": [SIZE | {"id": "e1", "item": "#8 new", "at_most": 1}]})
+    synthetic.results(Path("results/papers/earlier"), n_run=40)
+    assert main(Publication(folder), ["--keep", "kept", "--campaigns", "earlier"]) == 0
+    page, rows = Path("kept/report.md").read_text(), pd.read_csv("kept/references.csv", keep_default_na=False)
+    assert set(rows.id) == {*first.id, "e1"}
+    assert page.index("## Earlier") < page.index("## Synthetic")
+    kept, old = (text.partition("## Synthetic")[2].partition("\n## ")[0] for text in (page, before))
+    assert kept == old
+    assert "Of 4 statements" in page
+    assert page.count("| earlier | ") >= 2  # campaigns of the study, how to reproduce
+
+
+def test_an_unknown_campaign_is_not_renewed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(Publication(folder), ["--keep", "kept", "--campaigns", "synthetics"]) == 2
+    assert "no campaign 'synthetics' (did you mean 'synthetic'?)" in capsys.readouterr().err
 
 
 def test_statements_of_campaigns_without_results_are_listed_as_not_flown(folder: Path) -> None:
@@ -135,6 +166,11 @@ def test_a_script_of_the_tool_is_found_by_its_name() -> None:
     [
         ("statements/synthetic.yaml", {"statement": []}, r"statements/synthetic.yaml:1:1: statement: unknown key"),
         ("statements/other.yaml", CLAIMS, "no campaign of the study has the name 'other' \\(known: synthetic\\)"),
+        (
+            "study.yaml",
+            STUDY | {"printed": [{"title": "T", "columns": ["x"], "rows": {"a": ["#1 four times"]}}]},
+            r"study.yaml:\d+:\d+: printed.0.rows.a.0: nothing with the item '#1 four times' is stated",
+        ),
         (
             "study.yaml",
             STUDY | {"campaigns": [{"campaign": "synthetic", "figures": [{"plot": "bound"}]}]},

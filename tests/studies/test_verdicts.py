@@ -33,7 +33,7 @@ def test_statements_are_counted_by_number_and_stand_in_the_order_of_their_number
     )
     tables = [block for block in blocks if isinstance(block, Table)]
     assert [[row[0] for row in table.rows] for table in tables] == [
-        ["#2 first, one reading", "#3 third"], ["#10 second"], ["#2 first, another"], ["#4 fourth"], ["#5 fifth"]
+        ["#10 second"], ["#2 first, another"], ["#2 first, one reading", "#3 third"], ["#4 fourth"], ["#5 fifth"]
     ]  # fmt: skip
 
 

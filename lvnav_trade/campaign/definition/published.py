@@ -202,6 +202,9 @@ class Published(Measured, Stated):
     value: float  # published number, in `unit`
     unit: str  # unit of `value`
     band: tuple[float, float] = Field((0.5, 2.0), description="bounds of our number divided by the published one")
+    digit: float = Field(
+        0.0, ge=0.0, description="last printed digit of the number, in `unit`; the band is wider by half of it"
+    )
     single: bool = Field(
         False, description="the number is of a single run; the report shows its percentile among our runs"
     )
@@ -231,6 +234,8 @@ class Published(Measured, Stated):
         least = -abs(self.band[1]) if part else 0.0  # a difference in percent may lie on the other side of zero
         if not least <= self.band[0] <= self.band[1] or self.band[1] == 0:
             yield "the band should be two growing ratios, such as [0.5, 2]"
+        if self.digit > abs(self.value):
+            yield f"digit: {self.digit:g} is larger than the number {self.value:g}, whose last digit it is"
         if part and self.unit != "%":
             name = "than" if self.against is None else "against"
             yield f"{name} makes the number a part of another; its unit is %, not {self.unit!r}"

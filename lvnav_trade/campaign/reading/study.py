@@ -73,6 +73,43 @@ class Part(Card):
     )
 
 
+class Cell(Card):
+    """A cell of a published table: the item of the row that answers it."""
+
+    item: str = Field(description="as its reference, order or statement has it")
+    campaign: str = Field("", description="the campaign that answers it; any that has the item if absent")
+    case: Case = Field(default_factory=dict, description="level of each axis, where several cases have the item")
+
+
+class PrintedTable(Card):
+    """A table of the publication, in its own layout: each cell is shown with ours and their ratio beside it."""
+
+    title: str = Field(description="of the table, as the page has it")
+    head: str = Field("", description="heading of the first column, which has the names of the rows")
+    columns: tuple[str, ...] = Field(min_length=1, description="headings of the published columns")
+    rows: dict[str, tuple[Cell | None, ...]] = Field(
+        min_length=1, description="by the names of the rows: an item for each column, none where nothing is printed"
+    )
+
+    @field_validator("rows", mode="before")
+    @classmethod
+    def _items(cls, rows: Any) -> Any:
+        """Let a cell be its item alone."""
+        if not isinstance(rows, dict):
+            return rows
+        return {
+            label: [{"item": cell} if isinstance(cell, str) else cell for cell in cells]
+            if isinstance(cells, list | tuple)
+            else cells
+            for label, cells in rows.items()
+        }
+
+    def _faults(self) -> Iterator[str]:
+        for label, cells in self.rows.items():
+            if len(cells) != len(self.columns):
+                yield f"rows.{label}: {len(cells)} cells for {len(self.columns)} columns"
+
+
 class Study(Card):
     """What a study's page says next to the numbers."""
 
@@ -93,6 +130,7 @@ class Study(Card):
     campaigns: tuple[Part, ...] = Field(
         (), description="campaigns in the order of the report; all of the folder if absent"
     )
+    printed: tuple[PrintedTable, ...] = Field((), description="published tables that the answer shows in their layout")
 
     @field_validator("campaigns")
     @classmethod

@@ -37,6 +37,7 @@ def test_a_number_of_a_phase_names_both_events_and_survives_being_written():
         ({"statistic": "least", "during": "flight"}, "statistic least needs a metric that is counted"),
         ({"value": 0.0}, "0 has no ratio"),
         ({"band": (2.0, 0.5)}, "growing ratios"),
+        ({"digit": 100.0}, "digit: 100 is larger than the number"),
         ({"against": {"filter": "loose"}}, "its unit is %"),
         ({"at": "7"}, "no instant"),
     ],
