@@ -115,7 +115,7 @@ def band_of(published: Mapping[str, Any]) -> tuple[float, float]:
     return low - abs(low) * half, high + abs(high) * half
 
 
-def judged(row: Mapping[str, Any], published: Mapping[str, Any]) -> dict[str, Any]:
+def verdict_in_band(row: Mapping[str, Any], published: Mapping[str, Any]) -> dict[str, Any]:
     """Return band and verdict of a row of a published number, by the band that is stated of it now."""
     low, high = band_of(published)
     formal, true, drawn, least, most = (float(row[key]) for key in (*NUMBERS, "low", "high"))

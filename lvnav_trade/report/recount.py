@@ -15,7 +15,7 @@ from lvnav_trade.input_files import read_text
 from lvnav_trade.limits import DATA_BYTES
 from lvnav_trade.metrics.basics.select import in_units
 from lvnav_trade.metrics.held import evidence, held
-from lvnav_trade.metrics.published import COLUMNS, MARKS, judged, marks
+from lvnav_trade.metrics.published import COLUMNS, MARKS, marks, verdict_in_band
 from lvnav_trade.report.blocks import Section
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.escape import csv_text
@@ -223,7 +223,7 @@ def _marked(rows: pd.DataFrame, stated: Sequence[tuple[str, str, Mapping[str, An
             of = row["id"] or row["item"]
             raise InputError(f"references.csv: the study has no statement any more for {of!r}; run the study")
         kind, one = max(known, key=lambda pair: len(str(pair[1]["item"])))
-        of_band = judged(row, one) if kind == "number" else {}
+        of_band = verdict_in_band(row, one) if kind == "number" else {}
         made.append({**row, "item": one["item"], **of_band, **marks(one, kind)})
     return pd.DataFrame(made, columns=COLUMNS)
 

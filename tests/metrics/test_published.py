@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.published import band_of, judged, references
+from lvnav_trade.metrics.published import band_of, references, verdict_in_band
 
 
 def test_references_are_held_against_their_band_in_their_own_unit(good):
@@ -77,5 +77,5 @@ def test_a_row_is_judged_anew_as_its_results_would_be(good):
         value = factor * references(good, {"references": [number]}).ours.iloc[0]
         plain, wide = number | {"value": value}, number | {"value": value, "digit": 0.2 * value}
         kept, made = (references(good, {"references": [one]}).iloc[0] for one in (plain, wide))
-        again = judged(kept, wide)
+        again = verdict_in_band(kept, wide)
         assert again == {name: made[name] for name in again}
