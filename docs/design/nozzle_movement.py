@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import shipped
+from lvnav_trade.engines.setup.vehicle import burns as burns_of
 from lvnav_trade.envelope import steady_ratio
 from lvnav_trade.metrics.vehicle import reduction
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, line_of, look
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control.ascent import ascend
-from lvnav_trade.world.control.loop import (
+from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
+from lvnav_trade.world.guided.course import ascend, changes
+from lvnav_trade.world.guided.loop import (
     INSIDE_JERK,
     INSIDE_TURNING,
     JERK,
@@ -35,8 +37,7 @@ from lvnav_trade.world.control.loop import (
     TURNING_BOUND,
     TURNING_RATIO,
 )
-from lvnav_trade.world.control.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
-from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
+from lvnav_trade.world.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.sensors.imu import ImuCard
 
 RUNS = 20
@@ -75,10 +76,8 @@ def main() -> None:
     """Print the tables and draw the figures."""
     improvements()
     churchill = launch()
-    events = churchill.changes
-    burning = churchill.body.motor > 0
-    edges = np.flatnonzero(np.diff(burning.astype(int), prepend=0, append=0))
-    burns = churchill.body.t[np.minimum(edges, burning.size - 1)].reshape(-1, 2)
+    events = changes(churchill.ascent.trajectory)
+    burns = np.array(burns_of(churchill.ascent.trajectory))
     print(f"changes of phase at {', '.join(f'{t:.1f}' for t in events)} s")
     for noise in READINGS:
         missions = {rate: fly(churchill, rate, noise) for rate in ("raw", "filtered", "true")}

@@ -1,4 +1,4 @@
 """The vehicle under attitude control, run by run, beside the navigation filter: how its nozzle moves and it turns.
 
-`nozzle.py` gives the results of a case; the closed loop is in `world/control`.
+`nozzle.py` gives the results of a case; the closed loop is in `world/guided`.
 """

@@ -12,10 +12,10 @@ from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control import loop
-from lvnav_trade.world.control.ascent import Ascent, ascend
-from lvnav_trade.world.control.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.control_cards import FeedbackCard
+from lvnav_trade.world.guided import loop
+from lvnav_trade.world.guided.course import Ascent, ascend
+from lvnav_trade.world.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.sensors.units import equivalent
 
 # Rates that the controller is fed, a mission each.
@@ -141,7 +141,8 @@ def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
 
 def _formal(launch: Launch, flown: Missions) -> Floats:
     """Return the root mean square (2, N_PHASE) of the filter's sigma of the rate, NaN of a phase that there is not."""
-    phase = launch.phase[: -1 : max(1, round((launch.body.t.size - 1) / flown.t.size))][: flown.t.size]
+    course = launch.course
+    phase = course.phase[: -1 : max(1, round((course.t.size - 1) / flown.t.size))][: flown.t.size]
     found = np.full((2, loop.N_PHASE), np.nan)
     for number in np.unique(phase):
         found[:, number] = np.sqrt(np.mean(flown.history[:, phase == number, :, loop.FORMAL] ** 2, axis=(0, 1)))

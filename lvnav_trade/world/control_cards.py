@@ -232,6 +232,23 @@ class SteeredCard(units.Card):
         """Yield what does not fit a vehicle of so many stages."""
         yield from _misfits(self.rotation, self.controller, stages)
 
+    def misguided(self, guidance: str) -> Iterator[str]:
+        """Yield what has no effect, or contradicts, where the trajectory's guidance steers."""
+        if self.realisation != 0:
+            yield f"control.realisation has no effect with guidance: {guidance}, every run is a launch; leave it out"
+        if self.controller.guidance is not None:
+            yield (
+                f"control.controller.guidance and guidance: {guidance} both correct the commanded attitude; give "
+                "controller.guidance: null"
+            )
+        usual = FeedbackCard()
+        for name in ("reference_sigma", "reference_rate"):
+            if getattr(self.feedback, name) != getattr(usual, name):
+                yield (
+                    f"control.feedback.{name} has no effect with guidance: {guidance}, the controller has the "
+                    "navigation of the run; leave it out"
+                )
+
 
 class ControlledCard(units.Card):
     """The vehicle of the ascent as a body that is steered in pitch and yaw, fed by its own navigation.

@@ -19,18 +19,18 @@ from lvnav_trade.delays.cards import AtmosphereCard
 from lvnav_trade.envelope import EnvelopeCard
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control.ascent import Ascent, ascend
-from lvnav_trade.world.control.missions import fly_missions, prepare_launch
 from lvnav_trade.world.control_cards import SteeredCard
 from lvnav_trade.world.flight.orbital import OrbitalFlight
 from lvnav_trade.world.flight.sounding import SoundingFlight
 from lvnav_trade.world.flight.trajectory import Trajectory, TrajectoryCard, build, reference
 from lvnav_trade.world.gravity import GravityCard
+from lvnav_trade.world.guided.course import Ascent, ascend
+from lvnav_trade.world.guided.missions import fly_missions, prepare_launch
 from lvnav_trade.world.sky.constellation import CombinedConstellation, NominalConstellation
 from tests.building import SITE_R, flight, loaded, prepare_hop, turning, with_fields
 from tests.walking import digest, idle
 from tests.world import flights
-from tests.world.control.launches import settings
+from tests.world.guided.launches import settings
 from tests.world.tables import card as table_card
 from tests.world.tables import write
 

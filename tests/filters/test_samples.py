@@ -14,7 +14,7 @@ from lvnav_trade.envelope import steady_ratio
 from lvnav_trade.filters import samples
 from lvnav_trade.filters.delayed import Delayed, new_earlier
 from lvnav_trade.kernels.transition import POS
-from lvnav_trade.world.control.axis import filter_gain
+from lvnav_trade.world.guided.axis import filter_gain
 from tests.engines.modelled import BASELINE, MODEL, UNKNOWN, modelled
 
 SEED = 20261121

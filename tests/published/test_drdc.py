@@ -20,7 +20,7 @@ from lvnav_trade.steering import nozzle as controlled
 from lvnav_trade.store.read import load as results_of
 from tests.building import flying, hop
 from tests.scripts import publication
-from tests.world.control.launches import steady_launch
+from tests.world.guided.launches import fly_steady, steady_launch
 
 EVENTS = {
     "liftoff": 0.0, "kick": 1.0, "stage1_cutoff": 13.0, "stage1_separation": 13.5, "stage2_ignition": 14.0,
@@ -107,6 +107,7 @@ def test_the_nozzle_moves_less_with_the_filtered_rate(tmp_path):
     launch = steady_launch(20.0, gust=3.0, moment=0.003, force=0.03)
     with (
         patch.object(controlled, "launch_of", lambda _: launch),
+        patch.object(controlled, "fly_missions", fly_steady),
         patch.object(controlled, "_burns_of", lambda _: [(0.0, 13.0)]),
     ):
         only_one = ("axes.1.values=[1]", 'axes.1.labels=["1"]', "report.sections=[control]")
@@ -130,6 +131,7 @@ def test_a_narrower_envelope_moves_the_nozzle_less_where_the_air_is_thin(tmp_pat
 
     with (
         patch.object(controlled, "launch_of", believing),
+        patch.object(controlled, "fly_missions", fly_steady),
         patch.object(controlled, "_burns_of", lambda _: [(0.0, 13.0)]),
     ):
         found = METRICS["worth"](

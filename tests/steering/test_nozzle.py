@@ -12,9 +12,8 @@ from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.errors import InputError
 from lvnav_trade.steering import nozzle as room
 from lvnav_trade.steering.nozzle import FEEDS, controlled
-from lvnav_trade.world.control.loop import MOVED, TICKS
-from lvnav_trade.world.control.missions import fly_missions
-from tests.world.control.launches import steady_launch
+from lvnav_trade.world.guided.loop import MOVED, TICKS
+from tests.world.guided.launches import fly_steady, steady_launch
 
 WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}
 
@@ -27,14 +26,18 @@ def scenario():
 @pytest.fixture(scope="module")
 def found(scenario):
     launch = steady_launch(30.0, **WINDY)
-    with patch.object(room, "launch_of", lambda _: launch), patch.object(room, "_burns_of", lambda _: [(0.0, 20.0)]):
+    with (
+        patch.object(room, "launch_of", lambda _: launch),
+        patch.object(room, "fly_missions", fly_steady),
+        patch.object(room, "_burns_of", lambda _: [(0.0, 20.0)]),
+    ):
         return controlled(scenario, 3, 4), launch
 
 
 def test_missions_are_those_of_the_loop_on_the_campaigns_draws(scenario, found):
     missions, launch = found
     for feed in FEEDS:
-        flown = fly_missions(launch, room.feedback(scenario, feed), 4, 3)
+        flown = fly_steady(launch, room.feedback(scenario, feed), 4, 3)
         np.testing.assert_array_equal(missions.total[FEEDS.index(feed), :, 0], flown.movement)
         np.testing.assert_allclose(missions.mean[FEEDS.index(feed)], flown.history[..., MOVED].mean(axis=0))
         ticks = flown.sums[..., TICKS].sum(axis=0)

@@ -59,6 +59,8 @@ def used(prepared: Prepared, read: Collection[str]) -> Used:
     if scenario.control is not None:
         steered = (name for name, card in scenario.sensors.items() if card and card.measurement == "attitude")
         whole += (*_CONTROL, *(f"sensors.{name}" for name in steered))
+    if prepared.plan is not None:
+        whole += ("trajectory.control",)  # runs fly it
     exact = dict(_exact(prepared))
     idle = dict(
         [

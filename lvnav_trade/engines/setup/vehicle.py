@@ -15,7 +15,7 @@ from lvnav_trade.layout import StateLayout
 from lvnav_trade.per_axis import PerAxis, squares
 from lvnav_trade.records import Bools, Floats, Reference
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.control.ascent import changes
+from lvnav_trade.world.guided.course import changes
 from lvnav_trade.world.truth import Trajectory
 
 

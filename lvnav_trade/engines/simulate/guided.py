@@ -8,13 +8,16 @@ import numpy as np
 
 from lvnav_trade.engines.setup.prepared import Prepared
 from lvnav_trade.frames import matrices
+from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.records import NO_INJECTIONS, NO_LOST, OUTCOMES, Floats
 from lvnav_trade.world.ascent.dispersion_card import SOURCES
 from lvnav_trade.world.guided.draws import draw
 from lvnav_trade.world.guided.dynamics import Navigation
+from lvnav_trade.world.guided.loop import Draws
 from lvnav_trade.world.guided.orbit import orbit_difference, orbit_of
+from lvnav_trade.world.guided.pilots import INJECTED
 from lvnav_trade.world.guided.reference import steering_times
-from lvnav_trade.world.guided.runs import INJECTED, Injection, inject
+from lvnav_trade.world.guided.runs import Injection, inject
 
 _N_MOTION = 9  # outputs that every case begins with: attitude, velocity, position
 
@@ -46,7 +49,11 @@ def injections(prepared: Prepared, seed: int, first_run: int, errors: Floats) ->
     steered = steering_times(plan, prepared.record.t)
     navigated = [Navigation(prepared.record.t[steered], error[steered]) for error in in_inertial_axes(prepared, errors)]
     drawn = [draw(plan.card, seed, first_run + k) for k in range(len(navigated))]
-    results = [inject(plan, *pair) for pair in zip(drawn, navigated, strict=True)]
+    words = seed_words(seed)
+    results = [
+        inject(plan, *pair, Draws(*words, np.uint64(first_run + k)))
+        for k, pair in enumerate(zip(drawn, navigated, strict=True))
+    ]
     lost = [
         (first_run + k, SOURCES.index(name), number, value)
         for k, result in enumerate(results)

@@ -302,7 +302,13 @@ class VehicleAscent(FlightCard):
     coast_after_injection: units.TimeConstant = 20.0  # time from injection to the end of the flight
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
     control: SteeredCard | None = Field(
-        None, description="wind and attitude control of the ascent; none: ideal attitude"
+        None,
+        description="wind and attitude control of the ascent, with guidance of every run; none: ideal attitude",
+    )
+    attitude_lag: Annotated[units.TimeConstant, Field(ge=0.01)] | None = Field(
+        None,
+        description="time constant with which the attitude follows a command, with guidance; none: immediately",
+        json_schema_extra={"digest_if_set": True},
     )
 
     def _faults(self) -> Iterator[str]:
@@ -336,6 +342,8 @@ class VehicleAscent(FlightCard):
             yield "dispersion.sigmas and dispersion.draw need guidance: open_loop or explicit"
         if self.cutoff != "energy":
             yield "cutoff has no effect without guidance: give guidance: open_loop or explicit"
+        if self.attitude_lag is not None:
+            yield "attitude_lag has no effect without guidance: give guidance: open_loop or explicit"
 
     def _misguided(self) -> Iterator[str]:
         if self.parking is not None:
@@ -343,8 +351,12 @@ class VehicleAscent(FlightCard):
                 f"guidance: {self.guidance} steers one burn into the target; with a parking orbit give guidance: "
                 "nominal, or leave parking out"
             )
-        if self.control is not None or self.oscillation:
-            yield f"guidance: {self.guidance} flies a point mass: leave out control and oscillation"
+        if self.oscillation:
+            yield f"guidance: {self.guidance} flies a body that does not oscillate: leave oscillation out"
+        if self.control is not None:
+            yield from self.control.misguided(self.guidance)
+            if self.attitude_lag is not None:
+                yield "attitude_lag and control both say how the body follows its command; leave one of them out"
         if self.dispersion is not None:
             yield from self.dispersion.misfits(self.vehicle.dispersions)
             if self.dispersion.pitch_program != 0.0:

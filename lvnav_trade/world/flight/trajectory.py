@@ -10,10 +10,10 @@ from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.marks import without_marks
 from lvnav_trade.world.ascent.profile import RecordedAscent, rebuild
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control.flown import flown_ascent
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.flight.orbital import OrbitalFlight, orbit
 from lvnav_trade.world.flight.sounding import SoundingFlight, launch
+from lvnav_trade.world.guided.flown import flown_ascent
 from lvnav_trade.world.oscillation import oscillations
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.truth import Phase, Trajectory, motion, oscillating, reference
@@ -87,7 +87,7 @@ def identity(card: TrajectoryCard) -> str:
     if isinstance(card, VehicleAscent):
         dumped["vehicle"].pop("dispersions", None)  # they change runs, not the nominal trajectory
         guided = dumped.pop("guidance", None) is not None
-        for name in ("cutoff", "dispersion") if guided else ():
+        for name in ("cutoff", "dispersion", "control", "attitude_lag") if guided else ():
             dumped.pop(name, None)
     data = without_marks(dumped)
     text = json.dumps([type(card).__name__, data, content(card)], sort_keys=True)

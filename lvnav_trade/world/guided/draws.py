@@ -97,6 +97,12 @@ def _factor(spreads: SpreadsCard, sigmas: Sigmas, name: str, k: int) -> float:
     return max(_LEAST, 1.0 + float(sigmas[name][k]) * float(getattr(spreads, name)))
 
 
+def density_of(card: VehicleAscent, sigmas: Sigmas) -> float:
+    """Return the factor on the density of the air of a run."""
+    spreads = card.vehicle.dispersions
+    return 1.0 if spreads is None else _factor(spreads, sigmas, "density", 0)
+
+
 def _motor(motor: Stage | Boosters, spreads: SpreadsCard, sigmas: Sigmas, k: int) -> Stage | Boosters:
     thrust, impulse, load, dry = (
         _factor(spreads, sigmas, name, k) for name in ("thrust", "specific_impulse", "propellant", "dry_mass")

@@ -41,6 +41,9 @@ class Navigation(NamedTuple):
     error: Floats
 
 
+PERFECT = Navigation(np.array([0.0, 1.0]), np.zeros((2, 9)))
+
+
 class Wind(NamedTuple):
     """Wind over height, linear between the entries; none above the last one.
 
@@ -97,6 +100,8 @@ class Surroundings(NamedTuple):
     wind : Wind over height.
     misalignment : (2,) rad. Of the thrust, down and to the right.
     law : Explicit guidance.
+    lag : s. Time constant with which the body follows its command; 0: at once. With a lag a state has ten numbers, the
+        last three the direction of the body.
     """
 
     programme: Programme
@@ -105,6 +110,7 @@ class Surroundings(NamedTuple):
     wind: Wind
     misalignment: Floats
     law: Law
+    lag: float = 0.0
 
 
 @making_arrays
@@ -144,26 +150,40 @@ def commanded(t: float, around: Surroundings) -> Vector:
 
 
 @jit
-def thrust_direction(t: float, r: Vector, around: Surroundings) -> Vector:
-    """Return the true direction of the thrust: the commanded one, turned by attitude error and misalignment.
+def held_direction(t: float, around: Surroundings) -> Vector:
+    """Return the true direction of a body that has the commanded attitude by its navigation.
 
-    The body has the commanded attitude by its navigation: C_true = (1 + [error x]) C_estimated.
+    C_true = (1 + [error x]) C_estimated.
     """
     u, e = commanded(t, around), error_at(t, around.navigation)
-    x = u[0] + e[1] * u[2] - e[2] * u[1]
-    y = u[1] + e[2] * u[0] - e[0] * u[2]
-    z = u[2] + e[0] * u[1] - e[1] * u[0]
-    down, right = around.misalignment[0], around.misalignment[1]
+    return _unit(
+        u[0] + e[1] * u[2] - e[2] * u[1],
+        u[1] + e[2] * u[0] - e[0] * u[2],
+        u[2] + e[0] * u[1] - e[1] * u[0],
+    )
+
+
+@jit
+def misaligned(u: Vector, r: Vector, misalignment: Floats) -> Vector:
+    """Return the direction of the thrust of a body that points along u: turned down and to the right by (2,) rad."""
+    down, right = misalignment[0], misalignment[1]
     if down == 0.0 and right == 0.0:
-        return _unit(x, y, z)
+        return u
     # right = u x up, upright = right x u
     a = _unit(u[1] * r[2] - u[2] * r[1], u[2] * r[0] - u[0] * r[2], u[0] * r[1] - u[1] * r[0])
     b = (a[1] * u[2] - a[2] * u[1], a[2] * u[0] - a[0] * u[2], a[0] * u[1] - a[1] * u[0])
+    x, y, z = u
     return _unit(x + right * a[0] - down * b[0], y + right * a[1] - down * b[1], z + right * a[2] - down * b[2])
 
 
 @jit
-def _wind(r: Vector, wind: Wind) -> Vector:
+def thrust_direction(t: float, r: Vector, around: Surroundings) -> Vector:
+    """Return the true direction of the thrust of a body that holds its command, with its misalignment."""
+    return misaligned(held_direction(t, around), r, around.misalignment)
+
+
+@jit
+def velocity_of_air(r: Vector, wind: Wind) -> Vector:
     """Return the velocity of the air over the ground, frame i."""
     x = height_above(r[0], r[1], r[2]) / wind.step
     last = wind.speed.shape[0] - 1
@@ -181,18 +201,25 @@ def _wind(r: Vector, wind: Wind) -> Vector:
 
 @making_arrays
 def rates(t: float, y: Floats, engine: Engine, around: Surroundings) -> Floats:
-    """Return the time derivative (7,) of y (7,): inertial position (m), velocity (m/s), mass (kg)."""
+    """Return the time derivative of y (7 or 10,): inertial position (m), velocity (m/s), mass (kg), and with a lag the
+    direction of the body.
+    """
     r = (y[0], y[1], y[2])
-    air = _wind(r, around.wind)
+    air = velocity_of_air(r, around.wind)
     w = (y[3] + OMEGA * r[1] - air[0], y[4] - OMEGA * r[0] - air[1], y[5] - air[2])
     push, pressure = drag_factor(r, w, around.drag)
     other, flow = thrust_beside(t, pressure, engine.beside)
     thrust, throttle = thrust_of(y[6], pressure, engine, other)
     thrust += other
     g = gravity_j4(r[0], r[1], r[2])
-    out = np.empty(7)
+    out = np.empty(y.size)
     u = (0.0, 0.0, 0.0)
-    if thrust > 0.0:
+    if around.lag > 0.0:
+        wanted, body = held_direction(t, around), (y[7], y[8], y[9])
+        for i in range(3):
+            out[7 + i] = (wanted[i] - body[i]) / around.lag
+        u = misaligned(_unit(body[0], body[1], body[2]), r, around.misalignment)
+    elif thrust > 0.0:
         u = thrust_direction(t, r, around)
     for i in range(3):
         out[i] = y[3 + i]
@@ -203,7 +230,7 @@ def rates(t: float, y: Floats, engine: Engine, around: Surroundings) -> Floats:
 
 @making_arrays
 def step(t: float, h: float, y: Floats, engine: Engine, around: Surroundings) -> Floats:
-    """Return y (7,) advanced by h with the classical Runge-Kutta step of fourth order."""
+    """Return y (7 or 10,) advanced by h with the classical Runge-Kutta step of fourth order."""
     k1 = rates(t, y, engine, around)
     k2 = rates(t + 0.5 * h, y + 0.5 * h * k1, engine, around)
     k3 = rates(t + 0.5 * h, y + 0.5 * h * k2, engine, around)

@@ -34,6 +34,7 @@ class Plan(NamedTuple):
     explicit : Whether the last stage steers by the navigated state.
     by_energy : Whether it is cut off at the energy, and not at the time.
     spreads : Sigma of each source that is dispersed, by its name.
+    lag : s. Time constant with which the body follows its command; 0: at once.
     """
 
     card: VehicleAscent
@@ -46,6 +47,7 @@ class Plan(NamedTuple):
     explicit: bool = False
     by_energy: bool = True
     spreads: tuple[tuple[str, float], ...] = ()
+    lag: float = 0.0
 
 
 def steering_times(plan: Plan, t: Floats) -> slice:
@@ -61,18 +63,25 @@ def plan_of(card: VehicleAscent) -> Plan:
     """Return what guidance knows of an ascent; InputError where its vehicle does not reach the target."""
     how, spreads = card.dispersion, card.vehicle.dispersions
     named = () if how is None or spreads is None else (*how.drawn, *how.sigmas)
-    solved = _planned(card.model_dump_json(exclude={"named_times", "guidance", "cutoff", "dispersion"}), card)
+    beside = {"named_times", "guidance", "cutoff", "dispersion", "control", "attitude_lag"}
+    solved = _planned(card.model_dump_json(exclude=beside), card)
     return solved._replace(
         card=card,
         explicit=card.guidance == "explicit",
         by_energy=card.cutoff == "energy",
         spreads=tuple((name, float(getattr(spreads, name))) for name in SOURCES if name in named),
+        lag=card.attitude_lag or 0.0,
     )
 
 
 @remembered(4)
 def _planned(key: str, card: VehicleAscent) -> Plan:
     _, aim, flight = flown(card)
+    return plan_along(card, aim, flight)
+
+
+def plan_along(card: VehicleAscent, aim: Aim, flight: Flight) -> Plan:
+    """Return what guidance knows of an ascent that is solved and flown."""
     last = next(leg for leg in reversed(flight.legs) if leg.t[-1] <= flight.events["injection"] + 1e-9)
     y = last.y[-1]
     entry = entry_of(card)

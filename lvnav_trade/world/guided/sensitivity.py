@@ -17,7 +17,7 @@ from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.reads import remembered
 from lvnav_trade.records import INJECTION, ORBIT, Floats
 from lvnav_trade.world.ascent.dynamics import Engine, height_above
-from lvnav_trade.world.ascent.legs import COASTING, STEP
+from lvnav_trade.world.ascent.legs import COASTING
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.guided.draws import NO_RUN, WIND_TOP, Sigmas, deviations, draw, numbers, vehicle_of, wind_of
 from lvnav_trade.world.guided.dynamics import (
@@ -33,14 +33,15 @@ from lvnav_trade.world.guided.dynamics import (
 )
 from lvnav_trade.world.guided.explicit import LAMBDA, N_KEPT, REFERENCE, STARTED, TURN
 from lvnav_trade.world.guided.orbit import orbit_difference, orbit_of, with_apsides
+from lvnav_trade.world.guided.pilots import INJECTED, GuidedPilot
 from lvnav_trade.world.guided.reference import Plan, plan_of
-from lvnav_trade.world.guided.runs import INJECTED, GuidedPilot, Injection, empty_mass, inject
+from lvnav_trade.world.guided.runs import Injection, empty_mass, inject
 
 _CHUNK = 1.0  # s, of the pieces that are flown again with a number changed
-_N_MOTION = 7  # position, velocity and mass
+_MASS = 6  # place of the mass in a state, after position and velocity
 _LEFT = INJECTION.index("propellant_left")
 # Steps of the central differences. Their second order is a millionth of the first, round-off less.
-_MOTION_STEPS = np.array([10.0] * 3 + [0.1] * 3 + [1e-5])  # m, m/s, and a share of the mass
+_MOTION_STEPS = np.array([10.0] * 3 + [0.1] * 3 + [1e-5] + [1e-4] * 3)  # m, m/s, a share of the mass, a direction
 _ERROR_STEPS = np.array([1e-4] * 3 + [0.1] * 3 + [10.0] * 3)  # rad, m/s, m
 _WIND_STEP = 1.0  # m/s
 # Of what guidance keeps, see `explicit`; 0: a number that nothing changes
@@ -79,8 +80,9 @@ class _Piece(NamedTuple):
 
     begin : s since lift-off.
     end : s since lift-off.
-    y : (7,). State at its begin.
+    y : (n_motion,). State at its begin: 7, or 10 of a body that follows its command with a lag.
     kept : (N_KEPT,). What guidance keeps there.
+    longest : s. Longest step of integration.
     engine : What pushes.
     around : What it is flown with.
     steers : Whether explicit guidance steers it, with a pass at its begin.
@@ -90,6 +92,7 @@ class _Piece(NamedTuple):
     end: float
     y: Floats
     kept: Floats
+    longest: float
     engine: Engine
     around: Surroundings
     steers: bool
@@ -110,7 +113,7 @@ def _moved(piece: _Piece, y: Floats, renewed: Floats) -> Floats:
     """Return the state (7,) at the end of a piece that begins at y (7,), with what guidance keeps from there on."""
     piece.around.law.kept[:] = renewed
     span = piece.end - piece.begin
-    n = max(1, math.ceil(span / STEP - 1e-9))
+    n = max(1, math.ceil(span / piece.longest - 1e-9))
     for k in range(n):
         y = step(piece.begin + k * span / n, span / n, y, piece.engine, piece.around)
     return y
@@ -118,13 +121,14 @@ def _moved(piece: _Piece, y: Floats, renewed: Floats) -> Floats:
 
 @making_arrays
 def _pass_by_all(piece: _Piece, first: int) -> tuple[Floats, Floats]:
-    """Return the derivatives of what guidance keeps after the pass at the begin of a piece: (N_KEPT, 7 + N_KEPT) by
-    state and by what it kept before, (9, N_KEPT) by the navigation error at its time of number `first`.
+    """Return the derivatives of what guidance keeps after the pass at the begin of a piece: (N_KEPT, n_motion + N_KEPT)
+    by state and by what it kept before, (9, N_KEPT) by the navigation error at its time of number `first`.
     """
-    by_state, by_error = np.zeros((N_KEPT, _N_MOTION + N_KEPT)), np.zeros((_ERROR_STEPS.size, N_KEPT))
+    n = piece.y.size
+    by_state, by_error = np.zeros((N_KEPT, n + N_KEPT)), np.zeros((_ERROR_STEPS.size, N_KEPT))
     y, kept, error = piece.y.copy(), piece.kept.copy(), piece.around.navigation.error
-    for k in range(_N_MOTION):
-        size, before = _MOTION_STEPS[k] * (y[k] if k == _N_MOTION - 1 else 1.0), y[k]
+    for k in range(n):
+        size, before = _MOTION_STEPS[k] * (y[k] if k == _MASS else 1.0), y[k]
         y[k] = before + size
         high = _renewed(piece, y, kept)
         y[k] = before - size
@@ -136,7 +140,7 @@ def _pass_by_all(piece: _Piece, first: int) -> tuple[Floats, Floats]:
             kept[k] = before + size
             high = _renewed(piece, y, kept)
             kept[k] = before - size
-            by_state[:, _N_MOTION + k] = (high - _renewed(piece, y, kept)) / (2.0 * size)
+            by_state[:, n + k] = (high - _renewed(piece, y, kept)) / (2.0 * size)
             kept[k] = before
     for column in range(3, _ERROR_STEPS.size):  # guidance reads velocity and position
         size, before = _ERROR_STEPS[column], error[first, column]
@@ -150,10 +154,13 @@ def _pass_by_all(piece: _Piece, first: int) -> tuple[Floats, Floats]:
 
 @making_arrays
 def _motion_by_state(piece: _Piece, renewed: Floats) -> Floats:
-    """Return the derivative (7, 7 + N_KEPT) of the state at the end of a piece by state and guidance after its pass."""
-    found, y, kept = np.zeros((_N_MOTION, _N_MOTION + N_KEPT)), piece.y.copy(), renewed.copy()
-    for k in range(_N_MOTION):
-        size, before = _MOTION_STEPS[k] * (y[k] if k == _N_MOTION - 1 else 1.0), y[k]
+    """Return the derivative (n_motion, n_motion + N_KEPT) of the state at the end of a piece by the state, and by what
+    guidance keeps after its pass.
+    """
+    n = piece.y.size
+    found, y, kept = np.zeros((n, n + N_KEPT)), piece.y.copy(), renewed.copy()
+    for k in range(n):
+        size, before = _MOTION_STEPS[k] * (y[k] if k == _MASS else 1.0), y[k]
         y[k] = before + size
         high = _moved(piece, y, kept)
         y[k] = before - size
@@ -164,18 +171,19 @@ def _motion_by_state(piece: _Piece, renewed: Floats) -> Floats:
         kept[k] = before + size
         high = _moved(piece, y, kept)
         kept[k] = before - size
-        found[:, _N_MOTION + k] = (high - _moved(piece, y, kept)) / (2.0 * size)
+        found[:, n + k] = (high - _moved(piece, y, kept)) / (2.0 * size)
         kept[k] = before
     return found
 
 
 @making_arrays
 def _motion_by_table(piece: _Piece, renewed: Floats, table: Floats, rows: tuple[int, int], steps: Floats) -> Floats:
-    """Return the derivative (n_row, n_column, 7) of the state at the end of a piece by the first columns of a table
-    that it is flown with, one for each of the steps; rows: the first and the last one.
+    """Return the derivative (n_row, n_column, n_motion) of the state at the end of a piece by a table it is flown with.
+
+    The first columns are changed, one for each of the steps; rows: the first and the last one.
     """
     first, last = rows
-    found = np.zeros((last - first + 1, steps.size, _N_MOTION))
+    found = np.zeros((last - first + 1, steps.size, piece.y.size))
     for row in range(last - first + 1):
         for column in range(steps.size):
             size, before = steps[column], table[first + row, column]
@@ -208,12 +216,13 @@ class _Recorded(GuidedPilot):
         while self.t < end - 1e-9 and why == WHOLE:
             until = min(self.t + self.around.law.cycle, end)
             self._keep(self.t, until, push, self.around.law.start < math.inf)
-            self.t, self.y, why = fly_last(self.t, until, STEP, self.y, push, self.around, cutoff)
+            self.t, self.y, why = fly_last(self.t, until, self.longest, self.y, push, self.around, cutoff)
             self.pieces[-1] = self.pieces[-1]._replace(end=self.t)
         return why
 
     def _keep(self, begin: float, end: float, push: Engine, steers: bool = False) -> _Piece:
-        piece = _Piece(begin, end, self.y.copy(), self.around.law.kept.copy(), push, self.around, steers)
+        kept = self.around.law.kept.copy()
+        piece = _Piece(begin, end, self.y.copy(), kept, self.longest, push, self.around, steers)
         self.pieces.append(piece)
         return piece
 
@@ -221,7 +230,7 @@ class _Recorded(GuidedPilot):
 class _Ending(NamedTuple):
     """Derivatives of an injection at the nominal time of the cut-off.
 
-    by_state : (n_number, 7). By the true state.
+    by_state : (n_number, n_motion). By the true state.
     by_error : (n_number, 9). By the navigation error.
     knowledge : (n_orbit, 9). Of the achieved orbit less the navigated one, by the navigation error.
     """
@@ -244,6 +253,8 @@ def sensitivity(plan: Plan, t: Floats) -> Sensitivity:
 
 @remembered(4)
 def _remembered(key: tuple[str, bytes], card: VehicleAscent) -> Sensitivity:
+    if card.control is not None:
+        return Sensitivity("a vehicle under attitude control has draws and limits of its own, ask for runs")
     plan, t = plan_of(card), np.frombuffer(key[1]).copy()
     fixed, target = draw(card, 0, NO_RUN), orbit_of(plan.nominal[None])[0]
     drawn = () if card.dispersion is None else card.dispersion.drawn
@@ -255,7 +266,7 @@ def _remembered(key: tuple[str, bytes], card: VehicleAscent) -> Sensitivity:
         return Sensitivity(f"the reference flight, without draws and navigation errors, ends as {outcome!r}")
     ending = _ending(pilot, target)
     navigation, gusts = _by_flight(pilot.pieces, ending, t)
-    reference = np.append(orbit_of(pilot.y[None])[0], [pilot.t, pilot.y[-1] - empty_mass(pilot.card)])
+    reference = np.append(orbit_of(pilot.y[None])[0], [pilot.t, pilot.y[_MASS] - empty_mass(pilot.card)])
     vehicle, curvature = list[tuple[str, Floats]](), [np.zeros((0, len(INJECTION)))]
     for name in sources:
         if name == "wind":
@@ -289,9 +300,9 @@ def _ending(pilot: _Recorded, target: Floats) -> _Ending:
         delay = -gradient / (gradient @ slope[:6])
     pilot.push(pilot.differs.tail_off)
     orbit = _by_motion(pilot.y, target)
-    moved = np.append(orbit @ slope[:6], [1.0, slope[-1]])  # of all numbers, by the time of the cut-off
-    by_state = np.zeros((len(INJECTION), _N_MOTION))
-    by_state[: len(ORBIT), :6], by_state[_LEFT, -1] = orbit, 1.0
+    moved = np.append(orbit @ slope[:6], [1.0, slope[_MASS]])  # of all numbers, by the time of the cut-off
+    by_state = np.zeros((len(INJECTION), y.size))
+    by_state[: len(ORBIT), :6], by_state[_LEFT, _MASS] = orbit, 1.0
     by_state[:, :6] += np.outer(moved, delay)
     # a navigated state is the true one less the error; velocity stands before position in the errors
     swapped = np.concatenate([np.zeros(3), delay[3:], delay[:3]])
@@ -311,16 +322,18 @@ def _by_flight(pieces: list[_Piece], ending: _Ending, t: Floats) -> tuple[Floats
     """Return the derivative (n_t, n_number, 9) of an injection by navigation errors on the way, and that (n_height, 2,
     n_number) by the wind (m/s) where it can be changed.
     """
-    ahead = np.zeros((len(INJECTION), _N_MOTION + N_KEPT))
-    ahead[:, :_N_MOTION] = ending.by_state
+    n = ending.by_state.shape[1]
+    ahead = np.zeros((len(INJECTION), n + N_KEPT))
+    ahead[:, :n] = ending.by_state
     navigation = np.zeros((t.size, len(INJECTION), _ERROR_STEPS.size))
     gusts = np.zeros((*pieces[0].around.wind.speed.shape, len(INJECTION)))
     for piece in reversed(pieces):
-        by_motion, by_kept, entered = ahead[:, :_N_MOTION], ahead[:, _N_MOTION:], np.zeros_like(ahead)
+        by_motion, by_kept, entered = ahead[:, :n], ahead[:, n:], np.zeros_like(ahead)
         renewed = _renewed(piece, piece.y, piece.kept)
         motion = _motion_by_state(piece, renewed)
         first, last = _held(t, piece.begin), _held(t, piece.end + 1e-9)  # a step reads the error at its end too
-        if piece.engine.thrust > 0.0 or piece.engine.beside.thrust > 0.0:
+        # with a lag the body turns to what its navigation says in coasts as well
+        if piece.engine.thrust > 0.0 or piece.engine.beside.thrust > 0.0 or piece.around.lag > 0.0:
             tilted = _motion_by_table(piece, renewed, piece.around.navigation.error, (first, last), _ERROR_STEPS[:3])
             navigation[first : last + 1, :, :3] += np.einsum("kes,ns->kne", tilted, by_motion)
         wind, heights = piece.around.wind, [height_above(*y[:3]) for y in (piece.y, _moved(piece, piece.y, renewed))]
@@ -328,9 +341,9 @@ def _by_flight(pieces: list[_Piece], ending: _Ending, t: Floats) -> tuple[Floats
             rows = _heights(wind, min(heights), max(heights))
             blown = _motion_by_table(piece, renewed, wind.speed, rows, np.full(2, _WIND_STEP))
             gusts[rows[0] : rows[1] + 1] += np.einsum("kes,ns->ken", blown, by_motion)
-        entered[:, :_N_MOTION] = by_motion @ motion[:, :_N_MOTION]
+        entered[:, :n] = by_motion @ motion[:, :n]
         if piece.steers:
-            by_renewed = by_kept + by_motion @ motion[:, _N_MOTION:]
+            by_renewed = by_kept + by_motion @ motion[:, n:]
             passed, seen = _pass_by_all(piece, first)
             entered += by_renewed @ passed
             navigation[first] += by_renewed @ seen.T

@@ -14,8 +14,9 @@ from lvnav_trade.world.ascent.dispersion_card import SOURCES
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.guided.draws import draw
 from lvnav_trade.world.guided.orbit import orbit_of
+from lvnav_trade.world.guided.pilots import INJECTED
 from lvnav_trade.world.guided.reference import plan_of
-from lvnav_trade.world.guided.runs import INJECTED, Injection, inject
+from lvnav_trade.world.guided.runs import Injection, inject
 from lvnav_trade.world.guided.sensitivity import sensitivity
 from tests.world.flights import launcher_settings
 from tests.world.guided.cases import guided, plan, state_of

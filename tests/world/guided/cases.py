@@ -21,8 +21,9 @@ def guided(name: str = "two_stage_leo", **changes: Any) -> VehicleAscent:
 
 @cache
 def plan(name: str = "two_stage_leo", guidance: str = "explicit", cutoff: str = "energy") -> Plan:
-    """Return the plan of a shipped ascent whose runs draw all spreads."""
-    return plan_of(guided(name, guidance=guidance, cutoff=cutoff, dispersion={"draw": "all"}))
+    """Return the plan of a shipped ascent whose runs draw all spreads; "NAME lagging": its body lags by 0.5 s."""
+    lag = {"attitude_lag": "0.5 s"} if name.endswith("lagging") else {}
+    return plan_of(guided(name.split()[0], guidance=guidance, cutoff=cutoff, dispersion={"draw": "all"}, **lag))
 
 
 def state_of(**changes: float) -> np.ndarray:

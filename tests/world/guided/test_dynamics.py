@@ -11,8 +11,16 @@ from lvnav_trade.world.ascent.dynamics import Engine
 from lvnav_trade.world.ascent.legs import STEP
 from lvnav_trade.world.guided import dynamics
 from lvnav_trade.world.guided.draws import deviations
-from lvnav_trade.world.guided.dynamics import Cutoff, Navigation, error_at, fly_last, fly_piece, navigated_energy
-from lvnav_trade.world.guided.runs import PERFECT, GuidedPilot
+from lvnav_trade.world.guided.dynamics import (
+    PERFECT,
+    Cutoff,
+    Navigation,
+    error_at,
+    fly_last,
+    fly_piece,
+    navigated_energy,
+)
+from lvnav_trade.world.guided.pilots import GuidedPilot
 from tests.world.guided.cases import constant_error, plan
 
 

@@ -15,8 +15,9 @@ from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.world.ascent.legs import pad_state
 from lvnav_trade.world.guided.draws import WIND_STEP, deviations, draw, numbers, vehicle_of
 from lvnav_trade.world.guided.dynamics import Navigation
+from lvnav_trade.world.guided.pilots import ADRIFT, DEPLETED, INJECTED
 from lvnav_trade.world.guided.reference import plan_of
-from lvnav_trade.world.guided.runs import ADRIFT, DEPLETED, INJECTED, inject
+from lvnav_trade.world.guided.runs import inject
 from tests.world.guided.cases import constant_error, guided, plan
 
 ONE_BY_ONE = [

@@ -49,6 +49,8 @@ def errors_of(kind, t):
         ("electron_leo", "explicit", "energy"),
         ("pslv_polar", "open_loop", "time"),
         ("churchill_sso", "explicit", "energy"),
+        ("electron_leo lagging", "explicit", "energy"),
+        ("two_stage_leo lagging", "open_loop", "energy"),
     ],
 )
 def test_navigation_errors_do_what_whole_flights_say(name, guidance, cutoff, kind):

@@ -9,8 +9,9 @@ import pytest
 
 from lvnav_trade.metrics.vehicle import reduction
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control.ascent import ascend
-from lvnav_trade.world.control.loop import (
+from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
+from lvnav_trade.world.guided.course import ascend
+from lvnav_trade.world.guided.loop import (
     AIR,
     BURN,
     CHANGE,
@@ -21,10 +22,9 @@ from lvnav_trade.world.control.loop import (
     NOZZLE,
     TICKS,
 )
-from lvnav_trade.world.control.missions import fly_missions, prepare_launch, with_rate_gain
-from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
+from lvnav_trade.world.guided.missions import fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.sensors.imu import ImuCard
-from tests.world.control.launches import settings, steady_launch
+from tests.world.guided.launches import fly_steady, settings, steady_launch
 
 WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}
 
@@ -32,30 +32,30 @@ WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}
 def test_two_missions_meet_the_same_wind_gusts_and_noise():
     launch = steady_launch(**WINDY)
     raw, filtered, again = (
-        fly_missions(launch, FeedbackCard(rate=rate, noise="published"), 3, every=1)
+        fly_steady(launch, FeedbackCard(rate=rate, noise="published"), 3, every=1)
         for rate in ("raw", "filtered", "raw")
     )
     np.testing.assert_array_equal(raw.history[..., AIR], filtered.history[..., AIR])
     np.testing.assert_array_equal(raw.history, again.history)
     assert (raw.movement != filtered.movement).all()
     # What the raw gyro adds to the true rate is the noise alone: the same whatever moves the vehicle.
-    still = fly_missions(launch, FeedbackCard(rate="true", noise="none"), 3, every=1)
+    still = fly_steady(launch, FeedbackCard(rate="true", noise="none"), 3, every=1)
     np.testing.assert_array_equal(raw.history[..., AIR], still.history[..., AIR])
 
 
 def test_a_run_is_the_same_alone_and_among_others_and_runs_and_seeds_differ():
     launch = steady_launch(5.0, **WINDY)
     feedback = FeedbackCard(noise="published")
-    three = fly_missions(launch, feedback, 3, every=1)
-    alone = fly_missions(launch, feedback, 1, every=1, first_run=2)
+    three = fly_steady(launch, feedback, 3, every=1)
+    alone = fly_steady(launch, feedback, 1, every=1, first_run=2)
     np.testing.assert_array_equal(three.history[2], alone.history[0])
-    other = fly_missions(launch, feedback, 3, seed=2, every=1)
+    other = fly_steady(launch, feedback, 3, seed=2, every=1)
     assert np.unique(np.concatenate([three.movement[:, 0], other.movement[:, 0]])).size == 6
 
 
 def test_records_are_thinned_and_totals_are_not():
     launch = steady_launch(5.0, **WINDY)
-    full, thin = (fly_missions(launch, FeedbackCard(noise="published"), 2, every=every) for every in (1, 7))
+    full, thin = (fly_steady(launch, FeedbackCard(noise="published"), 2, every=every) for every in (1, 7))
     np.testing.assert_array_equal(thin.history, full.history[:, ::7])
     np.testing.assert_array_equal(thin.t, full.t[::7])
     np.testing.assert_array_equal(thin.movement, full.movement)
@@ -73,7 +73,7 @@ def test_the_filtered_rate_moves_the_nozzle_less_the_more_noise_there_is():
     parts = []
     for noise in ("published", "datasheet", "none"):
         raw, filtered = (
-            fly_missions(launch, FeedbackCard(rate=rate, noise=noise), 6).movement for rate in ("raw", "filtered")
+            fly_steady(launch, FeedbackCard(rate=rate, noise=noise), 6).movement for rate in ("raw", "filtered")
         )
         parts.append(reduction(raw, filtered)[0])
     assert (parts[0] > parts[1] + 0.3).all()
@@ -114,7 +114,7 @@ def test_the_nozzle_moves_less_with_the_filtered_rate_as_published_and_hardly_wi
         for mission in (raw, filtered):  # what the filter saves in movement is not paid for in attitude
             limit = churchill.rotation.nozzle.deflection_limit
             assert np.max(np.abs(mission.history[..., NOZZLE])) <= limit
-        pointing = [np.sqrt((m.history[:, churchill.phase[: -1 : 200] == BURN, :, ERROR] ** 2).mean())
+        pointing = [np.sqrt((m.history[:, churchill.course.phase[: -1 : 200] == BURN, :, ERROR] ** 2).mean())
                     for m in (raw, filtered)]  # fmt: skip
         assert pointing[1] < 1.05 * pointing[0]
 

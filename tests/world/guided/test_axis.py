@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import welch
 
-from lvnav_trade.world.control.axis import (
+from lvnav_trade.world.guided.axis import (
     body_step,
     command_step,
     filter_gain,

@@ -9,7 +9,8 @@ import pytest
 
 from lvnav_trade.engines.setup.vehicle import envelopes
 from lvnav_trade.envelope import steady_ratio
-from lvnav_trade.world.control.loop import (
+from lvnav_trade.world.control_cards import FeedbackCard, Guidance, rate_noise
+from lvnav_trade.world.guided.loop import (
     AIR,
     ASKED,
     ERROR,
@@ -25,16 +26,14 @@ from lvnav_trade.world.control.loop import (
     TURNING,
     TURNING_BOUND,
 )
-from lvnav_trade.world.control.missions import fly_missions
-from lvnav_trade.world.control_cards import FeedbackCard, Guidance, rate_noise
-from tests.world.control.launches import design, steady_launch
+from tests.world.guided.launches import design, fly_steady, steady_launch
 
 IDEAL = {"time_constant": "0.0001 s", "rate_limit": "100000 deg/s", "deflection_limit": "50 deg"}
 PERFECT = FeedbackCard(rate="true", attitude="true", noise="none")
 
 
 def flown(launch, feedback=PERFECT, runs=1, **how):
-    return fly_missions(launch, feedback, runs, every=1, **how)
+    return fly_steady(launch, feedback, runs, every=1, **how)
 
 
 @pytest.mark.parametrize(("frequency", "damping"), [(2.0, 0.3), (2.0, 0.7), (4.0, 0.5)])
@@ -55,7 +54,7 @@ def test_gains_give_the_natural_frequency_and_damping_of_the_closed_form(frequen
 def test_an_unstable_body_is_held_and_its_integral_takes_the_wind_out():
     launch = steady_launch(
         60.0, gains={**design(2.5, 0.8, instability=2.0), "integral": "0.4 1/s"}, moment=0.004,
-        force=0.04, wind=((10.0, 0.0), (0.0, 0.0)),
+        force=0.04, wind=(10.0, 0.0),
     )  # fmt: skip
     error = flown(launch).history[0, :, 0, ERROR]
     assert np.max(np.abs(error)) < math.radians(3.0)
@@ -110,11 +109,11 @@ def test_the_filtered_rate_has_the_error_of_the_closed_form_and_moves_the_nozzle
 def test_envelopes_in_the_loop_are_those_of_the_formula():
     t = np.arange(4001) / 200.0
     rate = np.column_stack([0.02 * np.sin(1.5 * t), 0.01 * np.cos(0.7 * t)])
-    launch = steady_launch(rate=rate, wind=((5.0, 0.0), (-3.0, 0.0)), moment=0.002, force=0.02, gust=2.0)
+    launch = steady_launch(rate=rate, wind=(5.0, -3.0), moment=0.002, force=0.02, gust=2.0)
     history = flown(launch, FeedbackCard(noise="published")).history[0]
-    body, n = launch.body, len(history)
+    n = len(history)
     turning, jerk = envelopes(
-        launch.envelope, body.t[:n], np.ones(n, dtype=bool), np.array([-100.0]), rate[:n], history[:, :, ASKED]
+        launch.envelope, launch.course.t[:n], np.ones(n, dtype=bool), np.array([-100.0]), rate[:n], history[:, :, ASKED]
     )
     np.testing.assert_allclose(history[:, :, TURNING_BOUND], turning[:, 1:], rtol=1e-9)
     np.testing.assert_allclose(history[:, 0, JERK_BOUND], jerk[:, 2], rtol=1e-9)
@@ -135,7 +134,7 @@ def test_ticks_inside_the_envelope_are_counted_as_the_history_shows():
 
 def test_thrusters_hold_the_attitude_of_a_coast_within_their_dead_band_and_leave_the_nozzle_alone():
     launch = steady_launch(600.0, motor=0, turn=(0.02, 0.0))
-    mission = fly_missions(launch, FeedbackCard(noise="published"), 2, every=200)
+    mission = fly_steady(launch, FeedbackCard(noise="published"), 2, every=200)
     band = launch.rotation.thrusters.dead_band
     late = mission.history[:, mission.t > 200.0]
     assert np.max(np.abs(late[..., ERROR])) < 1.5 * band
@@ -148,7 +147,7 @@ def test_navigation_attitude_errs_as_the_steady_filter_of_its_reference_says(rec
     # controller holds the navigation's attitude at zero, so the true angle is minus its error.
     launch = steady_launch(3000.0, gains={"attitude": 1.0, "rate": "0.7 s"})
     feedback = FeedbackCard(rate="true", noise="published", reference_sigma="1 deg")
-    mission = fly_missions(launch, feedback, 12, every=1000)
+    mission = fly_steady(launch, feedback, 12, every=1000)
     noise = rate_noise(launch.imu, "published")
     driving, reference = 200.0 * (noise / 200.0) ** 2, math.radians(1.0) ** 2
     closed = math.sqrt(steady_ratio(driving, reference) * reference)
@@ -159,7 +158,7 @@ def test_navigation_attitude_errs_as_the_steady_filter_of_its_reference_says(rec
 
 
 def test_wind_and_gusts_are_what_the_body_is_given():
-    launch = steady_launch(400.0, gust=2.0, wind=((7.0, 0.0), (-4.0, 0.0)))
+    launch = steady_launch(400.0, gust=2.0, wind=(7.0, -4.0))
     air = flown(launch, runs=3).history[..., AIR]
     assert air[..., 0].mean() == pytest.approx(7.0, abs=3.0 * 2.0 / math.sqrt(1200.0))  # L / V = 1 s
     assert air[..., 1].mean() == pytest.approx(-4.0, abs=3.0 * 2.0 / math.sqrt(1200.0))
@@ -172,7 +171,7 @@ def test_a_motor_that_lights_takes_the_vehicle_from_where_it_points_to_its_attit
     launch = steady_launch(40.0, rate=(-0.005, 0.0), gains={"attitude": 1.5, "rate": "0.8 s"})
     body, n = launch.body, 2000
     body.motor[:n], body.effectiveness[:n], body.thrust_load[:n], body.thruster[:] = 0, 0.0, 0.0, 0.0
-    body.rate[:10] = 0.0
+    launch.course.rate[:10] = 0.0
     history = flown(launch).history[0, :, 0]
     assert history[n - 1, ERROR] == pytest.approx(0.05, rel=0.02)
     assert np.max(np.abs(history[n:, ERROR])) < 0.005  # from its command, which begins with it

@@ -14,13 +14,13 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control import loop
-from lvnav_trade.world.control.ascent import ascend
-from lvnav_trade.world.control.flown import fly_launch, launch_along
-from lvnav_trade.world.control.missions import fly_missions
 from lvnav_trade.world.flight.trajectory import build, identity, motion, reference
+from lvnav_trade.world.guided import loop
+from lvnav_trade.world.guided.course import ascend
+from lvnav_trade.world.guided.flown import fly_launch, launch_along
+from lvnav_trade.world.guided.missions import fly_missions
 from tests.building import loaded
-from tests.world.control.launches import settings
+from tests.world.guided.launches import settings
 
 
 def card(**changes):
@@ -85,6 +85,17 @@ def test_the_increments_of_an_ideal_unit_add_up_to_the_turn_and_the_speed():
     np.testing.assert_allclose(matrices(start.q_b_i)[0] @ push, speed, atol=5e-3)  # the force turns within a tick
 
 
+def _per_load(launch, t):
+    """Return by how much a rod of each stage's length answers to an angle, per specific force of its thrust."""
+    events = ascent().trajectory.events
+    stage = np.searchsorted([events["stage1_separation"], events["stage2_separation"]], t, side="right")
+    per_stage = [
+        6.0 * gains.attitude / stack.length
+        for gains, stack in zip(launch.controller.gains, launch.rotation.stacks, strict=True)
+    ]
+    return np.array(per_stage)[stage]
+
+
 def test_without_wind_and_errors_the_launch_is_the_ascent():
     body = settings("rotation/three_motor")
     body["nozzle"]["misalignment"] = "0 deg"
@@ -93,16 +104,16 @@ def test_without_wind_and_errors_the_launch_is_the_ascent():
     feedback = {"rate": "true", "attitude": "true", "noise": "none"}
     steered = card(wind=None, rotation=body, controller=controller, feedback=feedback)
     calm, launch = build(steered), launch_along(ascent(), steered.control)
-    t = launch.body.t[::20]
+    t = launch.course.t[::20]
     found, nominal = motion(calm, t), motion(ascent().trajectory, t)
     turned = np.einsum("kji,kjl->kil", matrices(nominal.q_b_i), matrices(found.q_b_i))
     away = np.abs(np.stack([turned[:, 0, 2], turned[:, 0, 1]], axis=1))
     # Of a loop that holds an attitude the lag is that of a spring: angular acceleration over its stiffness.
-    gains = np.array([0.0, *(one.attitude for one in launch.controller.gains)])[launch.body.motor]
-    stiffness = launch.body.effectiveness * gains
-    turning = np.abs(np.gradient(launch.body.rate, launch.body.t, axis=0))
+    nominal_path = motion(ascent().trajectory, launch.course.t)
+    stiffness = np.linalg.norm(nominal_path.f_b, axis=1) * _per_load(launch, launch.course.t)
+    turning = np.abs(np.gradient(launch.course.rate, launch.course.t, axis=0))
     for start, end in ((0.5, 84.0), (110.0, 164.0), (440.0, 500.0)):
-        inside = (launch.body.t > start) & (launch.body.t < end)
+        inside = (launch.course.t > start) & (launch.course.t < end)
         lag = (turning[inside] / stiffness[inside, np.newaxis]).max()
         assert away[(t > start) & (t < end)].max() < 2.0 * lag + 2e-4, (start, lag)
     first = t < 85.0  # between two motors nothing turns the vehicle as the ascent slews
@@ -121,9 +132,10 @@ def test_the_motion_between_the_ticks_is_that_of_the_loop():
         loops = np.apply_along_axis(np.convolve, 0, rows[inside][:, :, loop.TURNING], np.ones(every) / every, "valid")
         np.testing.assert_allclose(turning[: t.size][inside[: len(turning)]].std(axis=0), loops.std(axis=0), rtol=0.05)
         lateral = np.stack([-ref.f_b[at:][: t.size][inside, 2], ref.f_b[at:][: t.size][inside, 1]], axis=1)
-        nominal = motion(ascent().trajectory, t[inside]).f_b
-        lateral -= np.stack([-nominal[:, 2], nominal[:, 1]], axis=1)
-        np.testing.assert_allclose(lateral, rows[inside][:, :, loop.FORCE], atol=0.02)
+        apart = lateral - rows[inside][:, :, loop.FORCE]
+        assert np.all(apart.std(axis=0) < 0.005)  # a spline bends where nozzle and gusts jump from tick to tick
+        assert np.abs(apart).max() < 0.03
+        assert np.abs(apart.mean(axis=0)).max() < 1e-4
 
 
 def test_phases_meet_and_the_orbit_is_that_of_the_launch():
