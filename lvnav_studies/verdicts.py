@@ -56,12 +56,17 @@ def _of_number(one: Elsewhere) -> dict[str, Any]:
 
 
 def verdicts(frame: pd.DataFrame) -> list[Block]:
-    """Return how many numbered statements hold, and a table of the rows of each verdict; nothing without rows."""
+    """Return how many numbered statements hold, and a table of the rows of each verdict; nothing without rows.
+
+    What is not flown yet does not count against a statement that other campaigns answer.
+    """
     if frame.empty:
         return []
     number = frame["item"].str.split(" ").str[0].where(frame["item"].str.startswith("#"), frame["item"])
     order = number.str.extract(r"(\d+)", expand=False).astype(float)
-    groups = frame.verdict.groupby(number, sort=False).agg(lambda words: frozenset(words))
+    groups = frame.verdict.groupby(number, sort=False).agg(
+        lambda words: frozenset(words) - {NOT_FLOWN} or frozenset(words)
+    )
     only = {word: int((groups == frozenset([word])).sum()) for word in _HEADINGS}
     said = {
         HOLDS: "hold in every reading",

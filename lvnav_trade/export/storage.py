@@ -40,7 +40,11 @@ WINDOWS = {
     "late": {"valid": 1, "early": 1},
 }
 # Of a table of the whole flight: constant where no row differs from another, else read by the number of the row.
-ROWS = {"model": {"seconds": 0, "decay": 0, "noise": 0, "inflation": 0}, "late": {"offset": 1}, "gains": {"gain": 0}}
+ROWS = {
+    "model": {"seconds": 0, "decay": 0, "noise": 0, "inflation": 0, "growth": 0},
+    "late": {"offset": 1},
+    "gains": {"gain": 0},
+}
 # By ticks of the unit: those of a window are set before it.
 TICKS, BY_TICK = {"vehicle": {"walk"}}, -1
 # What a receiver, a sensor or a clock says at an epoch, whatever it has said on this flight.

@@ -23,7 +23,7 @@ from lvnav_trade.observables.sensors import (
     Measurement,
     SensorModels,
 )
-from lvnav_trade.observables.tuning import ProcessNoiseTable, RegionNoiseCard, UnderweightingCard
+from lvnav_trade.observables.tuning import HInfinityCard, ProcessNoiseTable, RegionNoiseCard, UnderweightingCard
 
 Matched = Literal["matched"]
 # Standard states of every filter; its card names the additional states.
@@ -289,6 +289,9 @@ class FilterCard(units.NamedCard):
         description="time constant T of a fading memory: the covariance of estimated states grows by exp(2 t / T); "
         "none: no fading",
     )
+    h_infinity: HInfinityCard | None = Field(
+        None, description="errors bounded for the worst noise as well; none: those of the assumed noise alone"
+    )
     region_noise: tuple[RegionNoiseCard, ...] = Field((), description="variance added at a change of operating region")
     process_noise_by: tuple[ProcessNoiseTable, ...] = Field(
         (), description="noise of attitude, velocity and position over altitude, specific force or jerk"
@@ -361,6 +364,7 @@ class FilterCard(units.NamedCard):
             for name in weighted.measurements:
                 if name not in self.measurements:
                     yield f"underweighting.{number}.measurements: {name} is not among the filter's measurements"
+        yield from _against_h_infinity(self)
         if self.delayed_state == "back_propagated" and self.models_vehicle:
             yield "delayed_state: samples of the IMU are updates between epochs, which no transition leads back through"
         if self.delayed_state == "back_propagated" and self.as_noise:
@@ -390,3 +394,21 @@ class FilterCard(units.NamedCard):
     def models_vehicle(self) -> bool:
         """Whether IMU samples are measurements, and angular rate and specific force of the vehicle are states."""
         return "imu" in self.measurements
+
+
+def _against_h_infinity(card: FilterCard) -> Iterator[str]:
+    """Yield what an H-infinity filter cannot have beside it."""
+    if card.h_infinity is None:
+        return
+    if not card.aided:
+        yield "h_infinity: bounds what measurements leave, and the filter has none"
+    if card.models_vehicle:
+        yield "h_infinity: a filter with imu among its measurements has another covariance between epochs"
+    if card.gains is not None:
+        yield "h_infinity: stored gains are used whatever the covariance is"
+    if card.consider:
+        yield f"h_infinity: would change the covariance of {', '.join(card.consider)}, which is only considered"
+    if card.backup:
+        yield "h_infinity: the backup is measured by nothing, and its covariance would grow beyond all bounds"
+    if card.delayed_state == "back_propagated" and card.differences:
+        yield "h_infinity: no transition leads back through what it adds; take delayed_state: augmented"

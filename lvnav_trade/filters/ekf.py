@@ -5,7 +5,7 @@ import numpy as np
 from lvnav_trade.filters.delayed import subtract_extra
 from lvnav_trade.filters.late import LAST, carry_on, correct_stored, place_of
 from lvnav_trade.kernels import processes, transition
-from lvnav_trade.kernels.covariance import add_turned, inflate, predict, whiten
+from lvnav_trade.kernels.covariance import add_turned, grow, inflate, predict, whiten
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.strapdown import R
@@ -18,10 +18,13 @@ from lvnav_trade.observables.sensors import fill
 
 
 @jit
-def apply_fading_memory(P, model, length):
-    """Apply fading memory to the covariance over one window, whose length has index `length`."""
+def apply_robustness(P, model, length):
+    """Let the covariance grow over one window, whose length has index `length`: by fading memory, and by what an
+    H-infinity filter allows for.
+    """
     if model.inflation[length] != 1.0:
         inflate(P, model.inflation[length], model.n_estimated)
+    grow(P, model.growth[length])
 
 
 @jit
@@ -52,7 +55,7 @@ def predict_covariance(P, D, sums, model, length, injection):
     length : index of the window length in `model.seconds`
     injection : change of operating region at the end of the window, a row of `model.injected`; -1 none
     """
-    apply_fading_memory(P, model, length)
+    apply_robustness(P, model, length)
     # half of the noise of unequal axes enters before the transition, half after, as `predict` does with the rest
     add_turned(P, model.uneven, sums, model.seconds[length])
     predict(

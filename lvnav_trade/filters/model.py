@@ -12,6 +12,7 @@ from lvnav_trade.filters.states import Taken
 from lvnav_trade.filters.strapdown import strapdown_of
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
+from lvnav_trade.kernels.covariance import N_NAV_ERROR
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.layout import ErrorTerm, StateLayout
@@ -58,6 +59,8 @@ class FilterModel(NamedTuple):
     biases_only : Whether the IMU parameters are biases only.
     fading : Whether any state decays.
     inflation : (n_length,). Factor on standard deviations over a window (fading memory); 1 without.
+    growth : (n_length, 9) 1 / SI squared. What an H-infinity filter takes off the inverse covariance of attitude,
+        velocity and position over a window; 0 without.
     injected : (n_injection, n_state) SI squared. Variance added at a change of operating region.
     gate_squared : Largest square of a normalised innovation that is accepted; infinite without a gate.
     joseph : Whether the covariance update has Joseph's form.
@@ -100,6 +103,7 @@ class FilterModel(NamedTuple):
     biases_only: bool
     fading: bool
     inflation: Floats
+    growth: Floats
     injected: Floats
     gate_squared: float
     joseph: bool
@@ -306,6 +310,7 @@ def build_filter_model(
         biases_only=all(b.driver == transition.CONSTANT for b in layout.parameters),
         fading=bool(np.any(decay != 1.0)),
         inflation=np.exp(seconds / (card.fading_memory or math.inf)),
+        growth=np.outer(seconds, np.zeros(N_NAV_ERROR) if card.h_infinity is None else card.h_infinity.weights),
         injected=np.zeros((1, layout.n_state)) if injected is None else injected,
         gate_squared=math.inf if card.gate is None else card.gate**2,
         joseph=card.update == "joseph",

@@ -18,7 +18,7 @@ logic are then those of the extended filter.
 from typing import NamedTuple
 
 from lvnav_trade.filters.ekf import (
-    apply_fading_memory,
+    apply_robustness,
     fill_receiver,
     fill_transition,
     inject,
@@ -251,7 +251,7 @@ def propagate_by_points(work, case, points, open_loop, w):
     model, length, injection = case.model, case.schedule.length[w], case.schedule.injection[w]
     P, noise = work.P, model.noise[length]
     fill_transition(work, model, length)  # the error state of an open loop and a backup strapdown need it
-    apply_fading_memory(P, model, length)
+    apply_robustness(P, model, length)
     for i in range(P.shape[0]):
         P[i, i] = P[i, i] + 0.5 * noise[i]
     add_turned(P, model.uneven, work.sums, model.seconds[length])

@@ -160,6 +160,30 @@ def inflate(P, factor, n_estimated):
             P[j, i] = P[j, i] * factor
 
 
+@jit
+def grow(P, weights):
+    """Let a covariance grow as that of an H-infinity filter: P <- (P^-1 - S)^-1, S diagonal, of `weights` in the first
+    states; not a number where P^-1 - S is not positive, for there is no such filter.
+    """
+    n = P.shape[0]
+    for k in range(weights.shape[0]):
+        if weights[k] > 0.0:
+            left = 1.0 - weights[k] * P[k, k]
+            root = sqrt(where(left > 0.0, left, np.nan))
+            for i in range(n):
+                if i != k:
+                    scaled = weights[k] * (P[i, k] / root)
+                    for j in range(i, n):
+                        if j != k:
+                            value = P[i, j] + scaled * (P[j, k] / root)
+                            P[i, j] = value
+                            P[j, i] = value
+            for i in range(n):
+                value = P[i, k] / (root * root)
+                P[i, k] = value
+                P[k, i] = value
+
+
 @inlined
 def _innovation_and_variance(P, x, K, h, entries, columns, innovation, variance, beta, n):
     """Set K to P h'; return the innovation variance and the innovation after earlier measurements of the epoch."""

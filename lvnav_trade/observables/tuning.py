@@ -5,20 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from lvnav_trade.noise import OverFlight
 from lvnav_trade.observables.sensors import MEASUREMENTS
+from lvnav_trade.records import Floats
 from lvnav_trade.units import (
     AccelerationSigma,
     AngleRandomWalk,
     AngleSigma,
     AngularRateSigma,
+    Card,
     Fraction,
     GSensitivity,
     LengthSigma,
     PositionRandomWalk,
     SpeedSigma,
+    TimeConstant,
     VelocityRandomWalk,
 )
 from lvnav_trade.world.conditions import Conditions
@@ -27,6 +31,11 @@ if TYPE_CHECKING:
     Weighted = str
 else:
     Weighted = Literal[tuple(name for name in MEASUREMENTS if name != "imu")]
+
+
+PositiveAngle = Annotated[AngleSigma, Field(gt=0.0)]
+PositiveSpeed = Annotated[SpeedSigma, Field(gt=0.0)]
+PositiveLength = Annotated[LengthSigma, Field(gt=0.0)]
 
 
 class UnderweightingCard(Conditions):
@@ -84,6 +93,31 @@ class RegionNoiseCard(Conditions):
 
 
 DRIVEN = ("attitude", "velocity", "position")
+
+
+class HInfinityCard(Card):
+    """Errors that an H-infinity filter bounds for the worst noise, not only for the noise that is assumed.
+
+    The covariance grows as if errors of the given sizes were lost within the time: dP/dt = P S P beside all else, with
+    1 / (time size^2) of each state in S. The larger the time, the nearer to the Kalman filter.
+    """
+
+    time: TimeConstant = Field(description="in which a variance of size^2 would grow beyond all bounds, unmeasured")
+    attitude: PositiveAngle | None = None  # size per axis; none: not bounded
+    velocity: PositiveSpeed | None = None  # size per axis; none: not bounded
+    position: PositiveLength | None = None  # size per axis; none: not bounded
+
+    @property
+    def weights(self) -> Floats:
+        """Diagonal of S (9,), 1 / (SI squared s): attitude, velocity, position by axis."""
+        sizes = [getattr(self, name) for name in DRIVEN]
+        each = [0.0 if size is None else 1.0 / (self.time * size**2) for size in sizes]
+        return np.repeat(np.array(each), 3)
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if not self.weights.any():
+            yield f"time: of no error; give one of {', '.join(DRIVEN)}"
 
 
 class ProcessNoiseTable(OverFlight):

@@ -40,6 +40,7 @@ TUNING = {
     "transition_rate",
     "underweighting",
     "fading_memory",
+    "h_infinity",
     "region_noise",
     "process_noise_by",
     "backup",

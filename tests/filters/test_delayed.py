@@ -16,7 +16,7 @@ from lvnav_trade.filters.delayed import (
     new_earlier,
     renew,
 )
-from lvnav_trade.filters.ekf import apply_fading_memory
+from lvnav_trade.filters.ekf import apply_robustness
 from lvnav_trade.kernels.covariance import predict, update_scalar
 
 N, T, SIGMA = 20, 0.5, 2e-3
@@ -93,10 +93,22 @@ def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone(growth):
     blocks[1:] = 0.2 * rng.standard_normal((2, 9))
     rows, columns = np.array([6, 3, 0]), np.array([3, 0, 9 - 3])
     Model = namedtuple(
-        "Model", "seconds block_rows block_columns decay noise clock injected inflation n_estimated n_state uneven"
+        "Model",
+        "seconds block_rows block_columns decay noise clock injected inflation growth n_estimated n_state uneven",
     )
     model = Model(
-        np.array([0.3]), rows, columns, decay[None], noise[None], -1, np.zeros((0, n)), np.array([growth]), n, n, None
+        np.array([0.3]),
+        rows,
+        columns,
+        decay[None],
+        noise[None],
+        -1,
+        np.zeros((0, n)),
+        np.array([growth]),
+        np.zeros((1, 9)),
+        n,
+        n,
+        None,
     )
     by_clone, by_inverse = P.copy(), P.copy()
     clones, inverse = delayed(cloned, first), delayed(cloned, first, back=True)
@@ -105,7 +117,7 @@ def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone(growth):
     begin_transition(earlier, inverse)
     for _ in range(4):
         for one in (by_clone, by_inverse):
-            apply_fading_memory(one, model, 0)
+            apply_robustness(one, model, 0)
             predict(one, blocks, rows, columns, decay, noise, -1, 0.3)
         accumulate_transition(earlier, inverse, blocks, np.zeros(18), model, 0, -1)
     assert np.abs(by_inverse[first:]).max() == 0.0

@@ -7,7 +7,8 @@ import pytest
 
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.kernels.covariance import inflate, update_scalar
+from lvnav_trade.errors import InputError
+from lvnav_trade.kernels.covariance import grow, inflate, update_scalar
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
 from lvnav_trade.kernels.transition import FIRST, KEPT, RENEWED, linearise, linearised_sums
 from tests.building import (
@@ -104,6 +105,93 @@ def test_without_noise_and_measurements_sigmas_grow_by_the_exponential_of_the_ti
     growth = np.exp(plain.t_hist / 40.0)[:, None]
     np.testing.assert_allclose(formal(faded), formal(plain) * growth, rtol=1e-10)
     np.testing.assert_array_equal(covariance(faded).true_sigma, covariance(plain).true_sigma)
+
+
+# ---------------------------------------------------------------------------------------------------------- H-infinity
+
+
+def test_the_covariance_grows_by_the_weights_taken_off_its_inverse():
+    rng = np.random.default_rng(11)
+    root, weights = rng.standard_normal((12, 12)), np.zeros(9)
+    P = root @ root.T
+    weights[[3, 4, 7]] = 0.2 / np.diag(P)[[3, 4, 7]]
+    dense = np.linalg.inv(np.linalg.inv(P) - np.diag([*weights, 0.0, 0.0, 0.0]))
+    grow(P, weights)
+    np.testing.assert_allclose(P, dense, rtol=0, atol=1e-12 * np.abs(dense).max())
+    np.testing.assert_array_equal(P, P.T)
+
+
+def test_where_no_such_filter_exists_there_is_no_covariance():
+    P = np.array([[4.0]])
+    grow(P, np.array([0.25]))
+    assert np.isnan(P[0, 0])
+
+
+def cycle(P, weight, q=1.0, r=1.0):
+    """Return the gain of one epoch of a random walk that is measured; P (1, 1), predicted, becomes the next one."""
+    x, K, gain = np.zeros(1), np.zeros(1), P[0, 0] / (P[0, 0] + r)
+    update_scalar(P, x, K, np.ones(1), ONE, ONE, 0.0, r, np.inf, 1, False)
+    grow(P, np.array([weight]))
+    P[0, 0] += q
+    return gain
+
+
+@pytest.mark.parametrize(("weight", "steady"), [(0.5, 2.0), (0.0, (1.0 + 5.0**0.5) / 2.0), (0.75, 0.5 + 4.25**0.5)])
+def test_an_h_infinity_filter_of_a_random_walk_has_the_steady_covariance_of_the_closed_form(weight, steady):
+    """With Q = R = 1, P = 1 + P / (1 + (1 - theta) P): P = 1/2 + sqrt(1/4 + 1 / (1 - theta)); at 0 that of Kalman."""
+    P = np.array([[10.0]])
+    for _ in range(200):
+        cycle(P, weight)
+    assert P[0, 0] == pytest.approx(steady, rel=1e-12)
+
+
+@pytest.mark.parametrize("weight", [0.3, 0.7])
+def test_no_noise_has_an_effect_beyond_the_bound_and_a_kalman_filter_has_no_such_bound(weight):
+    """The largest ratio of squared errors to squared disturbances is below 1 / theta: singular values of the map from
+    start, process and measurement noise to the errors of the estimates.
+    """
+    n = 60
+
+    def largest(theta):
+        P = np.array([[1.0]])
+        gains = np.array([cycle(P, theta) for _ in range(n)])
+        errors = np.zeros((n, 2 * n))  # of the start and the n - 1 steps after it, and of the n measurements
+        error = np.zeros(2 * n)
+        for k, gain in enumerate(gains):
+            error[k] += 1.0  # the start, or a step, of one sigma
+            error = (1.0 - gain) * error
+            error[n + k] -= gain
+            errors[k] = error
+        return np.linalg.svd(errors, compute_uv=False)[0] ** 2
+
+    assert largest(weight) < 1.0 / weight
+    assert largest(weight) < largest(0.0)
+
+
+def test_without_noise_and_measurements_the_variance_grows_by_the_closed_form_and_truth_does_not():
+    """p / (1 - p t / (T s^2)), however the time is divided into windows."""
+    P, whole = np.array([[4.0]]), np.array([[4.0]])
+    for _ in range(10):
+        grow(P, np.array([1.0 / (60.0 * 9.0)]))
+    grow(whole, np.array([10.0 / (60.0 * 9.0)]))
+    assert P[0, 0] == pytest.approx(4.0 / (1.0 - 4.0 * 10.0 / (60.0 * 9.0)), rel=1e-14)
+    assert P[0, 0] == pytest.approx(whole[0, 0], rel=1e-14)
+
+
+BOUNDED = {"time": "20 s", "velocity": "0.1 m/s", "position": "2 m"}
+
+
+def test_the_longer_the_time_the_nearer_it_is_to_the_kalman_filter():
+    plain, bounded = flown(), [flown(h_infinity=BOUNDED | {"time": f"{time:g} s"}) for time in (20.0, 2e3, 2e5)]
+    off = [np.abs(formal(one)[-1, 3:9] / formal(plain)[-1, 3:9] - 1.0).max() for one in bounded]
+    assert off[0] > 0.01
+    assert off[1] == pytest.approx(off[0] / 100.0, rel=0.3)
+    assert off[2] == pytest.approx(off[1] / 100.0, rel=0.05)
+
+
+def test_errors_that_no_filter_bounds_are_refused_with_the_time_from_which_on():
+    with pytest.raises(InputError, match=r"filter.h_infinity.time: no filter bounds errors .* has no end"):
+        covariance(flown(h_infinity={"time": "1 s", "position": "1 cm"}))
 
 
 # ----------------------------------------------------------------------------------------- change of operating region
@@ -212,6 +300,7 @@ def test_a_steady_flight_needs_no_linearisation():
 ALL = {
     "underweighting": [{"beta": 0.4, "until": "15 s"}, {"noise_factor": 2.0, "from": "10 s"}],
     "fading_memory": "30 s",
+    "h_infinity": BOUNDED,
     "region_noise": [{"force_change": "10 m/s^2", "velocity": "0.1 m/s", "accel_bias": "1 mg"}],
     "process_noise_by": [
         {"specific_force": ["0 m/s^2", "30 m/s^2"], "velocity": ["0 m/s/sqrt(s)", "0.05 m/s/sqrt(s)"]}

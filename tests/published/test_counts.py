@@ -29,7 +29,9 @@ def test_page_and_documentation_say_what_the_kept_rows_say(root: Path, study: st
 def test_the_statements_of_dlr_are_counted_by_their_numbers(root: Path) -> None:
     rows = kept(root, "dlr")
     rows = rows[evidence(rows)]
-    verdicts = rows.groupby(rows["item"].str.split(" ").str[0]).verdict.agg(frozenset)
+    verdicts = rows.groupby(rows["item"].str.split(" ").str[0]).verdict.agg(
+        lambda words: frozenset(words) - {"not flown"}
+    )
     holds, fails = (int((verdicts == frozenset([word])).sum()) for word in ("holds", "does not hold here"))
     sentence = f"Of {len(verdicts)} statements {holds} hold in every reading, {fails} do not hold here"
     assert sentence in (root / "reports/dlr/report.md").read_text()

@@ -27,6 +27,7 @@ from lvnav_trade.engines.lincov.workspace import (
     row_width,
 )
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filters.integrity.state import Monitor, decisions_of, new_monitor
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, new_watch
@@ -144,6 +145,7 @@ def covariance(prepared: Prepared) -> CovHistory:
     true, nothing = components(prepared), new_tape(0, 0, n_joint(prepared), row_width(prepared))
     tape = nothing if prepared.plan is None else _whole_tape(prepared)
     passed = _pass(prepared, true, tape)
+    _refuse_unbounded(prepared, passed.out.formal)
     out, monitor = _with_outputs(prepared, true, nothing, passed), passed.monitor
     history = solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
     if prepared.plan is not None:
@@ -159,6 +161,15 @@ def covariance(prepared: Prepared) -> CovHistory:
     formal, total = (turn @ P[:, motion, motion] @ np.swapaxes(turn, 1, 2) for P in (alone.formal, alone.true))
     mean = np.einsum("hij,hj->hi", turn, alone.mean[:, motion])
     return behind(history, alone.budget[:, :, motion], mean, formal, total)
+
+
+def _refuse_unbounded(prepared: Prepared, formal: Floats) -> None:
+    """Raise InputError where no H-infinity filter has the errors that are asked for; formal (n_hist, n, n)."""
+    lost = ~np.isfinite(formal).all(axis=(1, 2))
+    if prepared.scenario.filter.h_infinity is not None and lost.any():
+        when = f"{prepared.t_hist[np.argmax(lost)]:g} s"
+        message = f"no filter bounds errors of these sizes within this time: from {when} on the covariance has no end"
+        raise InputError(records=[Mistake(message, "filter.h_infinity.time")])
 
 
 def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
