@@ -342,6 +342,7 @@ class FilterCard(units.NamedCard):
                 yield f"{each} and {whole} model the same delay, choose one"
         if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback != "open":
             yield "logic.correct_after delays the outputs of an open loop: it needs feedback: open"
+        yield from self._after_stop()
         if self.clock == "one_state" and "range_rate" in self.measurements:
             yield "clock: one_state takes the drift for white noise, and every range_rate measures the drift"
         if self.strapdown.ratio > 1 and self.models_vehicle:
@@ -369,6 +370,20 @@ class FilterCard(units.NamedCard):
             yield "delayed_state: samples of the IMU are updates between epochs, which no transition leads back through"
         if self.delayed_state == "back_propagated" and self.as_noise:
             yield "delayed_state: what a filter forgets between epochs, no transition leads back through"
+
+    def _after_stop(self) -> Iterator[str]:
+        """Yield why outputs after a stop cannot be what the logic states."""
+        if self.logic is None or self.logic.after_stop == "inertial":
+            return
+        if self.feedback != "open":
+            yield "logic.after_stop: a closed loop has its corrections in the strapdown; it needs feedback: open"
+        if self.logic.stop_after is None:
+            yield "logic.after_stop: without stop_after the filter never stops; state stop_after"
+        if self.logic.after_stop == "predicted" and (self.algorithm == "unscented" or self.models_vehicle):
+            yield (
+                "logic.after_stop: a filter with points, or with imu among its measurements, has no transition of a "
+                "window to predict the correction by; choose held"
+            )
 
     @property
     def tight(self) -> bool:

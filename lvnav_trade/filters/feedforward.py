@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from lvnav_trade.filters import ekf
 from lvnav_trade.filters.late import correct_stored_errors, place_of, predicted_of_stored
-from lvnav_trade.filters.monitor import MODE, is_correcting
+from lvnav_trade.filters.monitor import MODE, PREDICTED, is_correcting
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import inlined, jit
@@ -81,6 +81,17 @@ def propagate_open_loop(work, points, open_loop, model, length, linearised):
 
 
 @jit
+def propagate_held(work, watch, rules, model, length):
+    """Propagate what a mode logic (Watch, or None) holds over a window, where the rules ask for it, by the transition
+    that `propagate_open_loop` has left in `work.D`.
+    """
+    if watch is not None and rules.after_stop == PREDICTED:
+        clock, seconds = model.clock, model.seconds[length]
+        rows, columns, decay = model.block_rows, model.block_columns, model.decay[length]
+        apply_phi(watch.held, work.D, rows, columns, decay, clock, seconds)
+
+
+@jit
 def apply_feedback(work, past, open_loop, late, model):
     """Feed the error state back in a closed loop; in an open loop correct the stored states of late measurements."""
     if open_loop is None:
@@ -110,12 +121,13 @@ def _copy_estimates(to, source):
 def apply_correction(work, open_loop, watch, model):
     """Set the estimates to the sum of inertial system and error state; `remove_correction` restores them.
 
-    While a mode logic (Watch, or None) does not correct the outputs, they remain those of the inertial system.
+    While a mode logic (Watch, or None) does not correct the outputs, its held error state takes the place of the
+    filter's. It is zero before the first correction, so that the outputs are those of the inertial system.
     """
     _copy_estimates(open_loop, work)
     if watch is not None:
         for i in range(work.x.shape[0]):
-            work.x[i] = where(is_correcting(watch.state[MODE]) > 0.0, work.x[i], 0.0)
+            work.x[i] = where(is_correcting(watch.state[MODE]) > 0.0, work.x[i], watch.held[i])
     ekf.correct(work, None, None, model)
 
 

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     Check = str
 else:
     Check = Literal[CHECKS]
+AfterStop = Literal["inertial", "held", "predicted"]
+AFTER_STOP: tuple[AfterStop, ...] = ("inertial", "held", "predicted")  # in the order of the numbers in monitor.py
 Persisting = Literal["data_loss", "residual", "covariance"]
 
 
@@ -38,6 +40,11 @@ class LogicCard(units.Card):
     )
     stop_after: units.TimeConstant | None = Field(
         None, description="time for which an error persists before the filter stops: data loss, residual, covariance"
+    )
+    after_stop: AfterStop = Field(
+        "inertial",
+        description="outputs of an open loop after a stop until it corrects again: those of the inertial system; these "
+        "plus the last correction, held constant; these plus the last correction, propagated by the transition",
     )
     covariance_position: Annotated[units.Length, Field(gt=0.0)] | None = Field(
         None, description="a larger one-sigma, or one that is not a number, is a covariance error"

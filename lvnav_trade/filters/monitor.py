@@ -19,6 +19,9 @@ from lvnav_trade.records import AIDING, CONVERGING, PREDICTING, STOPPED, WAITING
 (NONE, GOOD_SAMPLES, CONVERGED, DATA_LOST, DATA_AGAIN, LOSS_PERSISTS, RESIDUAL_PERSISTS, COVARIANCE_PERSISTS) = range(8)
 """Reasons of a mode transition; their texts are in records.REASONS."""
 
+INERTIAL, HELD, PREDICTED = range(3)
+"""Outputs after a stop, by number: the inertial system's own, the last correction held, the same propagated."""
+
 MODE, COUNT, SINCE, ERROR, WHY = range(5)
 """Elements of `Watch.state`: mode, successive good samples, seconds since the filter started, seconds since the last
 epoch without an error, reason of the last stop.
@@ -37,6 +40,7 @@ class Rules(NamedTuple):
     start_after : Good samples in succession before the filter starts.
     correct_after : s after the start. Time from which outputs are corrected; infinite for never.
     stop_after : s. Duration of an error after which the filter stops; infinite for never.
+    after_stop : Outputs from a stop until the filter corrects again: `INERTIAL`, `HELD` or `PREDICTED`.
     restarts : (3,). Whether the filter restarts after a persistent data loss, residual error, covariance error.
     from_gnss : Whether position and velocity start from the receiver's sample.
     P : (n, n). Covariance of the filter at a start.
@@ -49,6 +53,7 @@ class Rules(NamedTuple):
     start_after: float
     correct_after: float
     stop_after: float
+    after_stop: int
     restarts: Floats
     from_gnss: bool
     P: Floats
@@ -64,6 +69,7 @@ class Watch(NamedTuple):
     sample : (2,). Whether the sample of this epoch is used, and whether the filter starts with it.
     mode : (n_epoch,). Mode after each epoch.
     reason : (n_epoch,). Reason of a mode transition at the epoch; 0: no transition.
+    held : (n_state,). Error state that corrects the outputs while the filter does not; zero for none.
     """
 
     state: Floats
@@ -73,9 +79,10 @@ class Watch(NamedTuple):
     sample: Floats
     mode: Floats
     reason: Floats
+    held: Floats
 
 
-def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0) -> Watch:
+def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0, n_state: int = 1) -> Watch:
     """Return the arrays of a mode logic: one run, or `lanes` runs on the last axis."""
     shapes = {
         "state": (N_WATCH,),
@@ -85,6 +92,7 @@ def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0)
         "sample": (2,),
         "mode": (n_epoch,),
         "reason": (n_epoch,),
+        "held": (n_state,),
     }
     return Watch(**zeros_of(shapes, lanes))
 
@@ -97,6 +105,8 @@ def begin_watch(watch):
             watch.state[i] = like(watch.before[0], 0.0)
         for i in range(watch.before.shape[0]):
             watch.before[i] = like(watch.before[0], np.nan)
+        for i in range(watch.held.shape[0]):
+            watch.held[i] = like(watch.before[0], 0.0)
 
 
 @jit
@@ -109,6 +119,17 @@ def is_running(mode):
 def is_correcting(mode):
     """Return 1 where the outputs are corrected, 0 where they are those of the uncorrected inertial system."""
     return where((mode == AIDING) | (mode == PREDICTING), 1.0, 0.0)
+
+
+@jit
+def hold_correction(watch, rules, x):
+    """Hold the error state x (n,) that the outputs are corrected by, for the time after a stop; called before an epoch
+    is processed, so that what is held at a stop is the estimate up to the epoch of the stop.
+    """
+    if watch is not None and rules.after_stop != INERTIAL:
+        correcting = is_correcting(watch.state[MODE])
+        for i in range(watch.held.shape[0]):
+            watch.held[i] = where(correcting > 0.0, x[i], watch.held[i])
 
 
 @jit

@@ -81,6 +81,7 @@ class Metric:
     is_signed : Whether it has a sign, so that a mean over the runs says something.
     has_least : Whether a statement can ask for its smallest value in a phase.
     is_of_signals : Whether elevation and altitude choose the signals that count.
+    has_epoch : Whether a statement chooses the kind of its elements and their epochs.
     is_of_modes : Whether a statement names a mode of the filter's logic.
     limit_unit : SI unit of the limit `below` in a statement; empty where it takes none.
     limit_by_sigma : Whether the limit may be a multiple of the sigma of another case.
@@ -102,6 +103,11 @@ class Metric:
     limit_by_sigma: ClassVar[bool] = False
     at_events_only: ClassVar[str] = ""
     once_a_run: ClassVar[bool] = False
+
+    @property
+    def has_epoch(self) -> bool:
+        """Whether it is of elements of the orbit, of which there are kinds and epochs."""
+        return False
 
     @property
     def is_signed(self) -> bool:

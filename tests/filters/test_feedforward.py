@@ -119,6 +119,56 @@ def test_budget_and_adjoint_are_those_of_the_outputs_corrected_or_not(time):
     np.testing.assert_allclose(adjoint(prepared, time).contribution.sum(axis=(1, 2)), variance, rtol=1e-6)
 
 
+STOP = {"start_after": 3, "correct_after": "2 s", "stop_after": "4 s"}
+LOSS = [{"kind": "satellite_outage", "start": "10 s", "duration": "12 s"}]
+STOPS, CORRECTS_AGAIN = 13.0, 26.0  # four epochs without a sample; two more after three good ones
+
+
+def stopped(after_stop, **logic):
+    return flown(LOOSE, **OPEN, logic={**STOP, **logic, "after_stop": after_stop}, faults=LOSS)
+
+
+def test_a_held_correction_differs_from_the_inertial_system_by_the_estimate_at_the_stop():
+    """Sizes, because the reporting axes turn: what is held is what a filter that never stops has estimated then."""
+    inertial, held = stopped("inertial"), stopped("held")
+    t, alone, out = inertial.t_hist, errors(inertial, 8), errors(held, 8)
+    never_stops = errors(stopped("inertial", stop_after="1 h"), 8)
+    during = (t >= STOPS) & (t < CORRECTS_AGAIN)
+    np.testing.assert_array_equal(out[:, ~during], alone[:, ~during])
+    for block in (slice(3, 6), slice(6, 9)):
+        apart = np.linalg.norm((alone - out)[:, :, block], axis=2)
+        estimate = np.linalg.norm((alone - never_stops)[:, t == STOPS, block], axis=2)
+        np.testing.assert_allclose(apart[:, during], np.broadcast_to(estimate, apart[:, during].shape), rtol=1e-6)
+    np.testing.assert_allclose(out[:, t == STOPS], never_stops[:, t == STOPS], rtol=1e-9, atol=1e-12)
+
+
+def test_a_predicted_correction_is_that_of_a_filter_that_predicts_on():
+    predicted, inertial = stopped("predicted"), stopped("inertial")
+    t, out = predicted.t_hist, errors(predicted, 8)
+    during = (t >= STOPS) & (t < CORRECTS_AGAIN)
+    lost = (t >= STOPS) & (t < 22.0)  # afterwards a filter that never stops has samples again
+    never_stops = errors(stopped("inertial", stop_after="1 h"), 8)
+    np.testing.assert_allclose(out[:, lost], never_stops[:, lost], rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(out[:, ~during], errors(inertial, 8)[:, ~during])
+    growth = np.diff(out[:, during & (t <= 25.0)], axis=1)
+    assert np.abs(growth[:, -1]).max() < 3.0 * np.abs(growth[:, 0]).max()  # no jump when it restarts
+
+
+@pytest.mark.parametrize("after_stop", ["inertial", "predicted"])
+def test_linear_covariance_describes_outputs_after_a_stop(after_stop):
+    prepared, runs = stopped(after_stop), 400
+    history, err = covariance(prepared), errors(prepared, runs)
+    at = [int(np.argmin(np.abs(prepared.t_hist - t))) for t in (8.0, 12.0, 16.0, 21.0, 25.0)]
+    ratio = err[:, at].var(axis=0, ddof=1) / history.true_sigma[at, :9] ** 2
+    tail = 1e-3 / 2 / ratio.size
+    low, high = chi2.ppf([tail, 1.0 - tail], runs - 1) / (runs - 1)
+    assert np.all((ratio > low) & (ratio < high)), ratio.round(2)
+    for hist in at[2:]:
+        variance = history.true_sigma[hist, :9] ** 2
+        contribution = adjoint(prepared, float(prepared.t_hist[hist])).contribution.sum(axis=(1, 2))
+        np.testing.assert_allclose(contribution, variance, rtol=1e-6)
+
+
 @jit
 def carry_eight(y, blocks, rows, columns, decay, clock, seconds):
     apply_phi(view(y), view(blocks), rows, columns, decay, clock, seconds)
@@ -320,6 +370,14 @@ def test_what_is_asked_of_the_logic_must_make_sense():
         (tight, {"init": "from_gnss"}, "filter.init: a start from GNSS takes position and velocity"),
         (loaded(INERTIAL), {"logic": {}}, "filter.logic: a mode logic checks what the receiver measures"),
         (loose, {"logic": {"correct_after": "10 s"}}, "needs feedback: open"),
+        (loose, {"logic": {"after_stop": "held", "stop_after": "50 s"}}, "it needs feedback: open"),
+        (loose, {"feedback": "open", "logic": {"after_stop": "held"}}, "state stop_after"),
+        (
+            loose,
+            {"feedback": "open", "algorithm": "unscented", "logic": {"after_stop": "predicted", "stop_after": "50 s"}},
+            "choose held",
+        ),
+        (loose, {"feedback": "open", "logic": {"after_stop": "kept", "stop_after": "50 s"}}, "'held'"),
         (loose, {"logic": {"start_after": 0}}, "greater than or equal to 1"),
         (loose, {"logic": {"wild_position": "0 m"}}, "greater than 0"),
         (loose, {"logic": {"restart_after": ["boredom"]}}, "data_loss"),

@@ -7,7 +7,7 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from lvnav_trade.filters.logic import CHECKS
+from lvnav_trade.filters.logic import AFTER_STOP, CHECKS
 from lvnav_trade.filters.monitor import (
     CONVERGED,
     COUNT,
@@ -15,13 +15,17 @@ from lvnav_trade.filters.monitor import (
     DATA_AGAIN,
     DATA_LOST,
     GOOD_SAMPLES,
+    HELD,
+    INERTIAL,
     LOSS_PERSISTS,
     MODE,
+    PREDICTED,
     RESIDUAL_PERSISTS,
     Rules,
     Watch,
     begin_watch,
     check_measurements,
+    hold_correction,
     is_correcting,
     is_running,
     new_watch,
@@ -54,6 +58,7 @@ def rules(**changed):
         start_after=5.0,
         correct_after=10.0,
         stop_after=6.0,
+        after_stop=INERTIAL,
         restarts=np.ones(3),
         from_gnss=False,
         P=P0.copy(),
@@ -285,7 +290,8 @@ def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
 @jit
 def eight(w, rules, model, signals, P, x, z, gates, variance):
     watch = Watch(
-        view(w.state), view(w.before), view(w.z), view(w.predicted), view(w.sample), view(w.mode), view(w.reason)
+        view(w.state), view(w.before), view(w.z), view(w.predicted), view(w.sample), view(w.mode), view(w.reason),
+        view(w.held),
     )  # fmt: skip
     Pv, xv, zv, gv = view(P), view(x), view(z), view(gates)
     begin_watch(watch)
@@ -321,3 +327,23 @@ def test_eight_runs_go_their_own_ways():
         np.testing.assert_array_equal(gates[:, lane], np.where(used, np.inf, -1.0))
     assert len({tuple(w.mode[:, lane]) for lane in range(WIDTH)}) > 2
     assert w.state[MODE].shape == w.state[COUNT].shape == (WIDTH,)
+
+
+@pytest.mark.parametrize("after_stop", [INERTIAL, HELD, PREDICTED])
+def test_what_corrects_the_outputs_is_held_and_nothing_else(after_stop):
+    watch, settings = new_watch(N_EPOCH, n_state=N), rules(after_stop=after_stop)
+    begin_watch(watch)
+    assert not watch.held.any()
+    for mode in (WAITING, CONVERGING, AIDING, PREDICTING, STOPPED, WAITING, CONVERGING, AIDING):
+        before, x = watch.held.copy(), np.full(N, 1.0 + mode)
+        watch.state[MODE] = mode
+        hold_correction(watch, settings, x)
+        held = after_stop != INERTIAL and mode in (AIDING, PREDICTING)
+        np.testing.assert_array_equal(watch.held, x if held else before)
+    begin_watch(watch)
+    assert not watch.held.any()
+
+
+def test_outputs_after_a_stop_have_the_numbers_of_the_card():
+    assert AFTER_STOP == ("inertial", "held", "predicted")
+    assert (INERTIAL, HELD, PREDICTED) == tuple(range(len(AFTER_STOP)))

@@ -24,7 +24,7 @@ SMALL = (
     "keep.history=5 s",
 )
 ORBITS = (
-    "axes=[{path: receiver.solution.velocity_bias, values: [0.3 m/s]}, "
+    "axes=[{path: receiver.solution.velocity_bias, values: [0.5 m/s]}, "
     "{path: filter, cards: [filters/loose_gains_004]}]"
 )
 FEW = {
@@ -47,6 +47,9 @@ FEW = {
     ),
     "deboost": ("axes.1.values=[[{kind: satellite_outage, start: entry, duration: 600 s}]]",
                 "axes.1.labels=[lost from the entry on]"),
+    "stop_aiding": (),
+    "initialisation": (),
+    "landing": (),
 }  # fmt: skip
 """What each small version leaves out."""
 HOLD = {
@@ -68,6 +71,9 @@ HOLD = {
     "open_closed": ("small errors", "large errors"),
     "scheduled_gain": ("nominal: within 20 %",),
     "deboost": ("lost from the entry on",),
+    "stop_aiding": ("loss of 120 s", "wild samples", "lost until"),
+    "initialisation": ("receiver from 300 s", "receiver from 600 s"),
+    "landing": ("winged landing, lost",),
 }
 """Beginnings of the items that hold with eight runs too."""
 QUICK = ("polar", "transfer_orbit")

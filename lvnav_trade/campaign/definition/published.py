@@ -10,7 +10,7 @@ from lvnav_trade.campaign.definition.metric_names import known_metric, metric_of
 from lvnav_trade.errors import quoted
 from lvnav_trade.metrics import registry
 from lvnav_trade.records import MODES, REASONS
-from lvnav_trade.units import Angle, Card, Length, parse
+from lvnav_trade.units import Angle, Card, Length, Pause, parse
 
 _SIGMA = re.compile(r"[0-9]+(\.[0-9]*)? (sigma|rms)$")  # limit of a convergence time in place of a size
 # Words of a phase that are no events: from lift-off on; the first and the last time of the flight
@@ -136,6 +136,13 @@ class Measured(Pooled):
 
     elevation: tuple[Angle, Angle] | None = Field(None, description="for signals: range of elevation of the satellites")
     altitude: tuple[Length, Length] | None = Field(None, description="for signals: range of altitude of the vehicle")
+    elements: Literal["mean", "osculating"] = Field(
+        "mean", description="for errors of an orbit: averaged over a revolution to first order in J2, or osculating"
+    )
+    epoch: Pause = Field(0.0, description="for errors of an orbit: time after the event of the estimated elements")
+    reference_epoch: Pause | None = Field(
+        None, description="for errors of an orbit: time after the event of the true elements; none: that of `epoch`"
+    )
     below: str | None = Field(
         None,
         description="limit in three dimensions of a convergence time, an availability, a coverage; '3 rms', '3 sigma': "
@@ -171,6 +178,11 @@ class Measured(Pooled):
             yield f"elevation and altitude select signals: they need a metric of signals ({', '.join(chosen)})"
         if any(pair is not None and pair[0] >= pair[1] for pair in (self.elevation, self.altitude)):
             yield "elevation and altitude: give the smaller limit first"
+        if not metric.has_epoch and (self.elements != "mean" or self.epoch or self.reference_epoch is not None):
+            orbits = registry.names(lambda one: one.has_epoch)
+            yield f"elements, epoch and reference_epoch need the error of an element of the orbit ({', '.join(orbits)})"
+        if self.reference_epoch is not None and self.reference_epoch == self.epoch:
+            yield "reference_epoch is the epoch of the estimated elements already; leave it out"
         yield from metric.faults(self)
         yield from self._limits()
         if not metric.is_of_modes and (self.mode or self.reason or self.number > 1):

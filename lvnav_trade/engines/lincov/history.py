@@ -30,15 +30,26 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filters.integrity.state import Monitor, decisions_of, new_monitor
 from lvnav_trade.filters.late import N_PAST
-from lvnav_trade.filters.monitor import Watch, new_watch
+from lvnav_trade.filters.monitor import PREDICTED, Watch, new_watch
 from lvnav_trade.filters.samples import new_motion
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.records import AIDING, PREDICTING, AdjointBudget, Bools, CovHistory, Floats, InjectionLaw, Ints
+from lvnav_trade.records import (
+    AIDING,
+    PREDICTING,
+    STOPPED,
+    AdjointBudget,
+    Bools,
+    CovHistory,
+    Floats,
+    InjectionLaw,
+    Ints,
+)
 from lvnav_trade.world.guided.reference import Plan, steering_times
 from lvnav_trade.world.guided.sensitivity import sensitivity
 
 N_MOTION = 9  # attitude, velocity and position
+_CORRECTING = (AIDING, PREDICTING)  # modes in which the outputs are corrected by the filter's error state
 
 
 class _Passed(NamedTuple):
@@ -101,25 +112,43 @@ def uncorrected(prepared: Prepared) -> Prepared:
     return prepared._replace(options=prepared.options._replace(rules=rules._replace(good=np.zeros_like(rules.good))))
 
 
-def corrects(prepared: Prepared, mode: Floats) -> Bools:
-    """Return whether the outputs are corrected at the history times, (n_hist,).
+def _unaided_after(prepared: Prepared, epoch: int) -> Prepared:
+    """Return the case whose filter gets no sample from an epoch on, so that it goes on by prediction alone."""
+    rules = prepared.options.rules
+    good = rules.good & (np.arange(rules.good.size) < epoch)
+    return prepared._replace(options=prepared.options._replace(rules=rules._replace(good=good)))
 
-    mode : (n_epoch,). Mode of the filter on the nominal flight, logged at its update epochs.
+
+def uncorrected_outputs(prepared: Prepared, mode: Floats) -> list[tuple[Prepared, Bools]]:
+    """Return the cases that describe the outputs where the filter does not correct them, each with the history times
+    (n_hist,) at which it does: the inertial system alone, or, after a stop, the prediction of the correction.
+
+    mode : (n_epoch,). Mode on the nominal flight, logged where the filter has an update.
     """
-    epoch, every = last_epoch(prepared), prepared.model.every
-    update = (epoch + 1) // every * every - 1
-    return (update >= 0) & np.isin(np.asarray(mode)[update], (AIDING, PREDICTING))
+    every, logged = prepared.model.every, np.asarray(mode)
+    update = (last_epoch(prepared) + 1) // every * every - 1
+    own = (update < 0) | ~np.isin(logged[update], _CORRECTING)
+    if prepared.options.rules.after_stop != PREDICTED:
+        return [(uncorrected(prepared), own)]
+    updates = np.arange(every - 1, logged.size, every)
+    modes = logged[updates]
+    stops = updates[1:][np.isin(modes[:-1], _CORRECTING) & (modes[1:] == STOPPED)]
+    last = np.searchsorted(stops, update, side="right") - 1
+    cases = [uncorrected(prepared), *(_unaided_after(prepared, int(stop)) for stop in stops)]
+    return [(case, own & (last == k - 1)) for k, case in enumerate(cases)]
 
 
 def _with_outputs(prepared: Prepared, true: Components, tape: UpdateTape, passed: _Passed) -> PassResults:
-    """Return the results of a pass with the errors of the outputs: those of the INS while they are not corrected."""
+    """Return the record of a pass with the errors of the outputs where the filter does not correct them."""
     if passed.watch is None or not has_uncorrected_outputs(prepared):
         return passed.out
-    is_inertial = ~corrects(prepared, passed.watch.mode)
-    inertial, out = _pass(uncorrected(prepared), true, tape).out, passed.out
-    for to, source in zip(out[1:5], inertial[1:5], strict=True):  # true, mean, budget, samples
-        if len(to):
-            to[is_inertial] = source[is_inertial]
+    out = passed.out
+    for case, times in uncorrected_outputs(prepared, passed.watch.mode):
+        if times.any():
+            alone = _pass(case, true, tape).out
+            for to, source in zip(out[1:5], alone[1:5], strict=True):  # true, mean, budget, samples
+                if len(to):
+                    to[times] = source[times]
     return out
 
 
@@ -316,8 +345,9 @@ def _go_back(
     if has_uncorrected_outputs(prepared):
         nothing = new_tape(0, 0, n_joint(prepared), row_width(prepared))
         watch = _pass(prepared, true, nothing).watch
-        if watch is not None and not corrects(prepared, watch.mode)[hist[-1]]:
-            tape = forward_tape(uncorrected(prepared))
+        for case, times in uncorrected_outputs(prepared, watch.mode) if watch is not None else ():
+            if times[hist[-1]]:
+                tape = forward_tape(case)
     tape = tape or forward_tape(prepared)
     last = int(np.flatnonzero(schedule.hist == hist[-1])[0])
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]

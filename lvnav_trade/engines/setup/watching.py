@@ -10,7 +10,7 @@ from lvnav_trade.engines.setup.receiver.solution import Chain
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.filters.integrity.card import IntegrityCard, thresholds_of
 from lvnav_trade.filters.integrity.state import Tests
-from lvnav_trade.filters.logic import CHECKS, LogicCard
+from lvnav_trade.filters.logic import AFTER_STOP, CHECKS, LogicCard
 from lvnav_trade.filters.model import FilterModel
 from lvnav_trade.filters.monitor import DATA_LOST, Rules
 from lvnav_trade.observables.partials import Channels
@@ -80,6 +80,7 @@ def watched(card: FilterCard, failing: Ints, channels: Channels, P: Floats) -> R
         start_after=float(logic.start_after),
         correct_after=logic.correct_after,
         stop_after=logic.stop_after or math.inf,
+        after_stop=AFTER_STOP.index(logic.after_stop),
         restarts=np.array([float(error in logic.restart_after) for error in _ERRORS]),
         from_gnss=card.init == "from_gnss",
         P=P,

@@ -158,7 +158,7 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
     if options.late is not None:
         parts["past"] = aligned_zeros((options.late.buffered.size + 1, N_PAST, *((n_lane,) if n_lane else ())))
     if options.rules is not None:
-        parts["watch"] = new_watch(prepared.t_epoch.size, n_channel, prepared.n_row, n_lane)
+        parts["watch"] = new_watch(prepared.t_epoch.size, n_channel, prepared.n_row, n_lane, n)
     if options.integrity is not None:
         sizes = (prepared.t_epoch.size, n_channel, prepared.n_row, options.integrity.window)
         parts["monitor"] = new_monitor(*sizes, n_lane)

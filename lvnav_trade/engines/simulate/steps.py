@@ -9,11 +9,11 @@ from lvnav_trade.engines.simulate.redundancy import inform
 from lvnav_trade.filters.backup import advance_backup, begin_backup, predict_backup
 from lvnav_trade.filters.delayed import accumulate_transition, begin_transition, clone_open_loop
 from lvnav_trade.filters.ekf import clear_epoch
-from lvnav_trade.filters.feedforward import apply_feedback, propagate_open_loop
+from lvnav_trade.filters.feedforward import apply_feedback, propagate_held, propagate_open_loop
 from lvnav_trade.filters.integrity.state import begin_monitor
 from lvnav_trade.filters.late import keep
 from lvnav_trade.filters.linearise import propagate_estimate
-from lvnav_trade.filters.monitor import begin_watch
+from lvnav_trade.filters.monitor import begin_watch, hold_correction
 from lvnav_trade.filters.samples import begin_motion, correct_vehicle, last_sample
 from lvnav_trade.filters.unscented import hold_window
 from lvnav_trade.kernels import processes
@@ -69,6 +69,7 @@ def propagate(work, parts, case, w):
     accumulate_transition(parts.earlier, options.delayed, work.D, work.sums, model, length, injection)
     predict_backup(parts.backup, work, model, length, injection)
     propagate_open_loop(work, parts.points, parts.open_loop, model, length, linearised)
+    propagate_held(work, parts.watch, options.rules, model, length)
     keep(parts.past, work.nav, work.previous, work.x, options.late, w, case.step, model.strapdown.gravity)
 
 
@@ -95,6 +96,7 @@ def begin_epoch(work, parts, case, epoch):
 def update(work, parts, case, epoch):
     """Update the filter by the measurements of an epoch, feed the error state back, and store or clone the estimate."""
     options = case.options
+    hold_correction(parts.watch, options.rules, work.x)
     process_epoch(work, parts, case, None, parts.open_loop, case.sensors, options.rules, epoch)
     correct_vehicle(work, parts.motion, case.model, options.vehicle)
     apply_feedback(work, parts.past, parts.open_loop, options.late, case.model)

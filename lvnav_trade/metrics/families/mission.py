@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from lvnav_trade.metrics.basics.case import Distribution, Errors, Gaussian
+from lvnav_trade.metrics.basics.case import Distribution, Errors, Gaussian, number_in
 from lvnav_trade.metrics.metric import (
     BOTH,
     LENGTH,
@@ -25,11 +25,14 @@ from lvnav_trade.records import Floats
 
 if TYPE_CHECKING:
     from lvnav_trade.metrics.basics.case import CaseResults
+    from lvnav_trade.metrics.mechanics.mission import Epochs
     from lvnav_trade.store.read import Tables
 
 
 # Members that are lengths of vectors
 _LENGTHS = ("eccentricity_vector_error", "correction_delta_v", "impact_error")
+# Members that are no elements of the orbit
+_WITHOUT_ELEMENTS = ("correction_delta_v", "impact_error", "impact_error_down", "impact_error_cross")
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,11 @@ class MissionError(Metric):
     at_events_only: ClassVar[str] = "a number of the orbit"
 
     @property
+    def has_epoch(self) -> bool:
+        """The errors of elements have one; a correction and a point of impact have none."""
+        return self.name not in _WITHOUT_ELEMENTS
+
+    @property
     def bounded_as(self) -> str:
         """The error of a vector, and the size of a correction, are lengths; of another number it has a sign."""
         return LENGTH if self.name in _LENGTHS else TWO_SIDED
@@ -58,10 +66,18 @@ class MissionError(Metric):
         scale = scale_of(unit, self.unit)
         if scale is None:
             return MetricValue(remark=no_fit(unit))
-        size = sizes_at(CaseTables(tables, case), event_of(stated), self.name)
+        size = sizes_at(CaseTables(tables, case), event_of(stated), self.name, epochs_of(stated))
         if size is None or not len(size):
             return MetricValue(remark=MISSING)
         return MetricValue(monte_carlo=float(np.sqrt(np.mean(size**2))) / scale, runs=(size / scale) ** 2)
+
+    def label(self, stated: Mapping[str, Any]) -> str:
+        """Return the metric and its event, with kind and epochs of the elements where they are not the usual ones."""
+        epochs = epochs_of(stated)
+        kind = "" if epochs.is_mean else ", osculating"
+        later = f" + {epochs.estimated:g} s" if epochs.estimated else ""
+        apart = f", true elements at + {epochs.true:g} s" if epochs.true != epochs.estimated else ""
+        return f"{super().label(stated)}{later}{kind}{apart}"
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
         """Return the size of the error of every run at an event."""
@@ -82,11 +98,23 @@ class MissionError(Metric):
         return Distribution(law, self.unit, self.label_unit, self.label_factor, at, drawn=drawn)
 
 
-def sizes_at(case: CaseResults, event: str, metric: str) -> Floats | None:
+def epochs_of(stated: Mapping[str, Any]) -> Epochs:
+    """Return kind and epochs of the elements that a statement is about: mean ones at its event unless it says more."""
+    from lvnav_trade.metrics.mechanics.mission import Epochs
+
+    estimated = number_in(stated.get("epoch") or 0.0, "s")
+    true = stated.get("reference_epoch")
+    is_mean = stated.get("elements", "mean") == "mean"
+    return Epochs(is_mean, estimated, estimated if true is None else number_in(true, "s"))
+
+
+def sizes_at(case: CaseResults, event: str, metric: str, epochs: Epochs | None = None) -> Floats | None:
     """Return |error| (n_run,) of a mission metric at an event in every run, SI; infinite where the run failed or the
     number is not defined. None where the state at the event is not stored.
+
+    epochs : Kind and epochs of the elements of the orbit; None: mean ones at the event.
     """
-    from lvnav_trade.metrics.mechanics.mission import signed, turned
+    from lvnav_trade.metrics.mechanics.mission import Epochs, orbit_errors_at, signed, turned
 
     state = case.state(event)
     if state is None:
@@ -94,7 +122,12 @@ def sizes_at(case: CaseResults, event: str, metric: str) -> Floats | None:
     error, failed = turned(state, case.errors(event, "velocity"), case.errors(event, "position"), case.failed(event))
     size = np.full(len(error), np.inf)
     if not failed.all():
-        size[~failed] = np.linalg.norm(signed(state, error[~failed], metric), axis=1)
+        good = error[~failed]
+        if epochs is None or epochs == Epochs():
+            found = signed(state, good, metric)
+        else:
+            found = orbit_errors_at(state, good, epochs)[metric]
+        size[~failed] = np.linalg.norm(found, axis=1)
     return np.where(np.isfinite(size), size, np.inf)
 
 

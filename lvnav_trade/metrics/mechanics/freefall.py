@@ -91,6 +91,16 @@ def _pull(state: Floats, j2: bool) -> Floats:
     return np.concatenate([state[:, 3:], pull + oblateness(r_i) if j2 else pull], axis=1)
 
 
+def coast(r_i: ArrayLike, v_i: ArrayLike, seconds: float) -> tuple[Floats, Floats]:
+    """Return states r_i (m), v_i (m/s), each (n, 3), after a time in s of free fall about the oblate Earth (J2)."""
+    r_i, v_i = np.atleast_2d(np.asarray(r_i, dtype=float)), np.atleast_2d(np.asarray(v_i, dtype=float))
+    if seconds == 0.0:
+        return r_i, v_i
+    steps = max(_FEWEST, int(np.ceil(abs(seconds) / _STEP)))
+    state = _fly(r_i, v_i, np.full(len(r_i), seconds), True, steps)
+    return state[:, :3], state[:, 3:]
+
+
 def _fly(r_i: Floats, v_i: Floats, time: Floats, j2: bool, steps: int) -> Floats:
     """Return the states (n, 6) after a time (n,) in free fall, by Runge and Kutta's fourth order."""
     state = np.concatenate([r_i, v_i], axis=1)

@@ -16,7 +16,7 @@ from scipy import special
 
 from lvnav_trade import frames
 from lvnav_trade.metrics.mechanics import impulses, meanorbit
-from lvnav_trade.metrics.mechanics.freefall import impact, offsets
+from lvnav_trade.metrics.mechanics.freefall import coast, impact, offsets
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.store.lookup import once, pick
 from lvnav_trade.store.read import Tables
@@ -46,6 +46,19 @@ class State(NamedTuple):
     v_i: Floats
     earth_angle: float
     turn: Floats
+
+
+class Epochs(NamedTuple):
+    """Which elements of the orbit are compared, and when.
+
+    is_mean : Averaged over a revolution (first order in J2, see `meanorbit`), or osculating.
+    estimated : s after the event. Epoch of the estimated elements.
+    true : s after the event. Epoch of the true ones.
+    """
+
+    is_mean: bool = True
+    estimated: float = 0.0
+    true: float = 0.0
 
 
 class Law(NamedTuple):
@@ -151,8 +164,21 @@ def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
 
     The eccentricity vector is resolved along the true ascending node and 90 degrees ahead of it.
     """
-    true = mean_orbit(state)
-    estimated = meanorbit.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
+    return _differences(mean_orbit(state), meanorbit.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3]))
+
+
+def orbit_errors_at(state: State, error: Floats, epochs: Epochs) -> dict[str, Floats]:
+    """Return the errors of `orbit_errors` of elements at epochs after the state: true and estimated state coast to
+    theirs about the oblate Earth, and the true elements of the one less the estimated ones of the other.
+    """
+    elements = meanorbit.mean if epochs.is_mean else meanorbit.osculating
+    true = elements(*(part[0] for part in coast(state.r_i, state.v_i, epochs.true)))
+    estimated = elements(*coast(state.r_i - error[:, 3:], state.v_i - error[:, :3], epochs.estimated))
+    return _differences(true, estimated)
+
+
+def _differences(true: meanorbit.Orbit, estimated: meanorbit.Orbit) -> dict[str, Floats]:
+    """Return the elements of one orbit less those of n others, as `orbit_errors` does."""
     node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
     plane = np.stack([node, np.cross(frames.unit(true.h_i), node)])
     names = [name.removesuffix("_error") for name in _OF_ORBIT[:-1]]

@@ -7,7 +7,8 @@ import pytest
 
 from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.evaluate import evaluate
-from lvnav_trade.metrics.families.mission import MISSION, drawn_at, expected_at, sizes_at
+from lvnav_trade.metrics.families.mission import MISSION, drawn_at, epochs_of, expected_at, sizes_at
+from lvnav_trade.metrics.mechanics.mission import Epochs
 from lvnav_trade.store.read import load
 from tests import mission as flights
 
@@ -37,3 +38,20 @@ def test_the_law_is_the_first_order_gaussian_or_says_why_there_is_none(orbit):
     correction = MISSION["correction_delta_v"].law(case, {"at": "injection"})
     assert correction == "a sum of impulses is no linear function of the error"
     assert drawn_at(case, "injection", "inclination_error") is None
+
+
+def test_a_statement_chooses_kind_and_epochs_of_the_elements(orbit):
+    later = {**PERIGEE, "elements": "osculating", "epoch": "30 s", "reference_epoch": "90 s"}
+    assert epochs_of(PERIGEE) == Epochs()
+    assert epochs_of(later) == epochs_of({**later, "epoch": 30.0, "reference_epoch": 90.0}) == Epochs(False, 30.0, 90.0)
+    assert epochs_of({"epoch": "30 s"}) == Epochs(True, 30.0, 30.0)
+    case = CaseTables(orbit, flights.CASE)
+    size = sizes_at(case, "injection", "perigee_error", Epochs(False, 30.0, 90.0))
+    np.testing.assert_allclose(np.sqrt(evaluate(orbit, flights.CASE, later, "km").runs), size / 1e3, rtol=1e-15)
+    assert np.flatnonzero(np.isinf(size)).tolist() == [3]
+    label = MISSION["perigee_error"].label
+    assert label(PERIGEE) == "perigee_error at injection"
+    assert label(later) == "perigee_error at injection + 30 s, osculating, true elements at + 90 s"
+    assert [one.name for one in MISSION.values() if not one.has_epoch] == [
+        "correction_delta_v", "impact_error", "impact_error_down", "impact_error_cross"
+    ]  # fmt: skip

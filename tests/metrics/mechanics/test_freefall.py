@@ -14,7 +14,7 @@ from lvnav_trade.frames import (
     rotation_e_n,
 )
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.metrics.mechanics.freefall import impact, offsets
+from lvnav_trade.metrics.mechanics.freefall import coast, impact, offsets
 from tests import mission as flights
 
 THETA = 0.7
@@ -78,3 +78,13 @@ def test_offsets_are_down_range_along_the_heading_and_cross_range_to_its_right()
     north, east = rotation_e_n(np.radians(40.0), 1.0)[:2]
     found = offsets(here, here + 100.0 * north + 10.0 * east, np.radians(90.0))
     np.testing.assert_allclose(found, [10.0, -100.0], atol=1e-9)  # flying east, north is to the left
+
+
+@pytest.mark.parametrize("seconds", [0.0, 60.0, -60.0, 5400.0])
+def test_a_coast_is_a_numerical_flight_about_the_oblate_earth(seconds):
+    r_i, v_i = np.array([6.7e6, 1.0e6, 2.0e6]), np.array([-1.5e3, 7.0e3, 3.0e3])
+    found = coast(np.stack([r_i, 1.001 * r_i]), np.stack([v_i, v_i]), seconds)
+    for k, scale in enumerate((1.0, 1.001)):
+        end = flights.coast(scale * r_i, v_i, np.array([0.0, seconds or 1e-9])).y[:, -1]
+        np.testing.assert_allclose(found[0][k], end[:3], rtol=0.0, atol=0.1)
+        np.testing.assert_allclose(found[1][k], end[3:], rtol=0.0, atol=1e-4)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.frames import ecef_from_geodetic, eci_from_ecef, rotation_e_n, state_from_elements, unit
+from lvnav_trade.frames import (
+    ecef_from_geodetic,
+    eci_from_ecef,
+    elements_from_state,
+    rotation_e_n,
+    state_from_elements,
+    unit,
+)
 from lvnav_trade.kernels.earth import GM, OMEGA
 from lvnav_trade.metrics.basics.case_tables import CaseTables
 from lvnav_trade.metrics.evaluate import errors_at
@@ -174,3 +181,44 @@ def test_a_correction_is_a_size_and_no_gaussian(orbit):
     assert found == "a sum of impulses is no linear function of the error"
     size = errors_at(orbit, flights.CASE, "injection", "correction_delta_v").size
     assert 0.0 < np.median(size) < 1.0
+
+
+@pytest.mark.parametrize("is_mean", [True, False])
+def test_errors_of_elements_at_epochs_are_those_of_flown_states(orbit, is_mean):
+    """Another integrator, and osculating elements by their classical formulas; mean ones along the flown orbit."""
+    state, error = state_of(orbit), np.array([[0.3, -0.2, 0.1, 5.0, -20.0, 10.0]])
+    found = mission.orbit_errors_at(state, error, mission.Epochs(is_mean, 30.0, 90.0))
+    start = np.concatenate([state.r_i, state.v_i])
+    shifted = start - error[0][[3, 4, 5, 0, 1, 2]]
+    true, estimated = (
+        flights.coast(one[:3], one[3:], np.array([0.0, t])).y[:, -1] for one, t in ((start, 90.0), (shifted, 30.0))
+    )
+    if is_mean:
+        a, b = (meanorbit.mean(one[:3], one[3:]) for one in (true, estimated))
+        expected = {name: float(getattr(a, name) - getattr(b, name)) for name in ("perigee", "apogee", "inclination")}
+    else:
+        a, b = (elements_from_state(one[:3], one[3:]) for one in (true, estimated))
+        heights = [[k.semi_major_axis * (1.0 + s * k.eccentricity) for s in (-1.0, 1.0)] for k in (a, b)]
+        expected = {"perigee": heights[0][0] - heights[1][0], "apogee": heights[0][1] - heights[1][1]}
+        expected["inclination"] = a.inclination - b.inclination
+    for name, value in expected.items():
+        assert float(found[f"{name}_error"][0, 0]) == pytest.approx(float(value), rel=1e-3, abs=1e-9), name
+
+
+def test_errors_of_elements_at_the_event_are_the_usual_ones(orbit):
+    state, error = state_of(orbit), np.array([[0.3, -0.2, 0.1, 5.0, -20.0, 10.0], [0.0] * 6])
+    usual, found = mission.orbit_errors(state, error), mission.orbit_errors_at(state, error, mission.Epochs())
+    assert usual.keys() == found.keys()
+    for name, values in usual.items():
+        np.testing.assert_allclose(found[name], values, rtol=1e-9, atol=1e-9)
+
+
+def test_osculating_elements_swing_from_epoch_to_epoch_and_mean_ones_stay(orbit):
+    """Kilometres of apogee in a minute by J2 alone, of a state without errors."""
+    state, nothing = state_of(orbit), np.zeros((1, 6))
+    swing, stay = (
+        float(mission.orbit_errors_at(state, nothing, mission.Epochs(is_mean, 0.0, 60.0))["apogee_error"][0, 0])
+        for is_mean in (False, True)
+    )
+    assert abs(swing) > 200.0
+    assert abs(stay) < 0.05 * abs(swing)
