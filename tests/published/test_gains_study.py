@@ -48,6 +48,7 @@ FEW = {
     "deboost": ("axes.1.values=[[{kind: satellite_outage, start: entry, duration: 600 s}]]",
                 "axes.1.labels=[lost from the entry on]"),
     "stop_aiding": (),
+    "hand_over": (),
     "initialisation": (),
     "landing": (),
 }  # fmt: skip
@@ -72,6 +73,7 @@ HOLD = {
     "scheduled_gain": ("nominal: within 20 %",),
     "deboost": ("lost from the entry on",),
     "stop_aiding": ("loss of 120 s", "wild samples", "lost until"),
+    "hand_over": ("prime gyro step", "redundant gyro step"),
     "initialisation": ("receiver from 300 s", "receiver from 600 s"),
     "landing": ("winged landing, lost",),
 }

@@ -80,6 +80,8 @@ def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterat
         yield campaign.written.mistake("covariance.error_bound", message)
     if campaign.covariance.protection is not None and (why := _unprotected(case.scenario)):
         yield campaign.written.mistake("covariance.protection", why)
+    for field, message in switched.of_imu(case.scenario, times):
+        yield written(campaign, case, f"base.imu.{field}", message)
     for index, fault in enumerate(case.scenario.faults):
         for field, message in _of_fault(fault, case.scenario, times):
             yield written(campaign, case, f"base.faults.{index}.{field}", message)

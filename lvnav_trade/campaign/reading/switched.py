@@ -46,6 +46,21 @@ def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -
         yield from _timed(fault, fault.start, course)
 
 
+def of_imu(scenario: Scenario, events: Mapping[str, float]) -> Found:
+    """Yield that the hand-over of a prime IMU is at no time of the flight; events: times (s)."""
+    text = getattr(scenario.imu, "hand_over", None)
+    if text is None:
+        return
+    card = scenario.trajectory
+    first, last = min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
+    try:
+        at = Course({"start": first, "end": last, **events}).time(text, "hand_over")
+        if not first < at < last:
+            yield "hand_over", f"{text!r} is {at:g} s: outside the flight, from {first:g} s to {last:g} s"
+    except InputError as error:
+        yield "hand_over", error.records[0].message
+
+
 def unprotected(scenario: Scenario) -> str:
     """Say that tests of innovations meet a persistent fault of an IMU that nothing excludes; empty if they do not."""
     if scenario.filter.integrity is None or excludes_units(scenario.imu):

@@ -38,6 +38,7 @@ _STEPS = {
 }
 # A step is a profile that grows within this time (s), far less than an IMU tick.
 STEP = 1e-6
+_ROUNDING = 1e-6  # of a tick
 
 
 class TrueImu(NamedTuple):
@@ -58,8 +59,16 @@ def imu_of(scenario: Scenario, flight: Flight, layout: StateLayout) -> TrueImu:
     ref, course = flight.reference, flight.trajectory.course
     terms = (*terms_of(scenario.imu), *disturbance(scenario.gravity))
     units = units_of(scenario, ref, course, flight.devices, layout)
-    units = redundant_of(scenario.imu, units, ref, profiles_of(scenario.imu, scenario.faults, course))
+    profiles = profiles_of(scenario.imu, scenario.faults, course)
+    units = redundant_of(scenario.imu, units, ref, profiles, hand_over_tick(scenario.imu, ref, course))
     return TrueImu(terms, unit_of(scenario, ref, terms, course, units), units)
+
+
+def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: Course) -> int:
+    """Return the first tick after the hand-over of a prime IMU that is stated by its time; -1 without."""
+    if isinstance(card, ImuCard) or card.hand_over is None:
+        return -1
+    return math.ceil((course.time(card.hand_over, "imu.hand_over") - ref.t[0]) * card.rate - _ROUNDING)
 
 
 def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Course) -> list[Profile]:

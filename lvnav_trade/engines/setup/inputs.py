@@ -128,10 +128,13 @@ class Units(NamedTuple):
 
 
 class Redundant(NamedTuple):
-    """Parity test of redundant IMUs, and selection of their middle value.
+    """Parity test of redundant IMUs, and selection of their middle value or of a prime IMU.
 
     middle : Whether the middle value of the IMUs is used in place of their mean.
-    excludes : Whether an IMU that fails the test is excluded; otherwise the detection is reported.
+    prime : Whether the first IMU that is not excluded is used alone.
+    excludes : Whether an IMU is excluded when the test fails; otherwise the detection is reported.
+    hands_over : Whether it is the prime IMU that is excluded then.
+    hand_over : Tick from which the first IMU is excluded in any case; -1 without.
     ticks : Ticks summed for a test; 0 without tests.
     weight : (n_window, 2, n_triad, 3). Inverse of the modelled variance of a summed increment; 0 without an axis.
     limits : (n_dof + 1,). Largest weighted sum of squared residuals, by degrees of freedom (chi-square).
@@ -146,7 +149,10 @@ class Redundant(NamedTuple):
     """
 
     middle: bool
+    prime: bool
     excludes: bool
+    hands_over: bool
+    hand_over: int
     ticks: int
     weight: Floats
     limits: Floats

@@ -35,11 +35,13 @@ class _Axes(NamedTuple):
     owner : (n_triad,). IMU that the triad belongs to.
     alone : (n_triad, 3, 3). Weights by which the axes enter the solution of their IMU alone.
     shares : (2, n_triad). Weight of the axes in the mean, by sensor.
+    prime : Whether the first IMU in use is used alone.
     """
 
     owner: Ints
     alone: Floats
     shares: Floats
+    prime: bool
 
 
 class ParityTest(NamedTuple):
@@ -49,16 +51,18 @@ class ParityTest(NamedTuple):
     weight : (n_window, 2, n_triad, 3). Inverse of the modelled variance of a summed increment.
     limits : (n_dof + 1,). Largest weighted sum of squared residuals, by degrees of freedom.
     owner : (n_triad,). IMU that the triad belongs to.
+    hands_over : Whether the first IMU in use is excluded, whichever has failed.
     """
 
     ticks: int
     weight: Floats
     limits: Floats
     owner: Ints
+    hands_over: bool
 
 
 def redundant_of(
-    card: ImuCard | ImuSet, units: Units | None, ref: Reference, profiles: Sequence[Profile]
+    card: ImuCard | ImuSet, units: Units | None, ref: Reference, profiles: Sequence[Profile], hand_over: int = -1
 ) -> Units | None:
     """Return the IMU array with its parity test and selection; unchanged if it has neither.
 
@@ -72,23 +76,28 @@ def redundant_of(
         True motion and ideal increments.
     profiles
         Deterministic errors of the IMUs.
+    hand_over
+        Tick of a hand-over at a stated time; -1 without.
     """
     if units is None or isinstance(card, ImuCard) or (card.parity is None and card.selection == "mean"):
         return units
     dt = 1.0 / card.rate
     owner = np.array([triad.unit for triad in triads_of(card)], dtype=np.int64)
-    axes = _Axes(owner, own_solutions(card), axis_weights(card))
+    axes = _Axes(owner, own_solutions(card), axis_weights(card), card.selection == "prime")
     test = _test(card, units, owner, dt)
-    excludes = (card.parity or ParityCard()).after_detection == "exclude"
+    excludes = (card.parity or ParityCard()).after_detection != "report"
     along = np.array(along_axes(units, dt))
     errors = _known(units, profiles, 0.5 * (ref.t[:-1] + ref.t[1:]), dt)
     tested = card.parity is not None and excludes
-    lost = failed(along + errors, units.frames[:, :, 0], test) if tested else []
+    lost = failed(along + errors, units.frames[:, :, 0], test) if tested else [(hand_over, 0)] * (hand_over >= 0)
     excluded = [{unit for _, unit in lost[:n]} for n in range(len(lost) + 1)]
     spread, walk = _of_biases(card)
     redundant = Redundant(
         middle=card.selection == "mid_value",
+        prime=axes.prime,
         excludes=excludes,
+        hands_over=test.hands_over,
+        hand_over=hand_over,
         ticks=test.ticks if card.parity is not None else 0,
         weight=test.weight,
         limits=test.limits,
@@ -112,7 +121,7 @@ def _test(card: ImuSet, units: Units, owner: Ints, dt: float) -> ParityTest:
     weight = 1.0 / _variance(card, units, dt, ticks)
     n_axis, n_test = int(units.n_axis.sum()), 2 * weight.shape[0]
     limits = np.concatenate([[np.inf], chdtri(np.arange(1, max(2, n_axis - 2)), parity.false_alarm / max(1, n_test))])
-    return ParityTest(ticks, weight, limits, owner)
+    return ParityTest(ticks, weight, limits, owner, parity.after_detection == "hand_over")
 
 
 def _of_biases(card: ImuSet) -> tuple[Floats, Floats]:
@@ -190,7 +199,10 @@ def failed(along: Floats, directions: Floats, tests: ParityTest) -> list[tuple[i
             y, weight = sums[sensor, :, window], tests.weight[window, sensor]
             if _over(y, directions, weight, tests, out) <= 1.0:
                 continue
-            ratios = [_over(y, directions, weight, tests, out | {u}, True) for u in range(n_unit)]
+            if tests.hands_over:
+                ratios = [0.0] * n_unit  # the first in use, whichever has failed
+            else:
+                ratios = [_over(y, directions, weight, tests, out | {u}, True) for u in range(n_unit)]
             worst = min((ratio, u) for u, ratio in enumerate(ratios) if u not in out)
             if np.isfinite(worst[0]):
                 out.add(worst[1])
@@ -264,11 +276,14 @@ def _staged(
 
 
 def _mean(units: Units, own: _Axes, out: set[int]) -> _Stage:
-    """Return the stage with the least-squares mean of the IMUs that are not in `out`."""
+    """Return the stage with the mean of the IMUs that are not in `out`; of a prime IMU, with the first of them."""
     solved = units.solved[0]
     if out:
         solved = np.zeros_like(solved)
-        use = (np.arange(3) < units.n_axis[:, None]) & ~np.isin(own.owner, list(out))[:, None]
+        used = ~np.isin(own.owner, list(out))
+        if own.prime:
+            used &= own.owner == own.owner[used].min()
+        use = (np.arange(3) < units.n_axis[:, None]) & used[:, None]
         triad, axis = np.nonzero(use)
         for sensor, shares in enumerate(own.shares):
             A = least_squares(units.frames[triad, axis, 0], shares[triad])

@@ -203,6 +203,16 @@ def _residual(own, units, vote, sensor, window, skip):
 
 
 @jit
+def _in_use(own, u, prime):
+    """Return 1 where a unit enters what is fused: it is not out; of a prime, no unit before it is in use either."""
+    used = where(own.out[u] > 0.0, 0.0, like(own.over[0], 1.0))
+    if prime:
+        for before in range(u):
+            used = where(own.out[before] > 0.0, used, 0.0)
+    return used
+
+
+@jit
 def _reduce(own, units, vote):
     """Set the weights of the axes in the mean of the IMUs in use."""
     n, zero = units.n_axis.shape[0], like(own.over[0], 0.0)
@@ -211,7 +221,7 @@ def _reduce(own, units, vote):
             for j in range(3):
                 own.A[i, j] = zero + (1e-12 if i == j else 0.0)
         for k in range(n):
-            w = where(own.out[vote.owner[k]] > 0.0, 0.0, vote.shares[sensor, k])
+            w = where(_in_use(own, vote.owner[k], vote.prime) > 0.0, vote.shares[sensor, k], 0.0)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
                 for i in range(3):
@@ -219,7 +229,7 @@ def _reduce(own, units, vote):
                         own.A[i, j] = own.A[i, j] + w * h[i] * h[j]
         invert(own.inverse, own.A)
         for k in range(n):
-            w = where(own.out[vote.owner[k]] > 0.0, 0.0, vote.shares[sensor, k])
+            w = where(_in_use(own, vote.owner[k], vote.prime) > 0.0, vote.shares[sensor, k], 0.0)
             for c in range(units.n_axis[k]):
                 h = units.frames[k, c, 0]
                 for i in range(3):
@@ -229,8 +239,33 @@ def _reduce(own, units, vote):
 
 
 @jit
+def _hand_over(own, units, vote, tick):
+    """Exclude the first unit after a tick."""
+    own.out[0], own.when[0] = like(own.over[0], 1.0), like(own.over[0], tick + 1.0)
+    own.reduced[0] = like(own.over[0], 1.0)
+    _reduce(own, units, vote)
+
+
+@jit
+def _rate_without(own, units, vote, sensor, window):
+    """Set by what ratio units are excluded, the smallest first: what is left without it, over its limit; of a prime,
+    where a failure hands over, 0, and FAR of the others. FAR where nothing is left to exclude.
+    """
+    for u in range(own.out.shape[0]):
+        if vote.hands_over:
+            own.ratio[u] = where(_in_use(own, u, vote.prime) > 0.0, 0.0, like(own.over[0], FAR))
+        else:
+            square, dof = _residual(own, units, vote, sensor, window, u)
+            own.ratio[u] = where((own.out[u] > 0.0) | (dof < 1.0), FAR, square / limit(vote.limits, dof))
+
+
+@jit
 def check(own, units, vote, tick):
-    """Test the IMUs after a tick that ends a test window; exclude the failed IMU, or record an alarm."""
+    """Test the IMUs after a tick that ends a test window; exclude the failed IMU, or record an alarm. Hand over from
+    the prime IMU at its stated tick.
+    """
+    if tick + 1 == vote.hand_over:
+        _hand_over(own, units, vote, tick)
     if vote.ticks == 0 or (tick + 1) % vote.ticks != 0:
         return
     window = (tick + 1) // vote.ticks - 1
@@ -240,10 +275,9 @@ def check(own, units, vote, tick):
         if not vote.excludes:
             own.alarm[0] = where((fails > 0.0) & (own.alarm[0] == 0.0), tick + 1.0, own.alarm[0])
             continue
+        _rate_without(own, units, vote, sensor, window)
         least = like(own.over[0], FAR)
         for u in range(own.out.shape[0]):
-            square, dof = _residual(own, units, vote, sensor, window, u)
-            own.ratio[u] = where((own.out[u] > 0.0) | (dof < 1.0), FAR, square / limit(vote.limits, dof))
             least = where(own.ratio[u] < least, own.ratio[u], least)
         for u in range(own.out.shape[0]):
             worst = (fails > 0.0) & (own.ratio[u] == least) & (least < FAR)
@@ -304,7 +338,35 @@ def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
             P[at + i, at + i] = P[at + i, at + i] + total
     for b in range(model.par_offset.shape[0]):
         if model.par_driver[b] == CONSTANT:
+            if vote.prime:
+                _renew_bias(P, (solved, before), wanted, n_axis, vote, model.par_sensor[b], model.par_offset[b])
             _grow_bias(P, (solved, before), wanted, n_axis, vote, model.par_sensor[b], model.par_offset[b], seconds)
+
+
+@jit
+def _renew_bias(P, weights, wanted, n_axis, vote, sensor, at):
+    """Begin what a filter knows of a bias after a hand-over: uncorrelated, with the variance -P. `_grow_bias` adds
+    s1^2 + s2^2.
+
+    The estimate stays, and its error is b2 - b1 + e with e = b1 less the estimate. The estimate of a filter that models
+    all errors is uncorrelated with e, so Cov(b1, e) = P and, of any other error x, Cov(x, b1) = Cov(x, e). The new
+    variance is s1^2 + s2^2 - P, at least s2^2, and the covariances with other errors are zero.
+    """
+    solved, before = weights
+    for i in range(3):
+        change, fresh = like(P[0, 0], 0.0), like(P[0, 0], 0.0)
+        for k in range(n_axis.shape[0]):
+            for c in range(n_axis[k]):
+                now = solved[k, sensor, i, c]
+                off = now - before[k, sensor, i, c]
+                change = change + off * off * vote.spread[sensor, k, c]
+                fresh = fresh + now * now * vote.spread[sensor, k, c]
+        known, handed = P[at + i, at + i], (wanted > 0.0) & (change > 0.0)
+        for j in range(P.shape[0]):
+            P[at + i, j] = where(handed, 0.0, P[at + i, j])
+            P[j, at + i] = where(handed, 0.0, P[j, at + i])
+        most = change - fresh  # the variance of the new bias is left at least
+        P[at + i, at + i] = where(handed, -where(known < most, known, most), known)
 
 
 @jit

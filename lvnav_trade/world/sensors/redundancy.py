@@ -22,10 +22,10 @@ class ParityCard(units.Card):
         1e-3, gt=0.0, lt=1.0, description="largest probability of an alarm in a run without faults"
     )
     window: units.TimeConstant = Field(1.0, description="time over which increments are summed for a test")
-    after_detection: Literal["exclude", "report"] = Field(
+    after_detection: Literal["exclude", "report", "hand_over"] = Field(
         "exclude",
         description="exclude: exclude the failed IMU; report: only log the disagreement, because two IMUs do not show"
-        " which has failed",
+        " which has failed; hand_over: exclude the prime IMU, whichever has failed (selection: prime)",
     )
 
 

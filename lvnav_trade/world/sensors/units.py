@@ -5,7 +5,7 @@ is x^ = A y with A = (H' W H)^-1 H' W, so an error e of an axis enters as its co
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from operator import attrgetter
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -18,6 +18,7 @@ from lvnav_trade.layout import ErrorTerm
 from lvnav_trade.per_axis import PerAxis, rms, squares
 from lvnav_trade.records import Floats
 from lvnav_trade.units import NamedCard
+from lvnav_trade.world.events import Instant
 from lvnav_trade.world.sensors.imu import AccelCard, GyroCard, ImuCard, error_terms
 from lvnav_trade.world.sensors.redundancy import ParityCard
 
@@ -82,10 +83,13 @@ class ImuSet(NamedCard):
         " sample, are subtracted from the output of each unit; ignored: they are not",
     )
 
-    selection: Literal["mean", "mid_value"] = Field(
+    selection: Literal["mean", "mid_value", "prime"] = Field(
         "mean",
         description="mean: least squares of all units; mid_value: on each body axis the middle value of the units, or"
-        " the mean of the two middle values of an even number",
+        " the mean of the two middle values of an even number; prime: the first unit alone, after a hand-over the next",
+    )
+    hand_over: Instant | None = Field(
+        None, description="time or event at which the next unit replaces the prime one; none: by parity alone"
     )
     parity: ParityCard | None = Field(None, description="test of the units against each other; none: no test")
 
@@ -130,6 +134,7 @@ def _unfit_for_redundancy(card: ImuSet) -> Iterable[str]:
             yield f"selection: mid_value: the middle of {len(card.units)} is their mean; it takes three units or more"
         if any(triad.quantisation > 0.0 for unit in card.units for triad in (unit.gyro, unit.accel)):
             yield "selection: mid_value: what quantisation holds back of a unit is lost where another one is selected"
+    yield from _unfit_for_hand_over(card, spans)
     if card.parity is not None:
         yield from _untestable(card, card.parity)
     if card.parity is not None and card.parity.window * card.rate < 1.0:
@@ -140,11 +145,30 @@ def _unfit_for_redundancy(card: ImuSet) -> Iterable[str]:
                 yield f"units.{number}.{name}.random_walk: is zero; thresholds of redundant units need it, give it"
 
 
+def _unfit_for_hand_over(card: ImuSet, spans: Sequence[int]) -> Iterable[str]:
+    """Yield what a prime unit and its hand-over lack; spans: dimensions that each unit senses along."""
+    by_parity = card.parity is not None and card.parity.after_detection == "hand_over"
+    if card.selection != "prime":
+        if by_parity or card.hand_over is not None:
+            field = "parity.after_detection" if by_parity else "hand_over"
+            yield f"{field}: a hand-over is from a prime unit to the next one: it needs selection: prime"
+        return
+    if len(card.units) < 2:
+        yield "selection: prime: there is no unit to hand over to; give two or more"
+    if min(spans, default=3) < 3:
+        yield f"selection: prime: units.{int(np.argmin(spans))} senses along {min(spans)} of 3 dimensions"
+    if card.weights != "random_walk":
+        yield f"weights: {card.weights}: one unit is used at a time, and nothing is weighted"
+    if (card.hand_over is None) == (card.parity is None):
+        yield "selection: prime: units are handed over at a time or by parity; state one of hand_over and parity"
+
+
 def excludes_units(card: ImuCard | ImuSet) -> bool:
-    """Whether a failed IMU is excluded from the fused increments, by the parity test or by mid-value selection."""
+    """Whether a failed IMU is excluded from the fused increments: by parity, mid-value selection, or a hand-over."""
     if isinstance(card, ImuCard):
         return False
-    return card.selection == "mid_value" or (card.parity is not None and card.parity.after_detection == "exclude")
+    tested = card.parity is not None and card.parity.after_detection != "report"
+    return card.selection == "mid_value" or tested or card.hand_over is not None
 
 
 def _untestable(card: ImuSet, parity: ParityCard) -> Iterable[str]:
@@ -233,7 +257,10 @@ def triads_of(card: ImuSet) -> tuple[Triad, ...]:
     for sensor in ("gyro", "accel"):
         sizes = _sizes(card, sensor)
         sizes = sizes / sizes[0] if sizes.all() else np.ones(len(sizes))
-        solved.append(least_squares(np.vstack(directions), np.repeat(sizes**-2.0, count)))
+        weights = np.repeat(sizes**-2.0, count)
+        if card.selection == "prime":
+            weights[count[0] :] = 0.0
+        solved.append(least_squares(np.vstack(directions), weights))
     triads, at = [], 0
     for number, axes in enumerate(directions):
         for first in range(0, len(axes), 3):
@@ -268,7 +295,7 @@ def axis_weights(card: ImuSet) -> Floats:
     They are relative to the first IMU, and one for mid-value selection.
     """
     owners = [triad.unit for triad in triads_of(card)]
-    if card.selection == "mid_value":
+    if card.selection != "mean":
         return np.ones((2, len(owners)))
     sizes = [_sizes(card, sensor) for sensor in ("gyro", "accel")]
     return np.array([(sigma / sigma[0] if sigma.all() else np.ones(sigma.size))[owners] ** -2.0 for sigma in sizes])

@@ -128,3 +128,16 @@ def test_a_sensor_of_the_pad_is_used_before_the_lift_off(study, flying, start: s
     still = f"sensors={{still: {{kind: zero_velocity, name: a, source: b, sigma: 1 cm/s, from: {start}}}}}"
     lines = reported(still, "filter.measurements=[pseudorange, range_rate, zero_velocity]")
     assert [line.startswith(f"--set: base.sensors.still.{message}") for line in lines] == [True] * bool(message)
+
+
+@pytest.mark.parametrize(
+    ("at", "message"),
+    [
+        ("10 s", ""),
+        ("10 h", "'10 h' is 36000 s: outside the flight"),
+        ("injectoin", "no event 'injectoin' (did you mean 'injection'?)"),
+    ],
+)
+def test_a_hand_over_is_within_the_flight(study, at: str, message: str) -> None:
+    lines = reported(f"imu={{units: [imu/good, imu/good], selection: prime, hand_over: {at}}}")
+    assert [message in line and "base.imu.hand_over: " in line for line in lines] == [True] * bool(message)

@@ -136,3 +136,66 @@ def test_a_filter_knows_what_the_mean_of_the_units_left_is_worth(fault):
     np.testing.assert_allclose(
         block.sigma[:, after].mean(axis=0), history.formal[after], rtol=5e-2
     )  # a dead axis moves what runs are linearised at
+
+
+PRIME = {"selection": "prime", "hand_over": "20 s"}
+
+
+def spread_over_sigma(prepared, skipped=()):
+    """Standard deviation of the runs over the true sigma at the history times, those near a fault left out."""
+    found, block = covariance(prepared), run_block(prepared, 5, 0, RUNS)
+    away = [k for k, t in enumerate(prepared.t_hist) if k and all(abs(t - at) > 1.5 for at in skipped)]
+    sigma = found.true_sigma[away, :9]
+    assert np.all(np.abs(block.err.mean(axis=0)[away, :9] - found.mean[away, :9]) < 5.0 * sigma / math.sqrt(RUNS))
+    return block, block.err.std(axis=0)[away, :9] / sigma
+
+
+def test_a_prime_unit_is_the_unit_alone_until_its_hand_over():
+    alone = prepare_hop(loaded("base.imu=imu/tactical_fog_matched", "base.filter=filters/tight"))
+    prime = two(**PRIME)
+    one, other = run_block(alone, 5, 0, 8), run_block(prime, 5, 0, 8)
+    before = alone.t_hist < 20.0
+    np.testing.assert_array_equal(other.err[:, before], one.err[:, before])
+    np.testing.assert_array_equal(other.sigma[:, before], one.sigma[:, before])
+    after = alone.t_hist > 25.0
+    assert np.abs(other.err[:, after] - one.err[:, after]).max() > 0.0
+    run, t, kind, code = other.decisions.T
+    assert (run.tolist(), set(t), set(kind), set(code)) == (list(range(8)), {20.0}, {OF_UNIT}, {-2.0})
+
+
+def test_both_engines_hand_over_at_a_time():
+    _, ratio = spread_over_sigma(two(**PRIME))
+    assert np.all(np.abs(ratio - 1.0) < 5.0 / math.sqrt(2.0 * RUNS))
+    assert np.abs(ratio - 1.0).mean() < 0.06
+
+
+@pytest.mark.parametrize("unit", [1, 2], ids=["prime fails", "redundant unit fails"])
+def test_both_engines_hand_over_at_a_detected_failure_whichever_unit_has_failed(unit):
+    """Two units do not show which of them has failed, so a failure of the redundant unit hands over to it."""
+    fault = STEP.model_copy(update={"unit": unit})
+    block, ratio = spread_over_sigma(
+        two(fault, selection="prime", parity={"after_detection": "hand_over"}), skipped=(10.0, 11.0, 12.0)
+    )
+    assert np.abs(ratio - 1.0).mean() < 0.06
+    assert block.decisions[:, 0].tolist() == list(range(RUNS))
+    assert set(block.decisions[:, 3]) == {-2.0}
+    at_end = np.abs(block.err[:, -1, 0]).mean()
+    healthy = np.abs(run_block(two(**PRIME), 5, 0, RUNS).err[:, -1, 0]).mean()
+    assert (at_end > 3.0 * healthy) == (unit == 2)
+
+
+def test_a_random_walk_with_a_hand_over_is_that_of_the_unit_in_use():
+    """N^2 T in all: of the prime until the hand-over, of the redundant unit from then on, nothing of a third."""
+    found = covariance(walks({"selection": "prime", "hand_over": "40 s"}))
+    assert found.true_sigma[-1, 0] == pytest.approx(math.sqrt(1e-10 * SECONDS), rel=1e-6)
+    by_source = dict(zip(found.sources, found.budget[-1, :, 0], strict=True))
+    assert by_source["unit 1 gyro random walk"] == pytest.approx(1e-10 * 40.0, rel=1e-6)
+    assert by_source["unit 2 gyro random walk"] == pytest.approx(1e-10 * (SECONDS - 40.0), rel=1e-6)
+    assert by_source["unit 3 gyro random walk"] == pytest.approx(0.0, abs=1e-24)
+
+
+def test_a_filter_knows_what_a_hand_over_does_to_its_biases():
+    """Formal and true covariance are one for a filter that models everything, before and after the hand-over."""
+    history = covariance(two(**PRIME))
+    away = (np.abs(history.t - 20.0) > 0.5) & (history.t > 0.0)
+    np.testing.assert_allclose(history.formal[away], history.true_sigma[away], rtol=5e-3)

@@ -59,6 +59,18 @@ def test_what_lasts_of_the_middle_is_its_mean_over_the_noise(size):
             {"parity": {}, "weights": "equal"},
             "random_walk: is zero",
         ),
+        ([{}, {}], {"selection": "prime"}, "state one of hand_over"),
+        ([{}], {"selection": "prime", "hand_over": "20 s"}, "no unit to hand over to"),
+        ([{}, {"axes": [[1, 0, 0]]}], {"selection": "prime", "hand_over": "20 s"}, "units.1 senses along 1 of 3"),
+        ([{}, {}], {"selection": "prime", "hand_over": "20 s", "weights": "equal"}, "nothing is weighted"),
+        ([{}, {}], {"hand_over": "20 s"}, "hand_over: a hand-over is from a prime unit"),
+        ([{}, {}], {"parity": {"after_detection": "hand_over"}}, "after_detection: a hand-over is from a prime unit"),
+        (
+            [{}, {}],
+            {"selection": "prime", "hand_over": "20 s", "parity": {"after_detection": "hand_over"}},
+            "state one of hand_over",
+        ),
+        ([{}, {}], {"selection": "prime", "hand_over": "20"}, "is not a time"),
     ],
 )
 def test_a_set_that_cannot_be_tested_or_selected_from_is_refused(units, fields, part):
