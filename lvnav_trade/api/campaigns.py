@@ -1,4 +1,4 @@
-"""Campaigns from Python: check, plan, run, self-check, repeat a run, show progress."""
+"""Campaigns from Python: check, plan, run, self-check, replay of a run, progress."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from lvnav_trade.store.contents import RESOLVED
 
 
 def check(campaign: str | Path, sets: Sequence[str] = (), strict: bool = False) -> CheckedCampaign:
-    """Check a campaign without running it.
+    """Validate a campaign without running it.
 
-    Everything is checked that needs no run: its trajectories too, and that every setting has an effect on a case.
+    All checks that need no run are made. They include the trajectories, and that every setting has an effect on a case.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def check(campaign: str | Path, sets: Sequence[str] = (), strict: bool = False) 
     sets : sequence of str
         Assignments such as ``monte_carlo.runs=500``.
     strict : bool
-        Refuse requirements that the runs could not show even if all of them were good.
+        Refuse requirements that the number of runs cannot demonstrate even if every run meets them.
 
     Returns
     -------
@@ -50,24 +50,24 @@ def check(campaign: str | Path, sets: Sequence[str] = (), strict: bool = False) 
     Raises
     ------
     InputError
-        One line per mistake, with file, line and column.
+        One line per input error, with file, line and column.
     """
-    found = load_campaign(campaign, sets)
-    remarks = _checked(found).remarks
-    check_effect(found.probe, probes(found), work.ENGINE)
-    open_ones = undemonstrable(found)
+    loaded = load_campaign(campaign, sets)
+    remarks = _checked(loaded).remarks
+    check_effect(loaded.probe, probes(loaded), work.ENGINE)
+    not_demonstrable = undemonstrable(loaded)
     if strict:
-        refuse_all(list(open_ones))
-    remarks = remarks | {"warnings": [*remarks.get("warnings", ()), *map(str, open_ones)]}
-    designs = len(Designs(found)) if found.is_space else 0
+        refuse_all(list(not_demonstrable))
+    remarks = remarks | {"warnings": [*remarks.get("warnings", ()), *map(str, not_demonstrable)]}
+    designs = len(Designs(loaded)) if loaded.is_space else 0
     kinds = {name: tuple(lines) for name, lines in remarks.items()}
-    return CheckedCampaign(found, tuple(probes(found)), designs=designs, **kinds)
+    return CheckedCampaign(loaded, tuple(probes(loaded)), designs=designs, **kinds)
 
 
 def plan(
     campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | None = None, strict: bool = False
 ) -> Plan:
-    """Return the cases of a campaign, what they take, and what is done already.
+    """Estimate the time, disk and memory of a campaign; list its cases and their stored runs.
 
     Parameters
     ----------
@@ -78,37 +78,37 @@ def plan(
     folder : str or Path, optional
         Folder of its results; ``results/NAME`` if absent.
     strict : bool
-        Refuse requirements that the runs could not show.
+        Refuse requirements that the number of runs cannot demonstrate.
 
     Returns
     -------
     Plan
-        Cases, seconds of one core, megabytes.
+        Cases, time on one core (s), disk and memory (MB).
 
     Raises
     ------
     InputError
-        A mistake in the campaign.
+        The campaign has an input error.
     """
-    found = load_campaign(campaign, sets)
-    flights = _checked(found).events
+    loaded = load_campaign(campaign, sets)
+    flights = _checked(loaded).events
     duration = {case: max(times.values()) - min(times.values()) for case, times in flights.items()}
-    open_ones, place = undemonstrable(found), place_of(found, folder)
+    not_demonstrable, place = undemonstrable(loaded), place_of(loaded, folder)
     if strict:
-        refuse_all(list(open_ones))
+        refuse_all(list(not_demonstrable))
     import pandas as pd
 
-    warnings = tuple(map(str, open_ones))
-    if found.is_space:
-        many = planned(found, place, flights)
+    warnings = tuple(map(str, not_demonstrable))
+    if loaded.is_space:
+        designs = planned(loaded, place, flights)
         empty = pd.DataFrame(columns=["id", "label", "runs", "done"])
-        return Plan(empty, 0, many.seconds, many.disk_mb, many.memory_mb, warnings, many)
-    made = estimate(found, place, duration)
-    return Plan(pd.DataFrame(made.cases), made.blocks, made.seconds, made.disk_mb, made.memory_mb, warnings)
+        return Plan(empty, 0, designs.seconds, designs.disk_mb, designs.memory_mb, warnings, designs)
+    cost = estimate(loaded, place, duration)
+    return Plan(pd.DataFrame(cost.cases), cost.blocks, cost.seconds, cost.disk_mb, cost.memory_mb, warnings)
 
 
 def place_of(campaign: Campaign, folder: str | Path | None) -> Path:
-    """Return where results go: `folder`, or else ``results/NAME``."""
+    """Return the folder of the results of a campaign: `folder`, or ``results/NAME`` if it is None."""
     return Path("results", campaign.name) if folder is None else Path(folder)
 
 
@@ -123,33 +123,33 @@ def flight_events(campaign: Campaign) -> dict[str, dict[str, float]]:
     Returns
     -------
     dict of str to dict of str to float
-        Times (s) by the digest of the case and by name of the event.
+        Times (s) by the digest of the case and by the name of the event.
 
     Raises
     ------
     InputError
-        The campaign does not fit its flights.
+        A setting of the campaign does not fit a trajectory, such as a requirement at an event that does not occur.
     """
     return {case: dict(times) for case, times in _checked(campaign).events.items()}
 
 
 def _checked(campaign: Campaign) -> Checked:
-    """Return events and remarks of the cases; InputError where the campaign does not fit its flights."""
+    """Return the events and remarks of the cases; InputError if a setting does not fit a trajectory."""
     _check_sections(campaign)
     return check_flight(campaign.probe, probes(campaign), work.ENGINE, jobs=1)
 
 
 class Task(NamedTuple):
-    """How a campaign is run.
+    """Options of the execution of a campaign.
 
-    jobs : worker processes, -1 for all cores.
-    fresh : begin again instead of resuming what the folder holds.
-    fail_fast : stop at the first failed run.
-    report : build the report too.
-    copy_to : place that fsspec knows, where the results are copied.
-    progress : what watches.
-    on_answers : called with linear covariance's answers and the cases, as soon as they are there.
-    shards : folders of shards, whose blocks are taken first.
+    jobs : number of worker processes, -1 for all cores.
+    fresh : whether to begin again instead of resuming from the stored runs of the folder.
+    fail_fast : whether to stop at the first failed run.
+    report : whether to build the report.
+    copy_to : address that fsspec supports, to which the results are copied; empty for none.
+    progress : receives the progress.
+    on_answers : called with the results of linear covariance and the cases as soon as they are available.
+    shards : folders of shards; their blocks of runs are used instead of computed.
     """
 
     jobs: int = -1
@@ -174,7 +174,7 @@ def run(
 ) -> Results:
     """Run a campaign and build its report.
 
-    Linear covariance comes first, then Monte Carlo. The same call resumes what was interrupted.
+    Linear covariance comes first, then Monte Carlo. Repeating the call resumes an interrupted campaign.
 
     Parameters
     ----------
@@ -183,17 +183,17 @@ def run(
     sets : sequence of str
         Assignments such as ``monte_carlo.runs=500``.
     folder : str or Path, optional
-        Where results go; ``results/NAME`` if absent.
+        Folder of results; ``results/NAME`` if absent.
     jobs : int
         Worker processes, -1 for all cores.
     fresh : bool
-        Begin again instead of resuming what the folder holds.
+        Begin again instead of resuming from the stored runs of the folder.
     fail_fast : bool
         Stop at the first failed run.
     report : bool
         Build the report too.
     copy_to : str
-        Place that fsspec knows, such as ``s3://bucket/demo``, to which the results are copied.
+        Address that fsspec supports, such as ``s3://bucket/demo``, to which the results are copied.
 
     Returns
     -------
@@ -203,9 +203,9 @@ def run(
     Raises
     ------
     InputError
-        A mistake in the campaign, or a folder that cannot be used.
+        The campaign has an input error, or the folder cannot be used.
     campaign.running.execute.Halted
-        Stopped early; the same call resumes.
+        The campaign stopped early; repeating the call resumes it.
     """
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign, sets)
@@ -215,9 +215,26 @@ def run(
 
 
 def carry_out(campaign: Campaign, folder: str | Path | None, task: Task) -> Results:
-    """Run a loaded campaign as a task says; the results are in `folder`, or else ``results/NAME``.
+    """Run a loaded campaign, build its report and copy the results.
 
-    InputError and Halted as of `run`.
+    Parameters
+    ----------
+    campaign : Campaign
+        A loaded campaign.
+    folder : str, Path or None
+        Folder of results; ``results/NAME`` if None.
+    task : Task
+        Options of the execution.
+
+    Returns
+    -------
+    Results
+        Tables, summary, figures.
+
+    Raises
+    ------
+    InputError, campaign.running.execute.Halted
+        As `run`.
     """
     place = place_of(campaign, folder)
     _check_sections(campaign)
@@ -244,7 +261,7 @@ def carry_out(campaign: Campaign, folder: str | Path | None, task: Task) -> Resu
 
 
 def _check_sections(campaign: Campaign) -> None:
-    """Refuse a section that the report does not have before anything is computed for it."""
+    """Refuse unknown sections of the report before anything is computed."""
     if campaign.report.sections is None:
         return
     from lvnav_trade.report import SECTIONS
@@ -260,10 +277,11 @@ def _check_sections(campaign: Campaign) -> None:
 def selfcheck(
     campaign: str | Path, sets: Sequence[str] = (), jobs: int = -1, progress: Progress | None = None
 ) -> SelfCheck:
-    """Check the configuration of every distinct case by itself.
+    """Check the internal consistency of every distinct configuration of a campaign.
 
-    Error definitions, Jacobians, propagation over gaps, innovations and draws. The statistics of a campaign fail by
-    chance with 1 %; the same campaign always gives the same figures.
+    The checks cover error definitions, Jacobians, propagation over gaps, innovations and random draws. All statistical
+    checks of a campaign together fail by chance with a probability of 1 %. The same campaign always gives the same
+    figures.
 
     Parameters
     ----------
@@ -274,17 +292,17 @@ def selfcheck(
     jobs : int
         Worker processes, -1 for all cores.
     progress : Progress, optional
-        What watches.
+        Receives the progress.
 
     Returns
     -------
     SelfCheck
-        Each check with its figure, what is allowed and the verdict.
+        Each check with its figure, the allowed range and the verdict.
 
     Raises
     ------
     InputError
-        A mistake in the campaign: nothing has been checked.
+        The campaign has an input error: nothing has been checked.
     """
     from lvnav_trade.campaign.running.selfcheck import selfcheck as checks
 
@@ -294,7 +312,7 @@ def selfcheck(
 def replay(
     source: str | Path, case: str, run: int, sets: Sequence[str] = (), folder: str | Path | None = None
 ) -> ReplayedRun:
-    """Repeat one run, bit for bit, and keep every step.
+    """Repeat one run bit for bit, and record every covariance step.
 
     Parameters
     ----------
@@ -307,7 +325,7 @@ def replay(
     sets : sequence of str
         Assignments such as ``imu=imu/tactical_fog``.
     folder : str or Path, optional
-        Where the trace is written; the folder of the results if absent.
+        Folder of the trace; the folder of the results if absent.
 
     Returns
     -------
@@ -317,23 +335,23 @@ def replay(
     Raises
     ------
     InputError
-        No such results, case or run.
+        The results, the case or the run do not exist.
     """
-    from lvnav_trade.campaign.running import replay as again
+    from lvnav_trade.campaign.running import replay as replaying
 
     loaded, results = _campaign_of(source, sets)
     _, chosen = case_of(loaded, (), case)
-    found = again.replay(loaded, chosen, run)
-    trace = again.write_trace(found, Path(folder) if folder is not None else results, chosen, run)
+    replayed = replaying.replay(loaded, chosen, run)
+    trace = replaying.write_trace(replayed, Path(folder) if folder is not None else results, chosen, run)
     import pandas as pd
 
     rows = [
         (event, t, name, size, units[name])
-        for event, t, sizes, units in found.at_events
+        for event, t, sizes, units in replayed.at_events
         for name, size in sizes.items()
     ]
     events = pd.DataFrame(rows, columns=["event", "t_s", "quantity", "error", "unit"])
-    return ReplayedRun(chosen.id, chosen.label, run, found.failure, events, found.trace, trace)
+    return ReplayedRun(chosen.id, chosen.label, run, replayed.failure, events, replayed.trace, trace)
 
 
 def _campaign_of(source: str | Path, sets: Sequence[str]) -> tuple[Campaign, Path]:
@@ -349,7 +367,9 @@ def _campaign_of(source: str | Path, sets: Sequence[str]) -> tuple[Campaign, Pat
 
 
 def status(folder: str | Path) -> CampaignStatus:
-    """Show the progress of a campaign: running, unfinished, damaged or finished; blocks and tables are checked.
+    """Show the progress of a campaign: running, unfinished, damaged or finished.
+
+    The stored blocks of runs and the tables are checked for damage.
 
     Parameters
     ----------
@@ -359,12 +379,12 @@ def status(folder: str | Path) -> CampaignStatus:
     Returns
     -------
     CampaignStatus
-        State, runs required, stored and failed, by case too; damaged files; `text` in words.
+        State; runs required, stored and failed, in total and by case; damaged files; `text` for printing.
 
     Raises
     ------
     InputError
-        There are no results.
+        The folder has no results.
     """
     from lvnav_trade.campaign.running.status import status as look
 

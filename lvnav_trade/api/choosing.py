@@ -12,7 +12,7 @@ from lvnav_trade.campaign.running.replay import find
 from lvnav_trade.campaign.space.designs import Designs, number_in
 from lvnav_trade.errors import InputError
 
-_DIGITS = 6  # of a digest that names one of many designs
+_DIGITS = 6  # fewest digits of a digest that identify one of many designs
 
 
 def case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | None) -> tuple[Campaign, Case]:
@@ -23,9 +23,9 @@ def case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | No
     campaign : str, Path or Campaign
         Campaign file, name of a campaign that comes with the tool, or a loaded one.
     sets : sequence of str
-        Assignments such as ``imu=imu/tactical_fog``; of a file only.
+        Assignments such as ``imu=imu/tactical_fog``. They apply to a file and not to a loaded campaign.
     case : str or None
-        Label of the case, or its digest or the beginning of it; the first case if None.
+        Label of the case, its digest, or the first digits of its digest; the first case if None.
 
     Returns
     -------
@@ -35,17 +35,17 @@ def case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | No
     Raises
     ------
     InputError
-        A mistake in the campaign, no such case or several.
+        The campaign has an input error, or the text fits no case or several.
     """
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
     if loaded.is_space:
         return loaded, _design(Designs(loaded), case)
-    every = cases(loaded)
-    return loaded, find(every, case) if case else every[0]
+    all_cases = cases(loaded)
+    return loaded, find(all_cases, case) if case else all_cases[0]
 
 
 def _design(designs: Designs, wanted: str | None) -> Case:
-    """Return the design of a digest, the beginning of one, or a label (``design 12``); the first without any."""
+    """Return the design with a digest, its first digits, or a label (``design 12``); the first design if None."""
     number = None if wanted is None else number_in(wanted)
     if number is not None and number < len(designs):
         return designs.case(number)

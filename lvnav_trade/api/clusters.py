@@ -1,4 +1,4 @@
-"""Campaigns on several machines: Dask's workers, or shards that a batch system does one by one, and their merging."""
+"""Campaigns on several machines: Dask workers, or shards computed by a batch system and merged afterwards."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from lvnav_trade.store.contents import RESOLVED
 from lvnav_trade.store.parts import span
 from lvnav_trade.store.versions import code_digest
 
-_CONNECT_S, _WORKERS_S = 10, 60  # how long a scheduler, and its first worker, are waited for
+_CONNECT_S, _WORKERS_S = 10, 60  # s, time-out of the connection to a scheduler and of its first worker
 
 
 class Shared(NamedTuple):
-    """What a shard left: its folder, the runs and cases that are stored there, failed runs and lost work as lines."""
+    """Outcome of a shard."""
 
-    folder: Path
-    runs: int
-    cases: int
-    failures: tuple[str, ...]
+    folder: Path  # folder of the shard
+    runs: int  # number of runs stored there
+    cases: int  # number of cases, or designs, stored there
+    failures: tuple[str, ...]  # one line per failed run and per lost work item
 
 
 def run_shard(
@@ -44,16 +44,17 @@ def run_shard(
     fail_fast: bool = False,
     progress: Progress | None = None,
 ) -> Shared:
-    """Compute the share of a campaign that a batch system gave to this machine, in a folder of its own.
+    """Compute one shard of a campaign, in a folder of its own.
 
-    The same call goes on with what was interrupted; `merge` makes results of all shards.
+    A batch system starts one call per shard, on any number of machines. Repeating the call resumes an interrupted
+    shard. `merge` combines all shards into results.
 
     Parameters
     ----------
     campaign : str, Path or Campaign
         Campaign file, name of a campaign that comes with the tool, or a loaded one.
     shard : str
-        Which share, such as ``2/8``.
+        Number of the shard and number of shards, such as ``2/8``.
     sets : sequence of str
         Assignments such as ``monte_carlo.runs=500``.
     folder : str or Path, optional
@@ -65,7 +66,7 @@ def run_shard(
     fail_fast : bool
         Stop at the first failed run.
     progress : Progress, optional
-        What watches.
+        Receives the progress.
 
     Returns
     -------
@@ -75,17 +76,17 @@ def run_shard(
     Raises
     ------
     InputError
-        A mistake in the campaign or in the shard's number.
+        The campaign or the number of the shard has an input error.
     """
-    found = campaign if isinstance(campaign, Campaign) else load(campaign, sets)
-    part = shards.parse(shard)
-    place = place_of(found, folder) / part.folder
+    loaded = campaign if isinstance(campaign, Campaign) else load(campaign, sets)
+    number = shards.parse(shard)
+    place = place_of(loaded, folder) / number.folder
     mode: Mode = "fresh" if fresh else "resume"
-    space = Space(found) if found.is_space else None
+    space = Space(loaded) if loaded.is_space else None
     conduct = Conduct(jobs, mode, fail_fast, progress)
-    outcome = execute.run(found, place, conduct, Scope(shard=part, space=space))
+    outcome = execute.run(loaded, place, conduct, Scope(shard=number, space=space))
     if space is not None:
-        return Shared(place, 0, space.count(part.of(range(space.parts))), outcome.failures)
+        return Shared(place, 0, space.count(number.of(range(space.parts))), outcome.failures)
     stored = [(path.parent.name, span(path)[1]) for path in (place / "parts").glob("*/*.parquet")]
     return Shared(place, sum(runs for _, runs in stored), len(outcome.answers), outcome.failures)
 
@@ -98,12 +99,12 @@ def merge(
     progress: Progress | None = None,
     on_answers: Callable[..., None] | None = None,
 ) -> Results:
-    """Put the shards of a campaign together; the results are, byte for byte, those of the campaign in one piece.
+    """Merge the shards of a campaign; the results are identical, byte for byte, to those of an undivided campaign.
 
     Parameters
     ----------
     place : str or Path
-        The folder with the folders of all shards.
+        Folder that contains the folders of all shards.
     folder : str or Path, optional
         Folder of the results; ``merged`` next to the shards if absent.
     jobs : int
@@ -111,9 +112,9 @@ def merge(
     report : bool
         Build the report too.
     progress : Progress, optional
-        What watches.
+        Receives the progress.
     on_answers : callable, optional
-        Called with linear covariance's answers and the cases, as soon as they are there.
+        Called with the results of linear covariance and the cases as soon as they are available.
 
     Returns
     -------
@@ -123,27 +124,27 @@ def merge(
     Raises
     ------
     InputError
-        A shard is missing, not finished, or of another campaign or code.
+        A shard is missing, unfinished, or of another campaign or version of the code.
     """
-    found = shards.complete(Path(place))
-    campaign = load(found[0] / RESOLVED)
+    folders = shards.complete(Path(place))
+    campaign = load(folders[0] / RESOLVED)
     target = Path(folder) if folder is not None else Path(place) / "merged"
-    task = Task(jobs, report=report, progress=progress, on_answers=on_answers, shards=found)
+    task = Task(jobs, report=report, progress=progress, on_answers=on_answers, shards=folders)
     return carry_out(campaign, target, task)
 
 
 @contextmanager
 def dask(folder: Path, scheduler: str | None = None, jobs: int = -1) -> Iterator[int]:
-    """Let the workers of a Dask cluster do the work items of campaigns, within a ``with`` block.
+    """Compute the work items of campaigns on a Dask cluster, within a ``with`` block.
 
     Parameters
     ----------
     folder : Path
-        Where results go, an absolute path that every worker sees.
+        Folder of results, an absolute path that every worker can access.
     scheduler : str, optional
-        Its address, such as ``tcp://10.0.0.5:8786``; without one a cluster of this machine is started.
+        Address of the scheduler, such as ``tcp://10.0.0.5:8786``; if absent, a cluster is started on this machine.
     jobs : int
-        Workers of the cluster of this machine, -1 for all cores.
+        Workers of a cluster started on this machine, -1 for all cores.
 
     Returns
     -------
@@ -153,8 +154,8 @@ def dask(folder: Path, scheduler: str | None = None, jobs: int = -1) -> Iterator
     Raises
     ------
     InputError
-        Dask is not installed; the scheduler cannot be reached or has no workers; these have more than one thread,
-        another code, or do not see the folder.
+        Dask is not installed. The scheduler cannot be reached or has no workers. A worker has more than one thread,
+        another version of the code, or no access to the folder.
     """
     try:
         from distributed import Client, LocalCluster
@@ -173,20 +174,20 @@ def dask(folder: Path, scheduler: str | None = None, jobs: int = -1) -> Iterator
 
 
 def _client(kind: Any, scheduler: str) -> Any:
-    """Return a client of a scheduler; InputError where it cannot be reached."""
+    """Return a client of a scheduler; InputError if the scheduler cannot be reached."""
     try:
         return kind(scheduler, timeout=_CONNECT_S)
     except (OSError, ValueError, TimeoutError) as error:
         fault = _first_line(error)
-    # The client of a failed attempt closes itself when it is collected, which waits for a lock of all clients. If that
-    # happened while the next one starts, which holds the lock, it would wait forever; so it is collected here, when the
-    # error no longer refers to it.
+    # The client of a failed attempt closes itself when it is garbage-collected, and closing waits for a lock that all
+    # clients share. If the next client, which takes this lock, were starting at that moment, the two would deadlock.
+    # So the failed client is collected here, where the error no longer refers to it.
     gc.collect()
     raise InputError(f"--scheduler {scheduler}: cannot be reached: {fault}")
 
 
 def _connected(client: Any, folder: Path) -> Iterator[int]:
-    """Hold a cluster against what its work needs, and give the number of its workers while it is used."""
+    """Check that a cluster is fit for the work items; yield the number of its workers while it is in use."""
     address = client.scheduler.address
     try:
         client.wait_for_workers(1, timeout=_WORKERS_S)
@@ -196,12 +197,14 @@ def _connected(client: Any, folder: Path) -> Iterator[int]:
     if max(threads.values()) > 1:
         raise InputError(f"--scheduler {address}: its workers need one thread each: dask worker --nthreads 1")
     folder.mkdir(parents=True, exist_ok=True)
-    mine = code_digest()
+    local_code = code_digest()
     for worker, (is_there, code) in client.run(_sees, str(folder)).items():
         if not is_there:
             raise InputError(f"--scheduler {address}: worker {worker} does not see {folder}; all need the same folders")
-        if code != mine:
-            raise InputError(f"--scheduler {address}: worker {worker} has another code of lvnav-trade ({code}, {mine})")
+        if code != local_code:
+            raise InputError(
+                f"--scheduler {address}: worker {worker} has another code of lvnav-trade ({code}, {local_code})"
+            )
     with pool.on_dask(client):
         yield len(threads)
 

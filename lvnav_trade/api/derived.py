@@ -1,4 +1,4 @@
-"""Cards and files made from a case: process noise, stored gains, a flight, a first campaign."""
+"""Cards and files derived from a case: process noise, stored gains, a trajectory file, a first campaign."""
 
 from __future__ import annotations
 
@@ -24,9 +24,11 @@ def estimate_q(
     runs: int = 100,
     step: float | None = None,
 ) -> EstimatedNoise:
-    """Estimate process noise from perturbed runs of a case, and write the filter's card with it.
+    """Estimate the process noise of a filter from perturbed runs of a case, and write a filter card with it.
 
-    The error per step is written next to the card as CSV and PNG.
+    The runs of the ensemble are unaided and have all errors of the IMU and of the start. The error that the filter's
+    transition does not predict within a step gives the spectral densities. The error per step is written next to the
+    card as CSV and PNG.
 
     Parameters
     ----------
@@ -39,19 +41,19 @@ def estimate_q(
     case : str, optional
         Label of a case, or its digest or the beginning of it; the first case if absent.
     runs : int
-        Runs of the ensemble, perturbed by the errors of the IMU.
+        Number of runs of the ensemble.
     step : float, optional
-        Length of a step (s); the time between updates if absent.
+        Length of a step (s); the interval between measurement updates if absent.
 
     Returns
     -------
     EstimatedNoise
-        Root spectral densities (SI) over the flight and by phase, and the files.
+        Root spectral densities (SI) of the whole flight and of each phase, and the files.
 
     Raises
     ------
     InputError
-        A mistake in the campaign, or a file that cannot be written.
+        The campaign has an input error, or a file cannot be written.
     """
     from lvnav_trade.campaign.derived import process_noise
     from lvnav_trade.campaign.syntax.cards import write_card
@@ -59,14 +61,14 @@ def estimate_q(
     from lvnav_trade.plots.raster import written
     from lvnav_trade.report.escape import csv_text
 
-    found = process_noise(*case_of(campaign, sets, case), runs, step)
+    noise = process_noise(*case_of(campaign, sets, case), runs, step)
     card = Path(file)
     files = (card.with_suffix(".csv"), card.with_suffix(".png"))
-    write_card(card, found.card)
+    write_card(card, noise.card)
     with writing(card, "its tables cannot be written there"):
-        files[0].write_text(csv_text(found.steps), encoding="utf-8")
-        files[1].write_bytes(written(steps(found.steps, [phase[:3] for phase in found.phases]), "png"))
-    return EstimatedNoise(found, card, files)
+        files[0].write_text(csv_text(noise.steps), encoding="utf-8")
+        files[1].write_bytes(written(steps(noise.steps, [phase[:3] for phase in noise.phases]), "png"))
+    return EstimatedNoise(noise, card, files)
 
 
 def schedule_gains(
@@ -77,7 +79,7 @@ def schedule_gains(
     by: Literal["event", "time"] = "event",
     tolerance: float = 0.02,
 ) -> GainSchedule:
-    """Write the gains of a case's filter on its nominal flight as a card for `filter.gains`.
+    """Record the Kalman gains of a case on its nominal flight; write them as a card for `filter.gains`.
 
     Parameters
     ----------
@@ -90,55 +92,55 @@ def schedule_gains(
     case : str, optional
         Label of a case, or its digest or the beginning of it; the first case if absent.
     by : {"event", "time"}
-        What the gains are counted from in flight.
+        Index of the stored gains in flight: the time since the last event, or the time since lift-off.
     tolerance : float
-        Largest difference between knots, as a share of each gain's largest size.
+        Largest interpolation error between knots, as a fraction of the largest magnitude of each gain.
 
     Returns
     -------
     GainSchedule
-        States, and segments with their knots.
+        States of the filter, and segments with their knots.
 
     Raises
     ------
     InputError
-        A mistake in the campaign, or a file that cannot be written.
+        The campaign has an input error, or the file cannot be written.
     """
     from lvnav_trade.campaign.derived import gain_schedule
     from lvnav_trade.campaign.syntax.cards import write_card
 
-    found = gain_schedule(*case_of(campaign, sets, case), by, tolerance)
-    write_card(Path(file), found)
-    return found
+    schedule = gain_schedule(*case_of(campaign, sets, case), by, tolerance)
+    write_card(Path(file), schedule)
+    return schedule
 
 
 def export_trajectory(
     source: str | Path, file: str | Path, sets: Sequence[str] = (), case: str | None = None, rate: float = 10.0
 ) -> ExportedTrajectory:
-    """Write a flight as a CSV file and the card that names it; the file is flown again to find the difference.
+    """Write a trajectory as a CSV file with its card, and compare the file, read back, with the original.
 
     Parameters
     ----------
     source : str or Path
         Trajectory card, or campaign file.
     file : str or Path
-        CSV file to write; its card is next to it.
+        CSV file to write; its card is written next to it.
     sets : sequence of str
-        Assignments, of a campaign only.
+        Assignments; for a campaign only.
     case : str, optional
-        Case of a campaign; the first if absent.
+        Case of a campaign; the first case if absent.
     rate : float
-        Rows per second (Hz). Force and rate that change faster than rows 0.1 s apart show are not resolved.
+        Rows per second (Hz). Changes of specific force and angular rate between two rows are not resolved.
 
     Returns
     -------
     ExportedTrajectory
-        Files, times (s) of the events, largest differences of the export when flown (SI).
+        Files, times (s) of the events, largest differences between the file and the original (SI).
 
     Raises
     ------
     InputError
-        A mistake in the card or campaign, or a file that exists.
+        The card or campaign has an input error, or a file exists already.
     """
     from lvnav_trade.campaign.reading.exporting import is_card, write_flight
     from lvnav_trade.campaign.reading.flights import read_card
@@ -153,20 +155,20 @@ def export_trajectory(
 
 
 def init(folder: str | Path, file: str | Path, epoch: str | None = None, time: str | None = None) -> StartedCampaign:
-    """Write a first campaign around a flight of your own; no file is overwritten.
+    """Write a first campaign for your own trajectory; existing files are never overwritten.
 
-    Columns, units, frames and events are guessed; the card says why, line by line.
+    Columns, units, frames and events are guessed. The card gives the reason for every guess, line by line.
 
     Parameters
     ----------
     folder : str or Path
         Folder of the new campaign.
     file : str or Path
-        Rows of the flight, CSV or Parquet.
+        Table of the trajectory, CSV or Parquet.
     epoch : str, optional
-        Lift-off, UTC, such as ``2027-02-01T12:00:00Z``; assumed if absent.
+        Time of lift-off, UTC, such as ``2027-02-01T12:00:00Z``; assumed if absent.
     time : str, optional
-        Column of time; guessed if absent.
+        Name of the time column; guessed if absent.
 
     Returns
     -------
@@ -176,7 +178,7 @@ def init(folder: str | Path, file: str | Path, epoch: str | None = None, time: s
     Raises
     ------
     InputError
-        The rows cannot be read, or a file exists.
+        The table cannot be read, or a file exists already.
     """
     from lvnav_trade.campaign.reading.starting import start
 

@@ -1,4 +1,4 @@
-"""Cases of results as a table: chosen, sorted, written."""
+"""Cases of results as a table that can be filtered, sorted and written to a file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Designs(Displayed):
     rows : pandas.DataFrame
         One row per case: axes, errors, requirements, cost; numbers in SI.
     columns : pandas.DataFrame
-        Column, unit and meaning.
+        Description of the columns of `rows`: column, unit, meaning.
     total : int
         Number of cases of the campaign.
     """
@@ -34,12 +34,12 @@ class Designs(Displayed):
     total: int
 
     def write(self, file: str | Path) -> Path:
-        """Write the rows as CSV or Parquet, by the end of the file's name.
+        """Write the rows as CSV or Parquet, according to the extension of the file.
 
         Parameters
         ----------
         file : str or Path
-            File to write, such as ``designs.csv`` or ``designs.parquet``; one that is there is replaced.
+            File to write, such as ``designs.csv`` or ``designs.parquet``; an existing file is replaced.
 
         Returns
         -------
@@ -49,7 +49,7 @@ class Designs(Displayed):
         Raises
         ------
         InputError
-            The name ends otherwise, or the file cannot be written.
+            The extension is another, or the file cannot be written.
         """
         place = Path(file)
         kinds = {".csv": self._write_csv, ".parquet": self._write_parquet}
@@ -67,10 +67,10 @@ class Designs(Displayed):
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        known = self.columns.set_index("column")
+        described = self.columns.set_index("column")
         table = pa.Table.from_pandas(self.rows, preserve_index=False).replace_schema_metadata(None)
         fields = [
-            field.with_metadata({"unit": known.unit[field.name], "meaning": known.meaning[field.name]})
+            field.with_metadata({"unit": described.unit[field.name], "meaning": described.meaning[field.name]})
             for field in table.schema
         ]
         pq.write_table(table.cast(pa.schema(fields)), place)
@@ -87,28 +87,28 @@ def cases(
 ) -> Designs:
     """Return the cases of results as a table: one row each, numbers in SI.
 
-    In the arguments a column may be named without ``axis_`` and without the unit at its end.
+    In the arguments ``axis_`` at the beginning of a column's name and the unit at its end may be omitted.
 
     Parameters
     ----------
     folder : str or Path
         Folder of results.
     where : sequence of str
-        Conditions that all rows keep, such as ``velocity < 0.1 m/s and imu == tactical_fog``.
+        Conditions that every returned row satisfies, such as ``velocity < 0.1 m/s and imu == tactical_fog``.
     sort : sequence of str
         Columns to sort by, smallest first; ``-velocity``: largest first.
     columns : sequence of str
-        Columns that are wanted; all if empty.
+        Columns to return; all if empty.
 
     Returns
     -------
     Designs
-        Rows and what their columns are.
+        The rows, and the unit and meaning of their columns.
 
     Raises
     ------
     InputError
-        There are no results, no such column, or a condition is none.
+        The folder has no results, a column does not exist, or a text is not a condition.
     """
     from lvnav_trade.api.selecting import chosen, column_named, ordered
     from lvnav_trade.metrics.designs import meanings

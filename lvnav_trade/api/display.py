@@ -1,4 +1,4 @@
-"""How results show themselves in a notebook: a title, a line of text, tables; as HTML and as text."""
+"""Display of results in a notebook, as HTML and as text: a title, lines of text, tables."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import NamedTuple
 import pandas as pd
 
 MOST_ROWS = 40
-"""Rows of a table that are shown; the rest is counted."""
+"""Largest number of rows shown of a table; the number of further rows is printed below it."""
 
 
 class Shown(NamedTuple):
-    """What is shown of a result: title, lines of text, tables by caption."""
+    """Content of a displayed result."""
 
-    title: str
-    lines: tuple[str, ...] = ()
-    tables: Mapping[str, pd.DataFrame] = {}
+    title: str  # heading; none if empty
+    lines: tuple[str, ...] = ()  # paragraphs below the heading
+    tables: Mapping[str, pd.DataFrame] = {}  # tables by caption, in their order
 
 
 class Displayed:
-    """A result that shows itself in a notebook; a subclass says what in `_shown`."""
+    """Base of results that a notebook and `print` display; a subclass returns the content from `_shown`."""
 
     def _shown(self) -> Shown:
         raise NotImplementedError
@@ -34,7 +34,18 @@ class Displayed:
 
 
 def html_of(shown: Shown) -> str:
-    """Return HTML; names of the user are text in it, never markup."""
+    """Return the content as HTML.
+
+    Parameters
+    ----------
+    shown : Shown
+        Content to display.
+
+    Returns
+    -------
+    str
+        HTML. Texts are escaped, because names that a user chose may contain markup.
+    """
     parts = [f"<h4>{html.escape(shown.title)}</h4>"] if shown.title else []
     parts += [f"<p>{html.escape(line)}</p>" for line in shown.lines]
     for caption, frame in shown.tables.items():
@@ -45,7 +56,18 @@ def html_of(shown: Shown) -> str:
 
 
 def text_of(shown: Shown) -> str:
-    """Return the same as text."""
+    """Return the content as plain text.
+
+    Parameters
+    ----------
+    shown : Shown
+        Content to display.
+
+    Returns
+    -------
+    str
+        Lines with the title, the paragraphs and the tables.
+    """
     lines = [shown.title, *shown.lines]
     for caption, frame in shown.tables.items():
         lines.append(caption)

@@ -1,4 +1,4 @@
-"""A filter for flight software: reference vectors that it is tested against, and the filter as C."""
+"""Export of a filter to flight software: reference vectors for its tests, and the filter itself as C."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def export_vectors(
 ) -> ReferenceVectors:
     """Write inputs and expected outputs of a filter in one run, epoch by epoch.
 
-    Another implementation of the filter is tested against them. IMU samples, measurements and satellites are the
-    inputs; estimates and covariance before and after the measurements of every epoch are expected. A README states how
-    they are used, columns.csv the unit and meaning of every column.
+    Another implementation of the filter is tested against them. The inputs are IMU samples, measurements and
+    satellites. The expected outputs are the estimates and the covariance of every epoch, before and after its
+    measurement updates. A README explains their use; columns.csv gives the unit and meaning of every column.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def export_vectors(
     Raises
     ------
     InputError
-        A mistake in the campaign, redundant IMUs, or a folder that holds anything else: nothing has been written.
+        The campaign has an input error or redundant IMUs, or the folder contains other files: nothing has been written.
     """
     from lvnav_trade.export.vectors.files import reference_vectors
 
@@ -70,7 +70,9 @@ def export_filter(
     sets: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> FilterCode:
-    """Write the filter of a case as C99, without allocation, with runs that are replayed where a C compiler is.
+    """Write the filter of a case as C99 without dynamic allocation, and verify it by a replay of recorded runs.
+
+    The replay needs a C compiler (CC, cc, gcc or clang); without a compiler only the files are written.
 
     Parameters
     ----------
@@ -85,7 +87,7 @@ def export_filter(
     sets : sequence of str
         Assignments such as ``filter=filters/tight``.
     progress : callable
-        Called with what is being done.
+        Called with a description of each step when it begins.
 
     Returns
     -------
@@ -95,8 +97,8 @@ def export_filter(
     Raises
     ------
     InputError
-        A mistake in the campaign, redundant IMUs, a kernel that cannot be translated (its name), or a folder that holds
-        anything else: nothing has been written.
+        The campaign has an input error or redundant IMUs, a kernel cannot be translated (the message names it), or the
+        folder contains other files: nothing has been written.
     """
     from lvnav_trade.export.filter_code import filter_code
 

@@ -1,4 +1,4 @@
-"""What scripts draw with: a figure of panels with marks, which the report shows and which is saved as PNG or SVG."""
+"""Building blocks of figures for scripts: panels with marks, shown in the report and saved as PNG or SVG."""
 
 from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.plots.overlap import widen_covered

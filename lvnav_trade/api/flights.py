@@ -1,4 +1,4 @@
-"""Single runs of a case and what its cards give, for scripts that show more than results hold."""
+"""Single runs, process noise and antenna gains of a case, for scripts that need more than the stored results."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ __all__ = [
     "steps_figure",
 ]
 
-_SAME_TIME = 1e-6  # seconds
+_SAME_TIME = 1e-6  # s; times that differ by less are equal up to rounding
 
 
 def case_with(campaign: Campaign, levels: Mapping[str, str]) -> Case:
-    """Return the first case of a campaign that has these levels.
+    """Return the first case of a campaign with the given levels.
 
     Parameters
     ----------
     campaign : Campaign
         A loaded campaign.
     levels : mapping of str to str
-        Level by axis.
+        Level by axis; axes that are not listed may have any level.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def case_with(campaign: Campaign, levels: Mapping[str, str]) -> Case:
     Raises
     ------
     InputError
-        No case has them.
+        No case has these levels.
     """
     for case in cases(campaign):
         if all(case.axes.get(axis) == level for axis, level in levels.items()):
@@ -59,7 +59,7 @@ def case_with(campaign: Campaign, levels: Mapping[str, str]) -> Case:
 
 
 def run_errors(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
-    """Return the errors of one run at the history times of a campaign, on its draws.
+    """Simulate one run of a case with its own random draws; return the errors at the history times of the campaign.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def run_errors(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        t_s, then a column ``QUANTITY_AXIS`` for every error of the filter, SI, in the reporting frame.
+        Column t_s, then one column ``QUANTITY_AXIS`` for every error of the filter: SI, in the reporting frame.
     """
     prepared = prepare(case.scenario, campaign.keep.history)
     errors = run_block(prepared, campaign.seed, run, 1).err[0]
@@ -84,7 +84,7 @@ def run_errors(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
 
 
 def receiver_clock(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
-    """Return the true receiver clock of one run at those history times of a campaign that are epochs of the filter.
+    """Return the true receiver clock of one run, at the history times that coincide with an epoch of the filter.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def receiver_clock(campaign: Campaign, case: Case, run: int) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        t_s, bias_m, drift_m_per_s.
+        Columns t_s (s), bias_m (clock bias times the speed of light, m) and drift_m_per_s (m/s).
     """
     prepared = prepare(case.scenario, campaign.keep.history)
     epoch = np.minimum(np.searchsorted(prepared.t_epoch, prepared.t_hist - _SAME_TIME), prepared.t_epoch.size - 1)

@@ -6,8 +6,8 @@ import pandas as pd
 class Frames:
     """Tables of results by name: one row per observation, units in the names of the columns.
 
-    They are read, or computed, when they are first used. ``lvnav-trade metrics`` lists them; the page Tables of the
-    manual describes every column.
+    A table is read or computed on first use. ``lvnav-trade metrics`` lists the tables; the page Tables of the manual
+    describes every column.
     """
 
     cases: pd.DataFrame  # one row per case: axes, errors, requirements, cost in SI (the computed table designs)
@@ -22,9 +22,9 @@ class Frames:
     integrity: pd.DataFrame  # decisions of tests for faults, run by run
     nominal_integrity: pd.DataFrame  # decisions of tests for faults by linear covariance
     injections: pd.DataFrame  # orbit that every guided run achieves
-    lost_vehicles: pd.DataFrame  # what the runs drew that do not reach their cut-off
-    injection_expected: pd.DataFrame  # the same by linear covariance: mean, sigma, knowledge and execution
-    injection_joint: pd.DataFrame  # covariance of its numbers by source of navigation and vehicle
+    lost_vehicles: pd.DataFrame  # vehicle dispersions drawn by the runs that do not reach their cut-off
+    injection_expected: pd.DataFrame  # achieved orbit by linear covariance: mean, sigma, knowledge and execution error
+    injection_joint: pd.DataFrame  # covariance of the orbital elements by source: navigation and vehicle
     starts: pd.DataFrame  # draws at the start of every run
     history: pd.DataFrame  # RMS, formal and true sigma of every error over time
     consistency: pd.DataFrame  # normalised estimation errors and innovations squared over time
@@ -41,7 +41,7 @@ class Frames:
     allan: pd.DataFrame  # Allan deviations of the inertial sensors
     protection: pd.DataFrame  # protection levels over time
     nonlinearity: pd.DataFrame  # nonlinearity index at the events
-    satellites: pd.DataFrame  # satellites over time: place, C/N0, state
+    satellites: pd.DataFrame  # satellites over time: azimuth, elevation, C/N0, tracking state
     transitions: pd.DataFrame  # changes of state of the tracking channels
     reference: pd.DataFrame  # true flight over time
     nozzle: pd.DataFrame  # movement of the nozzle, run by run
@@ -51,7 +51,7 @@ class Frames:
     events: pd.DataFrame  # events of the flight: name, time
     # Computed tables
     requirements: pd.DataFrame  # verdict on every requirement in every case
-    corridor: pd.DataFrame  # whether the point of impact keeps to its corridor
+    corridor: pd.DataFrame  # whether the instantaneous impact point stays in its corridor
     rms: pd.DataFrame  # errors by case, phase or event, quantity and axis
     controlled: pd.DataFrame  # 3-D errors at injection, plain and with control variates
     ranking: pd.DataFrame  # 3-D errors of every case at injection, best velocity first
@@ -72,7 +72,7 @@ class Frames:
     tested_errors: pd.DataFrame  # errors with and without tests for faults
     in_view: pd.DataFrame  # satellites tracked and above the horizon over time
     outages: pd.DataFrame  # 3-D errors around every fault
-    tracking: pd.DataFrame  # how well each case has a fix
+    tracking: pd.DataFrame  # availability of a position fix in each case
     losses: pd.DataFrame  # losses of tracking by reason
     recovery: pd.DataFrame  # loss and recovery of the receiver at every fault
     totals: pd.DataFrame  # cost, mass, power and volume of every case
@@ -94,10 +94,8 @@ class Frames:
     injection: pd.DataFrame  # injection accuracy of guided ascents: achieved orbit against target
     injection_sources: pd.DataFrame  # budget of the achieved orbit: navigation and sources of the vehicle
     cutoff: pd.DataFrame  # how guided ascents end: depletion, time, propellant left
-    lost: (
-        pd.DataFrame
-    )  # the runs of guided ascents that do not reach their cut-off, with the largest draws of their vehicles
+    lost: pd.DataFrame  # guided runs that do not reach their cut-off, with their largest vehicle dispersions
     impact: pd.DataFrame  # point of impact over the flight with its error
     exclusions: pd.DataFrame  # IMUs that are excluded by their test
-    worth: pd.DataFrame  # what filtered rate gains a controller
+    worth: pd.DataFrame  # benefit of the filtered angular rate for a controller
     references: pd.DataFrame  # published numbers next to the results

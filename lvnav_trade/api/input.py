@@ -1,7 +1,7 @@
-"""What scripts read from YAML files: cards with units, published numbers, and mistakes at their line.
+"""Reading of YAML files by scripts: cards with units, published numbers, input errors with file and line.
 
-A script's card is a subclass of `Card`; `read_input` reads a file into it, and `InputFile.mistake` places a mistake
-that shows only next to a campaign.
+A script's card is a subclass of `Card`, and `read_input` reads a file into it. `InputFile.mistake` reports an input
+error that becomes apparent only together with a campaign.
 """
 
 from __future__ import annotations
@@ -73,15 +73,15 @@ _Model = TypeVar("_Model", bound=Card)
 class InputFile(NamedTuple, Generic[_Model]):
     """A file that was read, with the places of its values.
 
-    content : Its settings.
-    written : Where each is written.
+    content : Its settings, an instance of the card's class.
+    written : Line and column of each setting in the file.
     """
 
     content: _Model
     written: Written
 
     def mistake(self, path: str, message: str) -> Mistake:
-        """Return a mistake at a dotted path in the file."""
+        """Return an input error of the setting at a dotted path, with its line and column."""
         return self.written.mistake(path, message)
 
 
@@ -93,17 +93,17 @@ def read_input(file: str | Path, model: type[_Model]) -> InputFile[_Model]:
     file : str or Path
         The file.
     model : type of Card
-        What it holds.
+        Class of the settings.
 
     Returns
     -------
     InputFile
-        The settings, and where each is written.
+        The settings, with their lines and columns.
 
     Raises
     ------
     InputError
-        One line per mistake, with file, line and column.
+        One line per input error, with file, line and column.
     """
     root = tree.read_mapping(Path(file))
     try:

@@ -1,4 +1,4 @@
-"""Recorded data from Python: the card of an inertial unit from its log, a log through the filters of a campaign."""
+"""Recorded data from Python: the card of an IMU from its log at rest, and flight logs processed by filters."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ def fit_unit(
     plot : str or Path, optional
         Figure of the Allan deviation, PNG.
     start, end : float, optional
-        Part of the log, s after its first row.
+        Begin and end of the evaluated part of the log, s after its first row.
     shortest, longest : float
-        Averaging times (s) that are fitted.
+        Smallest and largest averaging time of the fit (s).
     counted : bool
-        Rows are evenly spaced although their times scatter: count rows.
+        The samples are equally spaced although their time stamps scatter: count samples and ignore the stamps.
 
     Returns
     -------
     FittedImu
-        Coefficients with their intervals (SI), Allan deviations, text of the card.
+        Coefficients with their intervals in the unit of each row, Allan deviations (SI), text of the card.
 
     Raises
     ------
@@ -52,12 +52,12 @@ def fit_unit(
     from lvnav_trade.plots.inertial import allan_of_log
     from lvnav_trade.plots.raster import written
 
-    found = unit_card.fit_unit(str(log), start, end, shortest, longest, counted)
-    write_text(Path(card), found.text)
+    fitted = unit_card.fit_unit(str(log), start, end, shortest, longest, counted)
+    write_text(Path(card), fitted.text)
     if plot is not None:
         with writing(plot, "the figure cannot be written there"):
-            Path(plot).write_bytes(written(allan_of_log(found.curves), "png"))
-    return FittedImu(*found)
+            Path(plot).write_bytes(written(allan_of_log(fitted.curves), "png"))
+    return FittedImu(*fitted)
 
 
 def process_log(
@@ -69,9 +69,10 @@ def process_log(
     every: float = 5.0,
     sets: Sequence[str] = (),
 ) -> ProcessedLog:
-    """Run a recorded log through the filters of a campaign; write report and tables to a folder.
+    """Process a recorded log with the filters of a campaign; write the report and its tables to a folder.
 
-    Solutions of the receiver are withheld repeatedly; the error at the end of each outage is compared with the sigma.
+    Outages are simulated by withholding the receiver's solutions. At the end of each outage the difference from the
+    receiver's solution is compared with the sigma of the filter.
 
     Parameters
     ----------
@@ -82,11 +83,11 @@ def process_log(
     folder : str or Path
         Folder of report and tables.
     lengths : sequence of float
-        Lengths of the outages (s).
+        Durations of the outages (s).
     first : float
         Begin of the first outage, s after the rest.
     every : float
-        Time from one outage to the next (s).
+        Time from the begin of an outage to the begin of the next (s).
     sets : sequence of str
         Assignments such as ``filter=filters/loose``.
 
@@ -108,11 +109,11 @@ def process_log(
     from lvnav_trade.store.contents import owned
 
     target, loaded = owned(folder, "report"), load(campaign, sets)
-    done = process(loaded, Path(log), Asked(tuple(lengths), first, every))
-    made = page(done, loaded)
-    tables = {"outages.csv": done.outages, "summary.csv": done.summary, "track.csv": done.track}
+    processed = process(loaded, Path(log), Asked(tuple(lengths), first, every))
+    content = page(processed, loaded)
+    tables = {"outages.csv": processed.outages, "summary.csv": processed.summary, "track.csv": processed.track}
     with writing(folder, "the page cannot be written there"):
         files = {name: csv_text(frame) for name, frame in tables.items()}
-        pages = {"report.html": html_page(*made), "report.md": markdown_page(*made)}
-        target.publish("report", {**files, **pages, **pictures(made[2])})
-    return ProcessedLog(*done)
+        pages = {"report.html": html_page(*content), "report.md": markdown_page(*content)}
+        target.publish("report", {**files, **pages, **pictures(content[2])})
+    return ProcessedLog(*processed)

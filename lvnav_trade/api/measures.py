@@ -1,7 +1,8 @@
-"""What scripts take from results: cases by their levels, metrics three times, intervals, rows of published numbers.
+"""Results for scripts: cases by their levels, metrics of a case, intervals, comparison with published numbers.
 
-`evaluate` gives a metric of a case by formal sigma, by the true error of linear covariance and by the runs; `value_of`
-an expression of such values with its interval. `add_metrics` makes metrics of a script known by their names.
+`evaluate` returns a metric of a case three times: by the formal sigma, by the true error of linear covariance and by
+the runs. `value_of` evaluates an expression of such metrics, with its interval. `add_metrics` registers the metrics of
+a script, so that campaigns can name them.
 """
 
 from lvnav_trade.metrics import METRICS as FRAMES

@@ -1,4 +1,4 @@
-"""What scripts add to the report of a study: paragraphs, tables and figures, by a `StudyScript`."""
+"""Additions of a script to the report of a study: paragraphs, tables and figures of a `StudyScript`."""
 
 from lvnav_trade.api.studies import load_script, recount, renew
 from lvnav_trade.campaign.reading.study import Figure as FigureEntry

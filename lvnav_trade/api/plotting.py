@@ -1,4 +1,4 @@
-"""Figures of results: `results.plot.NAME()` returns a figure that a notebook shows, and that is saved as PNG or SVG."""
+"""Figures of results: `results.plot.NAME()` returns a figure, which a notebook displays and `save` writes to a file."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ class Plot:
     name : str
         Name of the figure.
     figure : lvnav_trade.plots.figure.Figure
-        Its content: panels with their marks, axes and labels.
+        Content of the figure: panels with their marks, axes and labels.
     """
 
     name: str
     figure: Figure
 
     def matplotlib(self) -> Drawing:
-        """Return the figure as one of matplotlib, to be changed further.
+        """Return the figure as a matplotlib figure, for further changes.
 
         Returns
         -------
         matplotlib.figure.Figure
-            It is not registered with pyplot.
+            The figure; pyplot does not manage it, so it needs no closing.
         """
         from lvnav_trade.plots.raster import drawn
 
@@ -54,7 +54,7 @@ class Plot:
         Parameters
         ----------
         file : str or Path
-            File to write; its ending, .png or .svg, is the format.
+            File to write; its extension, .png or .svg, selects the format.
 
         Returns
         -------
@@ -64,7 +64,7 @@ class Plot:
         Raises
         ------
         InputError
-            Another ending, or the file cannot be written.
+            The extension is another, or the file cannot be written.
         """
         path = Path(file)
         if path.suffix.lower().lstrip(".") not in _FORMATS:
@@ -90,9 +90,9 @@ class Plot:
 class Plots:
     """Figures of results by name: ``results.plot.budget()``.
 
-    The arguments are those of the figure after the results. `case` takes a label or a digest (or the beginning of it)
-    and is the first case if absent; `quantity` is velocity if absent; other arguments without a default have to be
-    given.
+    The arguments are those of the figure's function without the results. `case` is a label, a digest or the first
+    digits of a digest, by default the first case. `quantity` is velocity by default. Other arguments without a default
+    are required.
     """
 
     # Figures of every campaign; `dir` lists all
@@ -136,18 +136,18 @@ class Plots:
 
 def _of_tables(name: str, plot: Callable[..., Any], tables: Tables) -> Callable[..., Plot]:
     """Return a figure's function without its first argument, the tables."""
-    taken = list(inspect.signature(plot).parameters.values())[1:]
-    signature = inspect.Signature([_with_default(one) for one in taken], return_annotation=Plot)
+    parameters = list(inspect.signature(plot).parameters.values())[1:]
+    signature = inspect.Signature([_with_default(parameter) for parameter in parameters], return_annotation=Plot)
 
     def drawn(*args: Any, **kwargs: Any) -> Plot:
-        given = signature.bind(*args, **kwargs)
-        given.apply_defaults()
+        bound = signature.bind(*args, **kwargs)
+        bound.apply_defaults()
         if "case" in signature.parameters:
-            given.arguments["case"] = case_named(tables, given.arguments["case"])
-        found = plot(tables, *given.args, **given.kwargs)
-        if found is None:
+            bound.arguments["case"] = case_named(tables, bound.arguments["case"])
+        figure = plot(tables, *bound.args, **bound.kwargs)
+        if figure is None:
             raise InputError(f"{name}: there is nothing to draw in these results")
-        return Plot(name, found)
+        return Plot(name, figure)
 
     drawn.__name__, drawn.__doc__ = name, plot.__doc__
     drawn.__signature__ = signature  # type: ignore[attr-defined]
@@ -155,7 +155,7 @@ def _of_tables(name: str, plot: Callable[..., Any], tables: Tables) -> Callable[
 
 
 def _with_default(parameter: inspect.Parameter) -> inspect.Parameter:
-    """Return a parameter, of a case or a quantity with the default that it has here."""
+    """Return a parameter; `case` and `quantity` get the defaults of this module."""
     defaults: dict[str, Any] = {"case": None, "quantity": _QUANTITY}
     if parameter.name in defaults and parameter.default is parameter.empty:
         return parameter.replace(default=defaults[parameter.name], kind=parameter.POSITIONAL_OR_KEYWORD)
@@ -163,18 +163,33 @@ def _with_default(parameter: inspect.Parameter) -> inspect.Parameter:
 
 
 def case_named(tables: Tables, wanted: str | None) -> str:
-    """Return the digest of the case of a label or digest (or its beginning), the first where none is named.
+    """Return the digest of a case of results.
 
-    InputError where there is none, or several.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    wanted : str or None
+        Label, digest or first digits of a digest; the first case if None.
+
+    Returns
+    -------
+    str
+        Digest of the case.
+
+    Raises
+    ------
+    InputError
+        The text fits no case, or several.
     """
     labels = tables.labels
     if wanted is None:
         return next(iter(labels))
-    found = [case for case, label in labels.items() if label == wanted or case.startswith(wanted)]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        raise InputError(f"{wanted!r} fits several cases, give more of one: {', '.join(found)}")
+    fitting = [case for case, label in labels.items() if label == wanted or case.startswith(wanted)]
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        raise InputError(f"{wanted!r} fits several cases, give more of one: {', '.join(fitting)}")
     raise InputError(
         f"no case {wanted!r}{hint(wanted, list(labels.values()))}; the cases are {', '.join(labels.values())}"
     )

@@ -24,7 +24,7 @@ def fields(path: str = "") -> list[Part]:
     Returns
     -------
     list of Part
-        One part for every kind of settings: kind, title, rows (field, type, default, meaning).
+        One entry for every kind of settings at the path: kind, title, rows (field, type, default, meaning).
 
     Raises
     ------
@@ -50,12 +50,12 @@ def schema() -> dict[str, Any]:
 
 
 def cards(folder: str = "") -> list[CardInfo]:
-    """List the cards that campaigns find: those of the tool and of the working folder.
+    """List the cards that a campaign can use: the cards of the tool and of the working folder.
 
     Parameters
     ----------
     folder : str
-        Folder of the list, such as ``imu``; all cards if empty.
+        Folder of cards to list, such as ``imu``; all cards if empty.
 
     Returns
     -------
@@ -70,12 +70,12 @@ def cards(folder: str = "") -> list[CardInfo]:
     from lvnav_trade.campaign.syntax import cards as shelf
     from lvnav_trade.campaign.syntax.tree import hint
 
-    every = shelf.catalogue(Path.cwd())
-    found = [card for card in every if not folder or card.name.startswith(f"{folder.rstrip('/')}/")]
-    if not found:
-        folders = sorted({card.name.partition("/")[0] for card in every})
+    catalogue = shelf.catalogue(Path.cwd())
+    listed = [card for card in catalogue if not folder or card.name.startswith(f"{folder.rstrip('/')}/")]
+    if not listed:
+        folders = sorted({card.name.partition("/")[0] for card in catalogue})
         raise InputError(f"cards: no folder {folder!r}{hint(folder, folders)}")
-    return found
+    return listed
 
 
 def card_text(name: str) -> str:
@@ -107,17 +107,17 @@ def metrics(name: str = "") -> MetricNames:
     Parameters
     ----------
     name : str
-        Only those whose name contains this.
+        Text that the name of a metric or table has to contain; all are listed if empty.
 
     Returns
     -------
     MetricNames
-        Metrics with unit and meaning; tables with what they hold.
+        Metrics with unit and meaning; tables with their content.
 
     Raises
     ------
     InputError
-        No name contains it.
+        No metric or table has such a name.
     """
     import pandas as pd
 
@@ -125,9 +125,9 @@ def metrics(name: str = "") -> MetricNames:
     from lvnav_trade.campaign.syntax.tree import hint
     from lvnav_trade.metrics import METRICS
 
-    known = [one for one in known_metrics() if name in one.metric]
-    made = {key: (metric.__doc__ or "").partition("\n")[0] for key, metric in METRICS.items() if name in key}
-    if not known and not made:
-        names = [*(one.metric for one in known_metrics()), *METRICS]
+    listed = [entry for entry in known_metrics() if name in entry.metric]
+    tables = {key: (table.__doc__ or "").partition("\n")[0] for key, table in METRICS.items() if name in key}
+    if not listed and not tables:
+        names = [*(entry.metric for entry in known_metrics()), *METRICS]
         raise InputError(f"metrics: no metric contains {name!r}{hint(name, names)}")
-    return MetricNames(pd.DataFrame(known, columns=["metric", "unit", "meaning", "named_by"]), made)
+    return MetricNames(pd.DataFrame(listed, columns=["metric", "unit", "meaning", "named_by"]), tables)

@@ -1,4 +1,4 @@
-"""Results from Python: load, report, compare, keep as a base, draw on a globe."""
+"""Results from Python: load them, build their report, compare them, keep a base, write KML."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from lvnav_trade.store.read import load as read
 
 
 def load(folder: str | Path) -> Results:
-    """Return the results in a folder.
+    """Load the results of a finished campaign.
 
     Parameters
     ----------
     folder : str or Path
-        Folder of results, or a place that fsspec knows (``s3://bucket/demo``), from which they are fetched.
+        Folder of results, or an address that fsspec supports (``s3://bucket/demo``); remote results are copied first.
 
     Returns
     -------
@@ -30,7 +30,7 @@ def load(folder: str | Path) -> Results:
     Raises
     ------
     InputError
-        There are no results, or the campaign has not finished.
+        The folder has no results, or the campaign has not finished.
     """
     return Results(remote.fetched(str(folder)) if remote.is_remote(folder) else Path(folder))
 
@@ -42,30 +42,30 @@ def report(
     figures: Sequence[str] = (),
     brief: bool = False,
 ) -> ReportFiles:
-    """Build the report again from results.
+    """Rebuild the report from stored results.
 
     Parameters
     ----------
     folder : str or Path
         Folder of results; report.html and the CSV tables are written there.
     keep : str or Path, optional
-        Folder for a kept report: Markdown, PNG figures, CSV tables.
+        Folder for a kept report of Markdown, PNG figures and CSV tables, small enough for a repository.
     tables : bool
-        Write the CSV tables into the kept report too.
+        Whether the kept report has the CSV tables.
     figures : sequence of str
-        Formats (png, svg) of figures that are written next to report.html.
+        Formats (png, svg) of the figures written next to report.html; none if empty.
     brief : bool
-        Write brief.html too, for at most ten sheets of A4.
+        Also write brief.html, a short report of at most ten A4 pages.
 
     Returns
     -------
     ReportFiles
-        The page and the kept report.
+        The report and the kept report.
 
     Raises
     ------
     InputError
-        There are no results, or a folder holds other files.
+        The folder has no results, or the folder of the kept report contains other files.
     """
     from lvnav_trade.report import build
     from lvnav_trade.report import keep as keep_report
@@ -87,7 +87,9 @@ def compare(
     mapping: Mapping[str, str] | None = None,
     jobs: int = -1,
 ) -> Comparison:
-    """Compare two result sets run by run on the same draws: worse, not worse or undecided, metric by metric.
+    """Compare two result sets run by run on the same random draws.
+
+    The paired differences decide for every metric whether the candidate is worse, not worse, or undecided.
 
     Parameters
     ----------
@@ -95,23 +97,23 @@ def compare(
         Folders of results, or campaign files, which are run first.
     effects : sequence of str
         Smallest changes of interest, such as ``velocity_error_3d=5%``, ``position_error_3d@stage1_cutoff=0.5 m``,
-        ``velocity_error_3d:q95=5%``, ``NAME OF A REQUIREMENT=1%``; ``METRIC=none`` leaves one out.
+        ``velocity_error_3d:q95=5%``, ``NAME OF A REQUIREMENT=1%``; ``METRIC=none`` excludes a metric.
     confidence : float, optional
-        Confidence of the verdicts; 0.95 unless the base's campaign states another.
+        Confidence of the verdicts; by default that of the base's campaign, or else 0.95.
     mapping : mapping of str to str, optional
-        The candidate's name of a case or level, by the base's.
+        Name of a case or level in the candidate, by its name in the base.
     jobs : int
-        Worker processes of campaigns that are run first, -1 for all cores.
+        Worker processes for campaigns that have to be run first, -1 for all cores.
 
     Returns
     -------
     Comparison
-        `frame` with a row per case and metric, `verdict` of the whole, `notes`.
+        `frame` with one row per case and metric, the overall `verdict`, `notes`.
 
     Raises
     ------
     InputError
-        The two do not compare, with the reason.
+        The two result sets are not comparable; the message gives the reason.
     """
     from lvnav_trade.metrics.comparison.comparison import compare as paired
     from lvnav_trade.metrics.comparison.comparison import parse_effects
@@ -125,14 +127,14 @@ def compare(
 
 
 def keep_base(folder: str | Path, target: str | Path) -> Path:
-    """Copy what `compare` needs from results: runs and events, some hundred kilobytes.
+    """Copy the part of the results that `compare` needs: runs and events, some hundred kilobytes.
 
     Parameters
     ----------
     folder : str or Path
         Folder of results.
     target : str or Path
-        Folder of the base, such as one of a repository.
+        Folder of the base, for example in a repository.
 
     Returns
     -------
@@ -142,7 +144,7 @@ def keep_base(folder: str | Path, target: str | Path) -> Path:
     Raises
     ------
     InputError
-        There are no results, or the target holds other files.
+        The folder has no results, or the target contains other files.
     """
     from lvnav_trade.report import compare as comparison
 
@@ -157,15 +159,15 @@ def kml(
     Parameters
     ----------
     source : str or Path
-        Trajectory card, or folder of results, all flights of which are written.
+        Trajectory card, or folder of results with all its trajectories.
     file : str or Path
         File to write.
     ellipses : bool
-        Draw 3-sigma position errors too; of results only.
+        Also draw 3-sigma ellipses of the position error; for results only.
     every : float
-        Time between two ellipses (s); the events have one in any case.
+        Interval between ellipses (s); every event has an ellipse as well.
     magnify : float
-        How many times as large as the errors the ellipses are drawn.
+        Scale factor of the ellipses.
 
     Returns
     -------
@@ -175,7 +177,7 @@ def kml(
     Raises
     ------
     InputError
-        No such card or results, or ellipses of a trajectory card.
+        The card or results do not exist, or ellipses are requested for a trajectory card.
     """
     import pandas as pd
 
@@ -185,12 +187,12 @@ def kml(
     if not every > 0.0 or not magnify > 0.0:
         raise InputError("the interval of the ellipses and their magnification should be above zero")
     if Path(source).is_dir():
-        found = read(source)
-        drawn = drawing.flights(found, ellipses, every)
-        name = str(found.manifest.get("campaign", Path(source).name))
+        tables = read(source)
+        drawn = drawing.flights(tables, ellipses, every)
+        name = str(tables.manifest.get("campaign", Path(source).name))
         return drawing.write_kml(Path(file), name, drawn, magnify)
     if ellipses:
         raise InputError(f"{source}: a trajectory has no errors; give a folder of results to draw ellipses")
-    seen = preview(read_card(str(source), Path.cwd()))
-    flight = drawing.Flight(seen.name, pd.DataFrame(seen.reference), pd.DataFrame(seen.events))
-    return drawing.write_kml(Path(file), seen.name, [flight], magnify)
+    trajectory = preview(read_card(str(source), Path.cwd()))
+    flight = drawing.Flight(trajectory.name, pd.DataFrame(trajectory.reference), pd.DataFrame(trajectory.events))
+    return drawing.write_kml(Path(file), trajectory.name, [flight], magnify)

@@ -19,20 +19,20 @@ from lvnav_trade.store.schema import SI_SUFFIX, TABLES, unit_suffix
 if TYPE_CHECKING:
     import pandas as pd
 
-# Exit codes: all requirements met, one violated, bad usage or file, undecided, some runs failed, our fault, Ctrl-C
+# Exit codes: all requirements met, one violated, input error, undecided, some runs failed, internal error, Ctrl-C
 MET, VIOLATED, USAGE, UNDECIDED, FAILED, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 
 
 @dataclass(frozen=True)
 class Summary(Displayed):
-    """What a campaign found, in short.
+    """Main results of a campaign.
 
     Attributes
     ----------
     campaign : str
         Name of the campaign.
     description : str
-        Its question.
+        Question that the campaign answers, as written in its file.
     cases : int
         Number of cases.
     runs : tuple of int
@@ -46,7 +46,7 @@ class Summary(Displayed):
     failures : list of str
         One line per failed run.
     exit_code : int
-        What the command line would return.
+        Exit code of the command line for these results.
     """
 
     campaign: str
@@ -64,8 +64,8 @@ class Summary(Displayed):
 
         low, high = self.runs
         counted = f"{self.cases} cases, {high if low == high else f'{low} to {high}'} runs each"
-        said = ", ".join(f"{verdict} {count}" for verdict, count in self.verdicts.items())
-        lines = [self.description, f"{counted}; {said or 'no requirements'}"]
+        verdicts = ", ".join(f"{verdict} {count}" for verdict, count in self.verdicts.items())
+        lines = [self.description, f"{counted}; {verdicts or 'no requirements'}"]
         lines += [f"failed: {line}" for line in self.failures[:10]]
         tables = {"Requirements": in_words(self.requirements)} if len(self.requirements) else {}
         tables |= {"Errors at injection": self.ranking} if len(self.ranking) else {}
@@ -75,10 +75,10 @@ class Summary(Displayed):
 class Results(Frames, Displayed):
     """A folder of results.
 
-    The tables of `Frames` are attributes, such as ``results.runs`` and ``results.requirements``. A stored table has
-    beside the digest of a case its label, its level of every axis as it is written (``axis_imu``), and of an axis of
-    quantities the number in SI units (``axis_gyro_bias_rad_per_s``). ``results.cases`` is the table of designs: one
-    row per case with its axes, errors, requirements and cost in SI.
+    The tables of `Frames` are attributes, such as ``results.runs`` and ``results.requirements``. A stored table
+    identifies a case by its digest, its label and its level of every axis as written (``axis_imu``). An axis of
+    quantities also has a column with the number in SI units (``axis_gyro_bias_rad_per_s``). ``results.cases`` is the
+    table of designs: one row per case with its axes, errors, requirements and cost in SI.
 
     Attributes
     ----------
@@ -87,9 +87,9 @@ class Results(Frames, Displayed):
     plot : Plots
         Figures by name: ``results.plot.budget(quantity="position")``.
     failures : list of str
-        One line per failed run, with the command that repeats it, and per work item that was lost.
+        One line per failed run, with the command that replays it, and per lost work item.
     exit_code : int
-        What the command line would return.
+        Exit code of the command line for these results.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -106,15 +106,15 @@ class Results(Frames, Displayed):
         return self.metric(name, AttributeError)
 
     def metric(self, name: str, error: type[Exception] = InputError) -> pd.DataFrame:
-        """Return a computed table by name, as it is next to a report as CSV.
+        """Return a computed table by name; the same table is next to a report as CSV.
 
         Parameters
         ----------
         name : str
-            Name of the table, such as ``budget``; ``lvnav-trade metrics`` lists them. Some are called like a stored
-            table: ``results.budget`` is the stored one, ``results.metric("budget")`` the one computed from it.
+            Name of the table, such as ``budget``; ``lvnav-trade metrics`` lists them. Some computed tables have the
+            name of a stored table: ``results.budget`` is the stored table, ``results.metric("budget")`` the computed.
         error : type of Exception
-            Raised where there is no such table.
+            Exception to raise if there is no such table.
 
         Returns
         -------
@@ -134,16 +134,16 @@ class Results(Frames, Displayed):
         return with_units(METRICS[name](self.tables).copy(deep=False))
 
     def errors(self, quantity: str | None = None, axis: str = "3d", at: str = "injection") -> pd.DataFrame:
-        """Return the errors of every case at an event or in a phase, in units for people.
+        """Return the errors of every case at an event or in a phase, in display units.
 
         Parameters
         ----------
         quantity : str, optional
             attitude, velocity, position or another state; all if absent.
         axis : str
-            Axis of the reporting frame or of the body, or 3d.
+            Axis of the reporting frame or of the body axes, or 3d for the magnitude.
         at : str
-            Event, or phase such as ``liftoff to stage1_cutoff``; ``flight`` is all of it.
+            Event, or phase such as ``liftoff to stage1_cutoff``; ``flight`` is the whole flight.
 
         Returns
         -------
@@ -155,14 +155,14 @@ class Results(Frames, Displayed):
         InputError
             There is no such quantity, axis, event or phase.
         """
-        found = self.metric("rms")
+        rows = self.metric("rms")
         wanted = {"phase_or_event": at, "axis": axis, "metric": f"{quantity}_error" if quantity else None}
         for column, value in wanted.items():
-            if value is not None and value not in set(found[column]):
-                known = ", ".join(dict.fromkeys(found[column]))
-                raise InputError(f"{column.replace('_', ' ')} {value!r}: there are {known}")
-            found = found if value is None else found[found[column] == value]
-        return found.reset_index(drop=True)
+            if value is not None and value not in set(rows[column]):
+                values = ", ".join(dict.fromkeys(rows[column]))
+                raise InputError(f"{column.replace('_', ' ')} {value!r}: there are {values}")
+            rows = rows if value is None else rows[rows[column] == value]
+        return rows.reset_index(drop=True)
 
     @property
     def plot(self) -> Plots:
@@ -186,7 +186,7 @@ class Results(Frames, Displayed):
         return self.summary()._shown()
 
     def summary(self) -> Summary:
-        """Return what the campaign found, in short; a notebook and `print` show it.
+        """Return the main results of the campaign; a notebook and `print` display them.
 
         Returns
         -------
@@ -208,12 +208,12 @@ class Results(Frames, Displayed):
         )
 
     def copy_to(self, place: str) -> int:
-        """Copy the results to a place that fsspec knows.
+        """Copy the results to a remote location.
 
         Parameters
         ----------
         place : str
-            Address, such as ``s3://bucket/demo``.
+            Address that fsspec supports, such as ``s3://bucket/demo``.
 
         Returns
         -------
@@ -223,12 +223,12 @@ class Results(Frames, Displayed):
         Raises
         ------
         InputError
-            The place cannot be used, or holds other files.
+            The location cannot be written, or contains other files.
         """
         return remote.copy_to(self.folder, place)
 
     def _joined(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """Return a table with the label of every row's case and, by axis, its level as text and as a number."""
+        """Return a table with the label and, for each axis, the level as text and as number, inserted after `case`."""
         import pandas as pd
 
         from lvnav_trade.metrics.requirements.curves import si_axes
@@ -237,23 +237,23 @@ class Results(Frames, Displayed):
         names = {axis: "axis_" + re.sub(r"\W", "_", axis) for case in levels.values() for axis in case}
         columns: dict[str, dict[str, str | None]] = {"label": {**self.tables.labels}}
         columns |= {column: {case: levels[case].get(axis) for case in levels} for axis, column in names.items()}
-        found = frame.drop(columns="axes", errors="ignore")
-        place = found.columns.get_loc("case") + 1
-        for name, values in reversed(columns.items()):
-            if name not in found:
-                known = pd.Categorical(found.case.map(values), categories=list(dict.fromkeys(values.values())))
-                found.insert(place, name, known)
+        joined = frame.drop(columns="axes", errors="ignore")
+        place = joined.columns.get_loc("case") + 1
+        for name, values in reversed(columns.items()):  # each is inserted in front of the one before
+            if name not in joined:
+                level = pd.Categorical(joined.case.map(values), categories=list(dict.fromkeys(values.values())))
+                joined.insert(place, name, level)
         for axis in si_axes(self.tables):
             numbers = {case: axis.values.get(levels[case].get(axis.name, "")) for case in levels}
             name = f"{names[axis.name]}_{unit_suffix(axis.unit)}"
-            if name not in found:
-                beside = found.columns.get_loc(names[axis.name]) + 1
-                found.insert(beside, name, found.case.map(numbers).astype(float))
-        return found
+            if name not in joined:
+                next_column = joined.columns.get_loc(names[axis.name]) + 1
+                joined.insert(next_column, name, joined.case.map(numbers).astype(float))
+        return joined
 
     @property
     def failures(self) -> list[str]:
-        """One line per failed run, with the command that flies it again, and per work item that was lost."""
+        """One line per failed run, with the command that replays it, and per lost work item."""
         runs = self.tables.runs
         failed = runs[runs.failure != ""].drop_duplicates(["case", "run_number"])
         return self.tables.manifest.get("lost", []) + [
@@ -264,31 +264,32 @@ class Results(Frames, Displayed):
 
     @property
     def exit_code(self) -> int:
-        """What the command line would leave with."""
+        """Exit code of the command line for these results."""
         return exit_code(list(self.requirements.verdict), self.failures)
 
 
 def with_units(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with the SI units of its columns in ``attrs["units"]``, as the ends of their names say.
+    """Add the SI units of the columns to a table, as ``attrs["units"]``; the suffixes of the names give the units.
 
     Parameters
     ----------
     frame : pandas.DataFrame
-        The table; it is changed.
+        The table; it is changed in place.
 
     Returns
     -------
     pandas.DataFrame
         The same table.
     """
-    by_end = sorted(((f"_{end}", unit) for unit, end in SI_SUFFIX.items()), key=lambda one: -len(one[0]))
-    ends = {column: [unit for end, unit in by_end if str(column).endswith(end)] for column in frame.columns}
-    frame.attrs["units"] = {column: units[0] for column, units in ends.items() if units}
+    # the longest suffix first: m_per_s before s
+    by_suffix = sorted(((f"_{suffix}", unit) for unit, suffix in SI_SUFFIX.items()), key=lambda pair: -len(pair[0]))
+    units = {column: [unit for suffix, unit in by_suffix if str(column).endswith(suffix)] for column in frame.columns}
+    frame.attrs["units"] = {column: fitting[0] for column, fitting in units.items() if fitting}
     return frame
 
 
 def exit_code(verdicts: Sequence[str], failures: Sequence[Any]) -> int:
-    """Return the exit code of a finished campaign; failed runs come first, because no verdict is safe beside them.
+    """Return the exit code of a finished campaign; failed runs have priority, since they make every verdict doubtful.
 
     Parameters
     ----------

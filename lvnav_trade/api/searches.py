@@ -1,4 +1,4 @@
-"""Searches from Python: inverse questions, global sensitivity, tuning of a filter; each writes its report."""
+"""Searches from Python: inverse problems, global sensitivity, filter tuning. Each search writes its own report."""
 
 from __future__ import annotations
 
@@ -24,31 +24,34 @@ def _jobs(jobs: int) -> int:
     return jobs if jobs > 0 else os.cpu_count() or 1
 
 
-def _begun(campaign: str | Path, sets: Sequence[str], out: str | Path | None, search: str) -> tuple[Campaign, Path]:
-    """Return a campaign and the folder of a search's page; InputError, before anything is computed, where it is not
-    the tool's own.
+def _campaign_and_folder(
+    campaign: str | Path, sets: Sequence[str], out: str | Path | None, search: str
+) -> tuple[Campaign, Path]:
+    """Return a campaign and the folder of the search's report.
+
+    A folder with other files raises an InputError here, before anything is computed.
     """
-    found = load(campaign, sets)
-    place = Path(out) if out is not None else Path("results") / f"{found.name}-{search}"
+    loaded = load(campaign, sets)
+    place = Path(out) if out is not None else Path("results") / f"{loaded.name}-{search}"
     owned(place, "report")
-    return found, place
+    return loaded, place
 
 
-def _written(
+def _write_report(
     campaign: Campaign,
     place: Path,
     blocks: list[Block],
-    made: Any,
+    result: Any,
     jobs: int,
     frames: Sequence[str],
     files: dict[str, str] | None = None,
 ) -> Path:
-    """Write the page of what was made, with its tables and the time that it took; return the page."""
+    """Write the report of a search result, with the wall time and the tables named in `frames`; return its file."""
     from lvnav_trade.report import search as page
     from lvnav_trade.report.blocks import Text
 
-    time = Text(f"Wall time {made.seconds:.0f} s with {_jobs(jobs)} worker processes.")
-    tables = {name: getattr(made, name) for name in frames}
+    time = Text(f"Wall time {result.seconds:.0f} s with {_jobs(jobs)} worker processes.")
+    tables = {name: getattr(result, name) for name in frames}
     return page.write(place, campaign.name, campaign.description, [*blocks, time], tables, files)
 
 
@@ -62,10 +65,11 @@ def solve(
     jobs: int = -1,
     least: str = "",
 ) -> Solution:
-    """Find the largest value of a field that meets the requirements, or the case of the least cost that does.
+    """Find the largest value of a field that meets the requirements, or the least expensive case that meets them.
 
-    By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. The question
-    is the block `solve` of the campaign, unless `vary` or `least` states it.
+    The search uses linear covariance, with the filter re-tuned to each value and with the filter frozen. Monte Carlo
+    runs on both sides of the result confirm it. The problem is defined by the block `solve` of the campaign, or by
+    `vary` or `least`.
 
     Parameters
     ----------
@@ -74,66 +78,69 @@ def solve(
     sets : sequence of str
         Assignments such as ``imu=imu/tactical_fog``.
     vary : sequence of str
-        One field, or two for a boundary: ``initial.heading=0.01 deg:2 deg``.
+        One field with its range, or two for a boundary: ``initial.heading=0.01 deg:2 deg``.
     log : bool
-        Search in the logarithm.
+        Search in the logarithm of the field.
     meet : sequence of str
-        Names of the requirements that count; all if empty.
+        Names of the requirements to meet; all if empty.
     folder : str or Path, optional
         Folder of the report; ``results/NAME-solve`` if absent.
     jobs : int
         Worker processes, -1 for all cores.
     least : str
-        cost, mass, power or volume: which case meets the requirements with the least of it.
+        Quantity to minimise over the cases that meet the requirements: cost, mass, power or volume.
 
     Returns
     -------
     Solution
-        Answers by case, their confirmation by runs, the report.
+        Results by case, their confirmation by runs, the report.
 
     Raises
     ------
     InputError
-        The campaign states no such question, or a field or requirement is unknown.
+        The campaign defines no such problem, or a field or requirement is unknown.
     """
     from lvnav_trade.campaign.search import solve as inverse
 
-    found, place = _begun(campaign, sets, folder, "solve")
-    asked = inverse.from_words(vary, log, meet, least) if vary or least else found.solve
-    if asked is None:
+    loaded, place = _campaign_and_folder(campaign, sets, folder, "solve")
+    problem = inverse.from_words(vary, log, meet, least) if vary or least else loaded.solve
+    if problem is None:
         raise InputError(
             f"{campaign}: asks no inverse question; give --vary PATH=LEAST:LARGEST, --least cost, or a block solve"
         )
-    return (_solved if asked.least is None else _chosen)(found, asked, place, jobs)
+    return (_largest_values if problem.least is None else _least_cases)(loaded, problem, place, jobs)
 
 
-def _solved(campaign: Campaign, asked: Solve, place: Path, jobs: int) -> Solution:
-    """Return the largest values that meet the requirements, with their report."""
+def _largest_values(campaign: Campaign, problem: Solve, place: Path, jobs: int) -> Solution:
+    """Return the largest values that meet the requirements, and write their report."""
     from lvnav_trade.campaign.search import solve as inverse
     from lvnav_trade.report import search as page
 
-    solved = inverse.solve(campaign, asked, _jobs(jobs))
+    solved = inverse.solve(campaign, problem, _jobs(jobs))
     blocks = page.solved(solved.answers, solved.intervals, solved.scanned, solved.confirmed, solved.names)
     frames = ("answers", "intervals", "scanned", "confirmed")
-    written = _written(campaign, place, blocks, solved, jobs, frames)
-    return Solution(solved.answers, solved.confirmed, solved.seconds, written)
+    file = _write_report(campaign, place, blocks, solved, jobs, frames)
+    return Solution(solved.answers, solved.confirmed, solved.seconds, file)
 
 
-def _chosen(campaign: Campaign, asked: Solve, place: Path, jobs: int) -> Solution:
-    """Return the cases that meet the requirements with the least of a total, with their report."""
+def _least_cases(campaign: Campaign, problem: Solve, place: Path, jobs: int) -> Solution:
+    """Return the cases that meet the requirements at the least total cost, mass, power or volume; write their report.
+
+    Which total is minimised is a setting of the problem.
+    """
     from lvnav_trade.campaign.search import least as choice
     from lvnav_trade.report import search as page
 
-    chosen = choice.least(campaign, asked, _jobs(jobs))
-    blocks = page.chosen(chosen.answers, chosen.confirmed, chosen.least)
-    written = _written(campaign, place, blocks, chosen, jobs, ("answers", "confirmed"))
-    return Solution(chosen.answers, chosen.confirmed, chosen.seconds, written)
+    choices = choice.least(campaign, problem, _jobs(jobs))
+    blocks = page.chosen(choices.answers, choices.confirmed, choices.least)
+    file = _write_report(campaign, place, blocks, choices, jobs, ("answers", "confirmed"))
+    return Solution(choices.answers, choices.confirmed, choices.seconds, file)
 
 
 def indices(
     campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | None = None, jobs: int = -1
 ) -> Sensitivity:
-    """Compute global sensitivity to the sigmas of error sources, as the block `indices` of a campaign states.
+    """Compute the global sensitivity of an error to the sigmas of its sources, as defined by the block `indices`.
 
     Parameters
     ----------
@@ -149,29 +156,38 @@ def indices(
     Returns
     -------
     Sensitivity
-        Indices, how well the fit predicts, the report.
+        Sensitivity indices, quality of the fit, the report.
 
     Raises
     ------
     InputError
-        The campaign has no block `indices`, or a mistake in it.
+        The campaign has no block `indices`, or an input error.
     """
     from lvnav_trade.campaign.search import indices as sensitivity
     from lvnav_trade.report import search as page
 
-    found, place = _begun(campaign, sets, folder, "indices")
-    if found.indices is None:
+    loaded, place = _campaign_and_folder(campaign, sets, folder, "indices")
+    if loaded.indices is None:
         raise InputError(f"{campaign}: asks for no sensitivity indices; give a block indices")
-    made = sensitivity.indices(found, found.indices, _jobs(jobs))
-    blocks = page.indexed(made.indices, made.case, made.error, made.covered, made.predicted, made.samples, made.remark)
-    written = _written(found, place, blocks, made, jobs, ("indices",))
+    result = sensitivity.indices(loaded, loaded.indices, _jobs(jobs))
+    blocks = page.indexed(
+        result.indices, result.case, result.error, result.covered, result.predicted, result.samples, result.remark
+    )
+    file = _write_report(loaded, place, blocks, result, jobs, ("indices",))
     return Sensitivity(
-        made.indices, made.case, made.error, made.predicted, made.samples, made.remark, made.seconds, written
+        result.indices,
+        result.case,
+        result.error,
+        result.predicted,
+        result.samples,
+        result.remark,
+        result.seconds,
+        file,
     )
 
 
 def tune(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | None = None, jobs: int = -1) -> Tuning:
-    """Tune a filter over several cases by linear covariance, as the block `tune` of a campaign states.
+    """Tune a filter over several cases by linear covariance, as defined by the block `tune` of a campaign.
 
     Parameters
     ----------
@@ -180,30 +196,30 @@ def tune(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | No
     sets : sequence of str
         Assignments such as ``imu=imu/tactical_fog``.
     folder : str or Path, optional
-        Folder of the report and the filter's card; ``results/NAME-tune`` if absent.
+        Folder of the report and the filter card; ``results/NAME-tune`` if absent.
     jobs : int
         Worker processes, -1 for all cores.
 
     Returns
     -------
     Tuning
-        Numbers before and after, cases, filter card, the report.
+        Settings before and after, cases, filter card, the report.
 
     Raises
     ------
     InputError
-        The campaign has no block `tune`, or a mistake in it.
+        The campaign has no block `tune`, or an input error.
     """
     from lvnav_trade.campaign.search import tune as tuning
     from lvnav_trade.campaign.syntax.tree import dump
     from lvnav_trade.report import search as page
 
-    found, place = _begun(campaign, sets, folder, "tune")
-    if found.tune is None:
+    loaded, place = _campaign_and_folder(campaign, sets, folder, "tune")
+    if loaded.tune is None:
         raise InputError(f"{campaign}: tunes no filter; give a block tune")
-    made = tuning.tune(found, found.tune, _jobs(jobs))
-    card = dump(made.card.model_dump(mode="json", exclude_defaults=True))
-    blocks = page.tuned(made.values, made.cases, made.card.source)
-    written = _written(found, place, blocks, made, jobs, ("values", "cases"), {_FILTER_CARD: card})
-    file = written.parent / _FILTER_CARD
-    return Tuning(made.values, made.cases, made.card, file, made.evaluations, made.seconds, written)
+    result = tuning.tune(loaded, loaded.tune, _jobs(jobs))
+    card = dump(result.card.model_dump(mode="json", exclude_defaults=True))
+    blocks = page.tuned(result.values, result.cases, result.card.source)
+    report = _write_report(loaded, place, blocks, result, jobs, ("values", "cases"), {_FILTER_CARD: card})
+    card_file = report.parent / _FILTER_CARD
+    return Tuning(result.values, result.cases, result.card, card_file, result.evaluations, result.seconds, report)

@@ -22,19 +22,34 @@ _JOINING = ("and", "or", "not", "in")
 
 
 def column_named(name: str, frame: pd.DataFrame) -> str:
-    """Return the column of a name, from which ``axis_`` and the unit at its end may be left out.
+    """Return the full name of a column.
 
-    InputError where no column, or several, have it.
+    Parameters
+    ----------
+    name : str
+        Name of a column; ``axis_`` at its beginning and the unit at its end may be omitted.
+    frame : pandas.DataFrame
+        Table with the columns.
+
+    Returns
+    -------
+    str
+        Name of the column in the table.
+
+    Raises
+    ------
+    InputError
+        The name fits no column, or several.
     """
-    columns = [str(one) for one in frame.columns]
+    columns = [str(column) for column in frame.columns]
     if name in columns:
         return name
-    fitting = [one for one in columns if name in (one.removeprefix("axis_"), *_shortened(one))]
+    fitting = [column for column in columns if name in (column.removeprefix("axis_"), *_shortened(column))]
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
         raise InputError(f"{quoted(name)} fits several columns: {', '.join(fitting)}")
-    known = dict.fromkeys(min((one, *_shortened(one)), key=len) for one in columns)
+    known = dict.fromkeys(min((column, *_shortened(column)), key=len) for column in columns)
     raise InputError(f"no column {quoted(name)}{hint(name, list(known))}; there are {', '.join(known)}")
 
 
@@ -45,10 +60,25 @@ def _shortened(column: str) -> tuple[str, ...]:
 
 
 def chosen(frame: pd.DataFrame, conditions: Sequence[str]) -> pd.DataFrame:
-    """Return the rows for which every condition holds.
+    """Return the rows that satisfy every condition.
 
-    A condition compares columns, numbers, quantities (``0.1 deg``) and words, joined by ``and``, ``or``, ``not`` and
-    brackets. A number without a unit is in SI. InputError where it is none.
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Table, numbers in SI.
+    conditions : sequence of str
+        Comparisons of columns, numbers, quantities (``0.1 deg``) and words, joined by ``and``, ``or``, ``not`` and
+        parentheses. A number without a unit is in SI.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The rows, numbered from 0.
+
+    Raises
+    ------
+    InputError
+        A text is not a condition, or its units do not fit those of the column.
     """
     for condition in conditions:
         if len(condition) > _LENGTH:
@@ -66,32 +96,33 @@ def chosen(frame: pd.DataFrame, conditions: Sequence[str]) -> pd.DataFrame:
 
 
 def _translated(condition: str, frame: pd.DataFrame) -> Iterator[str]:
-    """Yield the parts of a condition for pandas: names of columns, numbers in SI, words in quotation marks.
+    """Yield the tokens of a condition for pandas: names of columns, numbers in SI, words in quotation marks.
 
-    What a condition may have is listed here, so that nothing else reaches pandas: no attribute, no call.
+    Only the tokens listed here are passed on. Attributes and calls are refused, since `DataFrame.eval` would run them.
     """
     at, column, compared = 0, "", False
     while condition[at:].strip():
         if compared and column and _is_text(frame, column):
-            found = _WORD.match(condition, at)
-            if found is not None and found["word"] not in map(str, frame.columns):
-                yield repr(found["word"])
-                at, compared = found.end(), False
+            # a word compared with a text column is a value unless it names a column itself
+            word = _WORD.match(condition, at)
+            if word is not None and word["word"] not in map(str, frame.columns):
+                yield repr(word["word"])
+                at, compared = word.end(), False
                 continue
-        found = _TOKEN.match(condition, at)
-        if found is None:
+        token = _TOKEN.match(condition, at)
+        if token is None:
             raise InputError(f"{quoted(condition)}: {quoted(condition[at:].strip())} has no meaning in a condition")
-        at, compared = found.end(), bool(found["comparison"])
-        if found["name"] and found["name"] not in _JOINING:
+        at, compared = token.end(), bool(token["comparison"])
+        if token["name"] and token["name"] not in _JOINING:
             if condition[at:].lstrip().startswith("("):
-                raise InputError(f"{quoted(condition)}: {found['name']}() has no meaning in a condition")
-            column = column_named(found["name"], frame)
+                raise InputError(f"{quoted(condition)}: {token['name']}() has no meaning in a condition")
+            column = column_named(token["name"], frame)
             yield column
-        elif found["number"] and (unit := _UNIT.match(condition, at)) is not None:
-            yield repr(_quantity(f"{found['number']} {unit['unit'].rstrip(')')}", column))
+        elif token["number"] and (unit := _UNIT.match(condition, at)) is not None:
+            yield repr(_quantity(f"{token['number']} {unit['unit'].rstrip(')')}", column))
             at = unit.start("unit") + len(unit["unit"].rstrip(")"))
         else:
-            yield found[0].strip()
+            yield token[0].strip()
 
 
 def _is_text(frame: pd.DataFrame, column: str) -> bool:
@@ -99,7 +130,7 @@ def _is_text(frame: pd.DataFrame, column: str) -> bool:
 
 
 def _quantity(text: str, column: str) -> float:
-    """Return a quantity in the unit of the column that it is compared with; InputError where that is another one."""
+    """Return a quantity in the unit of the compared column; InputError if the dimensions differ."""
     unit = unit_at_end(column)[1]
     if not unit:
         raise InputError(f"{quoted(text)}: {column or 'what it is compared with'} has no unit")
@@ -110,7 +141,25 @@ def _quantity(text: str, column: str) -> float:
 
 
 def ordered(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Return the rows by columns, smallest first; those of a name that begins with ``-`` largest first."""
+    """Sort a table.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Table to sort.
+    by : sequence of str
+        Columns in order of priority, smallest value first; a leading ``-`` puts the largest value first.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The sorted rows, numbered from 0.
+
+    Raises
+    ------
+    InputError
+        A name fits no column, or several.
+    """
     for name in reversed(by):
         column = column_named(name.removeprefix("-"), frame)
         frame = frame.sort_values(column, ascending=not name.startswith("-"), kind="stable")

@@ -1,4 +1,4 @@
-"""Records of campaign, trajectory and log functions that show themselves in a notebook."""
+"""Records that campaign, trajectory and log functions return, with their display in a notebook."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lvnav_trade.campaign.running import status
 
 
 class CampaignStatus(status.Status, Displayed):
-    """Progress of a campaign: state, runs required, stored and failed, cases, damaged files, lost work items."""
+    """Progress of a campaign: its state, the runs required, stored and failed, damaged files, lost work items."""
 
     def _shown(self) -> Shown:
         cases = pd.DataFrame([case._asdict() for case in self.cases])
@@ -22,7 +22,7 @@ class CampaignStatus(status.Status, Displayed):
 
 
 class ExportedTrajectory(exporting.Written, Displayed):
-    """A flight as a file: `file`, `card`, times (s) of the `events`, largest `difference` of the export (SI)."""
+    """An exported trajectory: `file`, `card`, times (s) of its `events`, largest `difference` of the export (SI)."""
 
     def _shown(self) -> Shown:
         events = pd.DataFrame(list(self.events.items()), columns=["event", "t_s"])
@@ -35,20 +35,23 @@ class StartedCampaign(starting.Started, Displayed):
     """A first campaign: `campaign`, `card`, `guesses` with their reasons, `events`."""
 
     def _shown(self) -> Shown:
-        rows = [[one.part, str(one.content), one.why] for one in self.guesses]
+        rows = [[guess.part, str(guess.content), guess.why] for guess in self.guesses]
         lines = (f"campaign: {self.campaign}", f"card: {self.card}")
         return Shown("First campaign", lines, {"Guesses": pd.DataFrame(rows, columns=["part", "guess", "why"])})
 
 
 class FittedImu(unit_card.FittedUnit, Displayed):
-    """What a log of an IMU at rest shows: `coefficients` with intervals (SI), Allan deviations `curves`, `text`."""
+    """Error model of an IMU from its log at rest.
+
+    It has the `coefficients` with their intervals, the Allan deviations `curves` (SI), and the `text` of the card.
+    """
 
     def _shown(self) -> Shown:
-        return Shown("IMU", (f"{self.seconds:.0f} s at {self.rate:g} Hz",), {"Coefficients, SI": self.coefficients})
+        return Shown("IMU", (f"{self.seconds:.0f} s at {self.rate:g} Hz",), {"Coefficients": self.coefficients})
 
 
 class ProcessedLog(recorded.Processed, Displayed):
-    """A log through the filters of a campaign: `alignment`, `track`, `outages`, `summary`, `notes`."""
+    """A log processed by the filters of a campaign: `alignment`, `track`, `outages`, `summary`, `notes`."""
 
     def _shown(self) -> Shown:
         heading = f"heading after the rest: {math.degrees(self.alignment.heading) % 360.0:.1f} deg"

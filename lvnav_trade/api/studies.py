@@ -1,4 +1,4 @@
-"""Studies from Python: several campaigns of a folder, compared with published numbers in one report."""
+"""Studies from Python: the campaigns of a folder, compared with published numbers in one report."""
 
 from __future__ import annotations
 
@@ -23,16 +23,14 @@ if TYPE_CHECKING:
     from lvnav_trade.report.script import Answered, StudyScript
 
 SCRIPT = "study.py"
-"""Script of a study, in its folder; its variable STUDY is a `StudyScript`."""
+"""File name of the script in the folder of a study; its variable STUDY is a `StudyScript`."""
 
 
 class StudyWatch(NamedTuple):
-    """What watches a study: `progress` makes the progress of one campaign; `on_campaign` is called with the name and
-    the results of one that is done.
-    """
+    """Callbacks of a running study."""
 
-    progress: Callable[[], Progress] | None = None
-    on_campaign: Callable[[str, Results], None] | None = None
+    progress: Callable[[], Progress] | None = None  # returns the receiver of the progress of the next campaign
+    on_campaign: Callable[[str, Results], None] | None = None  # called with the name and results after each campaign
 
 
 def study(
@@ -45,38 +43,38 @@ def study(
     only_page: bool = False,
     watch: StudyWatch | None = None,
 ) -> Study:
-    """Run every campaign of a folder in order and write one report: published numbers, ours, figures, remarks.
+    """Run the campaigns of a study in order and write one report: published numbers, results, figures, remarks.
 
     Parameters
     ----------
     folder : str, Path or StudyScript
-        Folder of campaigns with a `study.yaml` that describes the report; the name of one of the tool's; or a script,
-        which names its folder and adds to the report.
+        Folder of campaigns with a `study.yaml` that describes the report, or the name of a study that comes with the
+        tool, or a script, which names its folder and extends the report.
     keep : str or Path
-        Where report.md, figures/, references.csv and agreement.csv go.
+        Folder of the report: report.md, figures/, references.csv and agreement.csv.
     runs : int, optional
-        Runs per case, in place of the campaigns' own.
+        Runs per case; by default the number of each campaign.
     results : str or Path, optional
-        Where the campaigns' results go; ``results/FOLDER`` if absent.
+        Folder for the results of the campaigns; ``results/FOLDER`` if absent.
     jobs : int
         Worker processes, -1 for all cores.
     fresh : bool
         Begin again instead of resuming.
     only_page : bool
-        Run nothing; campaigns without results are listed as not run.
+        Write the report from existing results; campaigns without results are listed as not run.
     watch : StudyWatch, optional
-        What watches.
+        Callbacks for the progress and for each finished campaign.
 
     Returns
     -------
     Study
-        The page, how many published rows hold, failed runs.
+        The report, the number of published values that the results reproduce, failed runs.
 
     Raises
     ------
     InputError
-        A mistake in a campaign, in study.yaml or in what the script reads: nothing has been computed. Or a folder with
-        a script of the user's own, which this function does not run.
+        A campaign, study.yaml or an input of the script has an error: nothing has been computed. Or the folder is not
+        one of the tool's and contains a script, which this function does not run.
     """
     from lvnav_trade.campaign.reading.study import load_study
     from lvnav_trade.report.printed import mistakes
@@ -85,37 +83,40 @@ def study(
 
     owned(keep, "study")  # refused before anything is computed
     script = folder if isinstance(folder, StudyScript) else script_of(folder)
-    found, questions = load_study(script.folder, runs, script.figures)
-    refuse_all([*script.mistakes(questions), *mistakes(found, questions, script)])
-    place = Path(results) if results is not None else Path("results") / (found.name or script.folder.name)
-    unflown = _unflown([one.campaign for one in questions], place) if only_page else []
+    description, questions = load_study(script.folder, runs, script.figures)
+    refuse_all([*script.mistakes(questions), *mistakes(description, questions, script)])
+    place = Path(results) if results is not None else Path("results") / (description.name or script.folder.name)
+    not_run = _without_results([question.campaign for question in questions], place) if only_page else []
     task = None if only_page else Task(jobs, fresh, report=False)
-    asked = [one for one in questions if one.campaign not in unflown]
-    answered, failures = _answers(asked, place, task, watch or StudyWatch(), script)
-    counts = {one.campaign.name: _counted(one, script) for one in answered}
-    stated, hold = (sum(one[k] for one in counts.values()) for k in (0, 1))
-    return Study(build(found, answered, Path(keep), unflown, script), counts, stated, hold, failures)
+    to_run = [question for question in questions if question.campaign not in not_run]
+    answered, failures = _answers(to_run, place, task, watch or StudyWatch(), script)
+    counts = {answer.campaign.name: _count_reproduced(answer, script) for answer in answered}
+    published, reproduced = (sum(count[k] for count in counts.values()) for k in (0, 1))
+    page = build(description, answered, Path(keep), not_run, script)
+    return Study(page, counts, published, reproduced, failures)
 
 
 def recount(folder: str | Path | StudyScript, keep: str | Path) -> Path:
-    """Count a kept report of a study anew: items and marks of rows as its folder states them now, numbers as they are.
+    """Count the reproduced published values of a kept report again, with the present study.yaml and stored numbers.
+
+    Use it after a change of the items or marks of published values. The campaigns are not run again.
 
     Parameters
     ----------
     folder : str, Path or StudyScript
-        As of `study`.
+        The study, as for `study`.
     keep : str or Path
-        Where the report is kept; references.csv, the answer of report.md and its figure are written anew.
+        Folder of the kept report; references.csv, the answer in report.md and its figure are rewritten.
 
     Returns
     -------
     Path
-        The page.
+        The report.
 
     Raises
     ------
     InputError
-        A mistake in the folder; no report there; or a row of which nothing is stated any more.
+        The study has an input error, the folder has no report, or the study no longer defines a stored row.
     """
     from lvnav_trade.campaign.reading.study import load_study
     from lvnav_trade.report.printed import mistakes
@@ -123,9 +124,9 @@ def recount(folder: str | Path | StudyScript, keep: str | Path) -> Path:
     from lvnav_trade.report.script import StudyScript
 
     script = folder if isinstance(folder, StudyScript) else script_of(folder)
-    found, questions = load_study(script.folder, None, script.figures)
-    refuse_all([*script.mistakes(questions), *mistakes(found, questions, script)])
-    return written(found, [one.campaign for one in questions], keep, script)
+    description, questions = load_study(script.folder, None, script.figures)
+    refuse_all([*script.mistakes(questions), *mistakes(description, questions, script)])
+    return written(description, [question.campaign for question in questions], keep, script)
 
 
 def renew(
@@ -177,29 +178,29 @@ def renew(
     place = Path(results) if results is not None else Path("results") / (found.name or script.folder.name)
     asked = [one for one in questions if one.campaign.name in campaigns]
     answered, failures = _answers(asked, place, Task(jobs, fresh, report=False), watch or StudyWatch(), script)
-    counts = {one.campaign.name: _counted(one, script) for one in answered}
+    counts = {one.campaign.name: _count_reproduced(one, script) for one in answered}
     stated, hold = (sum(one[k] for one in counts.values()) for k in (0, 1))
     page = written(found, [one.campaign for one in questions], keep, script, answered)
     return Study(page, counts, stated, hold, failures)
 
 
 def script_of(folder: str | Path) -> StudyScript:
-    """Return what the script of a study adds; of one that comes with the tool it is run, of any other it is not.
+    """Return the script of a study; only scripts that come with the tool are executed.
 
     Parameters
     ----------
     folder : str or Path
-        Folder of a study, or the name of one of the tool's.
+        Folder of a study, or the name of a study that comes with the tool.
 
     Returns
     -------
     StudyScript
-        One that adds nothing where the folder has no script.
+        The script; an empty script if the folder has none.
 
     Raises
     ------
     InputError
-        No such folder, or it has a script and is not one of the tool's.
+        The folder does not exist, or it has a script and is not one of the tool's.
     """
     from lvnav_trade.campaign.reading.study import study_folder
     from lvnav_trade.report.script import StudyScript
@@ -216,7 +217,7 @@ def script_of(folder: str | Path) -> StudyScript:
 
 
 def load_script(file: str | Path) -> StudyScript:
-    """Return the variable STUDY of a script, which is run as a module; it may import modules next to it.
+    """Execute a script as a module and return its variable STUDY; the script may import modules of its folder.
 
     Parameters
     ----------
@@ -226,7 +227,7 @@ def load_script(file: str | Path) -> StudyScript:
     Returns
     -------
     StudyScript
-        What it adds to the report.
+        Additions of the script to the report.
 
     Raises
     ------
@@ -235,7 +236,7 @@ def load_script(file: str | Path) -> StudyScript:
     """
     path = Path(file).resolve()
     spec = importlib.util.spec_from_file_location(f"{path.parent.name}_study", path)
-    assert spec is not None  # of a file that ends in .py
+    assert spec is not None  # every file that ends in .py has a spec
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.path.insert(0, str(path.parent))
@@ -245,47 +246,56 @@ def load_script(file: str | Path) -> StudyScript:
         sys.path.remove(str(path.parent))
     if not hasattr(module, "STUDY"):
         raise InputError(f"{file}: has no STUDY; it is the StudyScript of the folder")
-    found: StudyScript = module.STUDY
-    return found
+    script: StudyScript = module.STUDY
+    return script
 
 
-def _unflown(campaigns: Sequence[Campaign], place: Path) -> list[Campaign]:
-    """Return the campaigns without results; none where all are, so that the first of them is reported."""
-    found = [campaign for campaign in campaigns if not (place / campaign.name).is_dir()]
-    return found if len(found) < len(campaigns) else []
+def _without_results(campaigns: Sequence[Campaign], place: Path) -> list[Campaign]:
+    """Return the campaigns without results.
+
+    If no campaign has results, the list is empty: reading the first campaign then raises the error for the user.
+    """
+    not_run = [campaign for campaign in campaigns if not (place / campaign.name).is_dir()]
+    return not_run if len(not_run) < len(campaigns) else []
 
 
 def _answers(
     questions: Sequence[Question], place: Path, task: Task | None, watch: StudyWatch, script: StudyScript
 ) -> tuple[list[Answered], list[str]]:
-    """Return every campaign with its results, and the failures of all."""
+    """Return every campaign with its results, and the failed runs of all campaigns."""
     from lvnav_trade.report.script import Answered
 
-    found = [_results_of(one.campaign, place / one.campaign.name, task, watch, script) for one in questions]
-    answered = [Answered(one.part, one.campaign, mine.tables) for one, mine in zip(questions, found, strict=True)]
-    return answered, [line for mine in found for line in mine.failures]
+    results = [_results_of(each.campaign, place / each.campaign.name, task, watch, script) for each in questions]
+    answered = [
+        Answered(question.part, question.campaign, result.tables)
+        for question, result in zip(questions, results, strict=True)
+    ]
+    return answered, [line for result in results for line in result.failures]
 
 
 def _results_of(campaign: Campaign, place: Path, task: Task | None, watch: StudyWatch, script: StudyScript) -> Results:
-    """Return the results of a campaign, which is run first unless there is no task."""
+    """Return the results of a campaign; run it first if a task is given."""
     if task is not None:
         refuse_all(list(script.mistakes_in_flight(campaign, flight_events(campaign))))
         carry_out(campaign, place, task._replace(progress=watch.progress() if watch.progress else None))
-    found = Results(place)
+    results = Results(place)
     if watch.on_campaign is not None:
-        watch.on_campaign(campaign.name, found)
-    return found
+        watch.on_campaign(campaign.name, results)
+    return results
 
 
-def _counted(answered: Answered, script: StudyScript) -> tuple[int, int]:
-    """Return how many published rows no input decides, and how many of them hold."""
+def _count_reproduced(answered: Answered, script: StudyScript) -> tuple[int, int]:
+    """Return the number of published values that are evidence, and how many of them the results reproduce.
+
+    A value that an input of the campaign determines is no evidence and is not counted.
+    """
     import pandas as pd
 
     from lvnav_trade.metrics.held import evidence, held
     from lvnav_trade.metrics.published import COLUMNS
     from lvnav_trade.report.script import published_rows
 
-    name, stated = answered.campaign.name, answered.campaign.model_dump(mode="json")
-    rows = pd.DataFrame(published_rows(name, answered.tables, stated, script), columns=COLUMNS)
+    name, settings = answered.campaign.name, answered.campaign.model_dump(mode="json")
+    rows = pd.DataFrame(published_rows(name, answered.tables, settings, script), columns=COLUMNS)
     rows = rows[evidence(rows)]
     return len(rows), int(held(rows).sum())

@@ -1,4 +1,4 @@
-"""What the public functions return: records with named fields, which notebooks show as tables."""
+"""Records that the public functions return; a notebook displays them as tables."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CheckedCampaign(Displayed):
-    """A campaign that is valid.
+    """A valid campaign.
 
     Attributes
     ----------
     campaign : Campaign
-        The campaign, which `run` takes.
+        The campaign, an argument of `run`.
     cases : tuple of Case
         Its cases: id (digest), label, axes (level by axis), scenario.
     beyond_limits, warnings, notes : tuple of str
-        Remarks: settings outside validated limits, requirements that the runs cannot show, other remarks.
+        Remarks: settings outside validated limits, requirements that need more runs, other remarks.
     designs : int
-        Number of designs of a campaign that stores one row for each; `cases` are then those that were checked for all:
-        the base, and the ends of each axis alone. 0 of other campaigns.
+        Number of designs of a design-space campaign, which stores one row per design; 0 for other campaigns. In this
+        case `cases` are the cases that were checked: the base, and the two ends of each axis alone.
     """
 
     campaign: Campaign
@@ -47,9 +47,9 @@ class CheckedCampaign(Displayed):
 
     @property
     def remarks(self) -> dict[str, list[str]]:
-        """All remarks by kind, where there are any."""
-        found = {name: list(getattr(self, name)) for name in ("beyond_limits", "warnings", "notes")}
-        return {name: lines for name, lines in found.items() if lines}
+        """Remarks by kind, without the kinds that have none."""
+        remarks = {name: list(getattr(self, name)) for name in ("beyond_limits", "warnings", "notes")}
+        return {name: lines for name, lines in remarks.items() if lines}
 
     def _shown(self) -> Shown:
         lines = [line for kind in self.remarks.values() for line in kind]
@@ -59,23 +59,23 @@ class CheckedCampaign(Displayed):
 
 @dataclass(frozen=True)
 class Plan(Displayed):
-    """What a campaign takes.
+    """Estimated cost of a campaign, and its progress.
 
     Attributes
     ----------
     cases : pandas.DataFrame
-        A row per case: id, label, runs, done (runs that are stored).
+        One row per case: id, label, runs, done (number of stored runs).
     blocks : int
-        Blocks of runs that are left to do.
+        Number of blocks of runs still to be computed.
     seconds : float
-        Time of one core (s), without compilation.
+        Time on one core (s), without compilation.
     disk_mb, memory_mb : float
-        Size of the results, and memory of a worker process (MB). Of many designs the disk that is taken at most, before
-        blocks of runs are removed, is in `designs`.
+        Size of the results, and memory of a worker process (MB). For a design space, `designs` has the peak size on
+        disk, which is reached before blocks of runs are deleted.
     warnings : tuple of str
-        Requirements that the runs cannot show.
+        Requirements that the planned number of runs cannot demonstrate.
     designs : DesignsPlan or None
-        What many designs take; None of a campaign that stores each case whole.
+        Estimates for a design space; None for a campaign that stores every case completely.
     """
 
     cases: pd.DataFrame
@@ -105,14 +105,14 @@ class SelfCheck(Displayed):
     Attributes
     ----------
     checks : tuple of Checked
-        Each check with the labels of the cases that it holds for.
+        Each check, with the labels of the cases to which it applies.
     """
 
     checks: tuple[Checked, ...]
 
     def count(self, verdict: str) -> int:
         """Return the number of checks with a verdict: passed, failed or not checked."""
-        return sum(one.check.verdict == verdict for one in self.checks)
+        return sum(checked.check.verdict == verdict for checked in self.checks)
 
     @property
     def passed(self) -> bool:
@@ -121,23 +121,23 @@ class SelfCheck(Displayed):
 
     @property
     def frame(self) -> pd.DataFrame:
-        """A row per check: case, check, of, figure, allowed, verdict, where."""
-        every = len({label for one in self.checks for label in one.cases})
+        """One row per check: case, check, of, figure, allowed, verdict, where."""
+        n_cases = len({label for checked in self.checks for label in checked.cases})
         rows = [
-            ["all" if len(cases) == every else "; ".join(cases), check.kind, check.what, *check.words, check.where]
+            ["all" if len(cases) == n_cases else "; ".join(cases), check.kind, check.what, *check.words, check.where]
             for check, cases in self.checks
         ]
         return pd.DataFrame(rows, columns=["case", "check", "of", "figure", "allowed", "verdict", "where"])
 
     def _shown(self) -> Shown:
         counts = {verdict: self.count(verdict) for verdict in ("passed", "failed", "not checked")}
-        said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
-        return Shown("Self-check", (said,), {"": self.frame})
+        summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
+        return Shown("Self-check", (summary,), {"": self.frame})
 
 
 @dataclass(frozen=True)
 class ReplayedRun(Displayed):
-    """A run that was repeated.
+    """A replayed run.
 
     Attributes
     ----------
@@ -146,9 +146,9 @@ class ReplayedRun(Displayed):
     run : int
         Number of the run.
     failure : str
-        Why the run failed; empty if it did not.
+        Reason why the run failed; empty if it succeeded.
     events : pandas.DataFrame
-        Size of the errors at the events: event, t_s, quantity, error (in the unit of the row), unit.
+        Magnitudes of the errors at the events: event, t_s, quantity, error, unit (of the error in the same row).
     history : pandas.DataFrame
         Errors and formal sigmas at every covariance step, units in the names of the columns.
     trace : Path
@@ -169,7 +169,7 @@ class ReplayedRun(Displayed):
 
 
 class Comparison(comparison.Comparison, Displayed):
-    """Comparison of two sets of results: `frame` (a row per case and metric), notes, confidence, verdict."""
+    """Comparison of two result sets: `frame` (one row per case and metric), `notes`, `confidence`, `verdict`."""
 
     def _shown(self) -> Shown:
         return Shown(f"The candidate is {self.verdict}", self.notes, {"": self.frame})
@@ -182,9 +182,9 @@ class ReportFiles:
     Attributes
     ----------
     page : Path
-        report.html, or brief.html if a brief report was wanted.
+        report.html, or brief.html if a brief report was requested.
     kept : Path or None
-        report.md in the folder of the kept report.
+        report.md in the folder of the kept report; None if no report is kept.
     """
 
     page: Path
@@ -212,8 +212,8 @@ class EstimatedNoise(Displayed):
     @property
     def densities(self) -> pd.DataFrame:
         """Root spectral densities, SI: phase, attitude, velocity, position; the whole flight first."""
-        phases = {"whole flight": self.noise.whole, **{name: found for name, _, _, found in self.noise.phases}}
-        return pd.DataFrame([{"phase": name, **found._asdict()} for name, found in phases.items()])
+        phases = {"whole flight": self.noise.whole, **{name: densities for name, _, _, densities in self.noise.phases}}
+        return pd.DataFrame([{"phase": name, **densities._asdict()} for name, densities in phases.items()])
 
     def _shown(self) -> Shown:
         return Shown("Process noise", (f"card: {self.card}",), {"Densities, SI": self.densities})
@@ -221,16 +221,17 @@ class EstimatedNoise(Displayed):
 
 @dataclass(frozen=True)
 class Study:
-    """What a study of several campaigns left.
+    """Outcome of a study of several campaigns.
 
     Attributes
     ----------
     page : Path
-        report.md with the published numbers next to the results.
+        report.md, which compares the published numbers with the results.
     campaigns : dict of str to tuple of int
-        By campaign, published rows that no input decides, and how many of them hold.
+        By campaign: number of published values that are evidence, because no input determines them, and how many of
+        these the results reproduce.
     published, hold : int
-        The same altogether.
+        The same two numbers, summed over all campaigns.
     failures : list of str
         One line per failed run.
     """
@@ -244,14 +245,14 @@ class Study:
 
 @dataclass(frozen=True)
 class Solution(Displayed):
-    """Answer to an inverse question.
+    """Solution of an inverse problem.
 
     Attributes
     ----------
     answers : pandas.DataFrame
-        A row per case: the largest value that suffices, or the totals of the cases that meet the requirements.
+        One row per case: the largest value that meets the requirements, or the totals of the cases that meet them.
     confirmed : pandas.DataFrame
-        Verdicts of runs on both sides of each answer; without rows if there is no Monte Carlo.
+        Verdicts by Monte Carlo runs on both sides of each solution; empty if the campaign has no Monte Carlo.
     seconds : float
         Wall time (s).
     page : Path
@@ -277,13 +278,13 @@ class Sensitivity(Displayed):
     indices : pandas.DataFrame
         Indices of the largest sources.
     case, error : str
-        Case and error that they hold for.
+        Case and error to which the indices apply.
     predicted : float
-        How well the fit predicts left-out designs; 1 exactly.
+        Coefficient of determination of the fit for designs excluded from it; 1 for an exact fit.
     samples : int
         Number of designs.
     remark : str
-        Why linear covariance does not describe the case; empty if it does.
+        Reason why linear covariance does not describe the case; empty if it does.
     seconds : float
         Wall time (s).
     page : Path
@@ -311,15 +312,15 @@ class Tuning(Displayed):
     Attributes
     ----------
     values : pandas.DataFrame
-        Number by number: before and after.
+        One row per tuned setting, with its value before and after.
     cases : pandas.DataFrame
-        Case by case: error over its limit before and after, those held out marked.
+        One row per case: ratio of the error to its limit before and after; validation cases are marked.
     card : FilterCard
-        The filter.
+        The tuned filter.
     file : Path
-        Its card.
+        File of the filter card.
     evaluations : int
-        Linear covariances of all cases that were computed.
+        Number of evaluations; each computes the linear covariance of all cases.
     seconds : float
         Wall time (s).
     page : Path
@@ -346,9 +347,9 @@ class MetricNames(Displayed):
     Attributes
     ----------
     metrics : pandas.DataFrame
-        A row per metric: metric, unit, meaning, named_by.
+        One row per metric: metric, unit, meaning, named_by.
     tables : dict of str to str
-        What each computed table holds, by name.
+        Content of each computed table, by name.
     """
 
     metrics: pd.DataFrame
