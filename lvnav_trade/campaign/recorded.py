@@ -1,4 +1,4 @@
-"""A recorded log through the filters of a campaign's cases: the estimate over time, and outages in every case."""
+"""Processing of a recorded log by the filters of a campaign: estimates over time, and simulated outages."""
 
 import math
 from collections.abc import Iterator
@@ -29,28 +29,26 @@ _MOTION = slice(VEL, VEL + 6)  # outputs of velocity and position
 
 
 class Asked(NamedTuple):
-    """Outages to withhold: lengths (s), the first one's begin and the step from one to the next, s after the rest."""
+    """Outages in which the solutions of the receiver are withheld."""
 
-    lengths: tuple[float, ...] = (15.0, 60.0)
-    first: float = 20.0
-    every: float = 5.0
+    lengths: tuple[float, ...] = (15.0, 60.0)  # durations, s
+    first: float = 20.0  # begin of the first outage, s after the rest
+    every: float = 5.0  # from the begin of an outage to the begin of the next, s
 
 
 class Processed(NamedTuple):
-    """A log through the cases of a campaign: its alignment; track, a row per case and time; outages, a row per case
-    and outage; summary, a row per case and length of outage; notes: on what of the log is left out, and on failures.
-    """
+    """A log processed by the filters of a campaign."""
 
-    card: NavigationLog
-    alignment: Alignment
-    track: pd.DataFrame
-    outages: pd.DataFrame
-    summary: pd.DataFrame
-    notes: tuple[str, ...] = ()
+    card: NavigationLog  # card of the log
+    alignment: Alignment  # attitude and biases from the rest
+    track: pd.DataFrame  # estimates and their errors, one row per case and time
+    outages: pd.DataFrame  # one row per case and outage
+    summary: pd.DataFrame  # one row per case and duration of the outages
+    notes: tuple[str, ...] = ()  # parts of the log that are not used, and failures
 
 
 def read_card(file: Path) -> NavigationLog:
-    """Return the card of a log; InputError for every mistake in it."""
+    """Read the card of a log; InputError with all input errors of the card."""
     root = tree.read_mapping(file)
     try:
         return NavigationLog.model_validate(tree.plain(root))
@@ -59,29 +57,46 @@ def read_card(file: Path) -> NavigationLog:
 
 
 def process(campaign: Campaign, file: Path, asked: Asked) -> Processed:
-    """Return what the filters of a campaign make of a log, whose card is a file.
+    """Process a log with the filter of every case of a campaign.
 
-    Runs, requirements, faults and the true errors of the campaign do not count: the log takes the place of
-    trajectory, unit and receiver.
+    The log replaces trajectory, IMU and receiver. The runs, requirements, faults and true errors of the campaign have
+    no effect.
 
-    InputError where the log cannot be read or aligned, or a case's filter takes what it has not.
+    Parameters
+    ----------
+    campaign : Campaign
+        Campaign with the filters.
+    file : Path
+        Card of the log.
+    asked : Asked
+        Outages to simulate.
+
+    Returns
+    -------
+    Processed
+        Alignment, tracks, outages, summary.
+
+    Raises
+    ------
+    InputError
+        The log cannot be read or aligned, is too short for an outage, or lacks data that a filter needs.
     """
     card = read_card(file)
-    found = cases(campaign)
-    for case in found:
+    all_cases = cases(campaign)
+    for case in all_cases:
         with _of(case):
             refuse_unable(case.scenario, card)
-    # the antenna of the first case: the log is of one vehicle
-    log = consistent(read_recording(card, file.parent), card, np.array(found[0].scenario.receiver.lever_b))
+    # the lever arm of the first case: the log is of one vehicle, so all cases should have the same antenna
+    log = consistent(read_recording(card, file.parent), card, np.array(all_cases[0].scenario.receiver.lever_b))
     aligned = align(log, card)
     tracks, outages, notes = [], [], list(log.notes)
-    for case in found:
+    for case in all_cases:
         with _of(case):
-            prepared, said = replayed(case.scenario, log, card, aligned)
+            prepared, remarks = replayed(case.scenario, log, card, aligned)
         track, failure = _track(case, prepared)
         tracks.append(track)
-        notes += [f"{case.label}: {one}" for one in (*said, *failure)]
-        outages += [_row(case, length, one) for length, one in _outages(prepared, asked)]
+        notes += [f"{case.label}: {note}" for note in (*remarks, *failure)]
+        outages += [_row(case, length, result) for length, result in _outages(prepared, asked)]
     rows = pd.DataFrame(outages, columns=list(_COLUMNS))
     if rows.empty:
         raise InputError(
@@ -94,7 +109,7 @@ def process(campaign: Campaign, file: Path, asked: Asked) -> Processed:
 
 
 def failures(summary: pd.DataFrame) -> Iterator[str]:
-    """Say of each case and length how many outages fail."""
+    """Yield a note for each case and duration with failed outages."""
     for row in summary[summary.failed > 0].itertuples():
         others = row.outages - row.failed
         rest = f"NEES, RMS and worst are of the other {others}" if others else "there is no NEES, RMS or worst"
@@ -106,7 +121,7 @@ def failures(summary: pd.DataFrame) -> Iterator[str]:
 
 @contextmanager
 def _of(case: Case) -> Iterator[None]:
-    """Let a mistake that is found within say which case it is of."""
+    """Add the label of a case to input errors raised within the block."""
     try:
         yield
     except InputError as error:
@@ -114,14 +129,14 @@ def _of(case: Case) -> Iterator[None]:
 
 
 def _outages(prepared: Prepared, asked: Asked) -> list[tuple[float, Outage]]:
-    """Return the outages of a replayed case with the length that was asked for."""
-    found = []
+    """Return the outages of a replayed case, each with its nominal duration (s)."""
+    results = []
     for length in asked.lengths:
         for begin in np.arange(asked.first, prepared.t_epoch[-1] - length, asked.every).tolist():
-            one = outage(prepared, begin, length)
-            if one is not None:
-                found.append((length, one))
-    return found
+            result = outage(prepared, begin, length)
+            if result is not None:
+                results.append((length, result))
+    return results
 
 
 _COLUMNS = (
@@ -139,18 +154,28 @@ _COLUMNS = (
 )
 
 
-def _row(case: Case, length: float, one: Outage) -> dict[str, Any]:
-    sigma = 3.0 * one.sigma
-    velocity, position = one.error[:3], one.error[3:]
+def _row(case: Case, length: float, result: Outage) -> dict[str, Any]:
+    sigma = 3.0 * result.sigma
+    velocity, position = result.error[:3], result.error[3:]
     sizes = (position, sigma[3:], velocity, sigma[:3])
-    norms = (math.nan if one.failed else float(np.linalg.norm(part)) for part in sizes)
-    values = (case.label, length, one.begin, one.end, *norms)
-    return dict(zip(_COLUMNS, (*values, one.square, one.inside, one.failed), strict=True))
+    norms = (math.nan if result.failed else float(np.linalg.norm(vector)) for vector in sizes)
+    values = (case.label, length, result.begin, result.end, *norms)
+    return dict(zip(_COLUMNS, (*values, result.square, result.inside, result.failed), strict=True))
 
 
 def summarised(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return for each case and length how many outages there are, how many of them fail, which part of all ends within
-    three sigma, and the errors of those that do not fail (NaN where all fail).
+    """Return the statistics of the outages by case and duration.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        One row per outage.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Number of outages, number of failed outages, percentage of all outages that end within three sigma; mean
+        NEES ratio, RMS and largest errors of the outages that do not fail (NaN if all fail).
     """
     groups = rows.groupby(["case", "length_s"], sort=False)
     return pd.DataFrame(
@@ -171,20 +196,21 @@ def _rms(values: "pd.Series[float]") -> float:
 
 
 def _track(case: Case, prepared: Prepared) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Return the estimate over time with nothing withheld: its place, its errors against the solutions, its sigmas;
-    and a note where it fails.
+    """Return the estimate over time with all solutions in use, and a note if the filter fails.
+
+    The table has the geodetic position, the errors with respect to the receiver's solutions, and the sigmas.
     """
     run, record = run_block(prepared, 0, 0, 1), prepared.record
     error, sigma = run.err[0], run.sigma[0]
     shown = list(enumerate(prepared.outputs[: _MOTION.stop]))[_MOTION]
-    r_i = record.r - np.einsum(
-        "nji,nj->ni", record.axes, error[:, [k for k, one in shown if one.quantity == "position"]]
-    )
+    position_error = error[:, [k for k, output in shown if output.quantity == "position"]]
+    # estimate = recorded position - error, as an error is truth minus estimate; rows of `axes`: the reporting axes
+    r_i = record.r - np.einsum("nji,nj->ni", record.axes, position_error)
     place = geodetic_from_ecef(ecef_from_eci(r_i, earth_angle(prepared.trajectory.theta0, prepared.t_hist)))
     frame = pd.DataFrame({"case": case.label, "t_s": prepared.t_hist})
     frame["latitude_deg"], frame["longitude_deg"], frame["height_m"] = (*np.degrees(place[:2]), place[2])
-    for k, one in shown:
-        name = f"{one.quantity}_{one.axis}_{one.unit.replace('/', '_per_')}"
+    for k, output in shown:
+        name = f"{output.quantity}_{output.axis}_{output.unit.replace('/', '_per_')}"
         frame[f"error_{name}"], frame[f"sigma_{name}"] = error[:, k], sigma[:, k]
     failed = f"the filter fails at {run.t_failed[0]:.6g} s after the rest with nothing withheld"
     return frame, (failed,) if run.failed[0] else ()

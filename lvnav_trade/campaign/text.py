@@ -1,4 +1,4 @@
-"""Tables as text, fit for a terminal and for grep."""
+"""Tables as plain text, for a terminal and for grep."""
 
 from collections.abc import Sequence
 from textwrap import wrap
@@ -10,7 +10,9 @@ _NARROWEST = 30  # characters of a last column that is wrapped
 def table(header: Sequence[str], rows: Sequence[Sequence[Any]], width: int | None = None) -> str:
     """Return an aligned table without frames.
 
-    width : of the whole; the last column is wrapped to it. None: lines are as long as they are
+    header : names of the columns
+    rows : cells of each row; floats are printed with four significant digits
+    width : largest width of the table in characters, to which the last column is wrapped; None: no limit
     """
     lines = [list(header), *([_cell(value) for value in row] for row in rows)]
     columns = max(len(line) for line in lines)
@@ -24,7 +26,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[Any]], width: int | Non
 
 
 def _room(lines: Sequence[Sequence[str]], width: int) -> int:
-    """Return how many characters a total width leaves for the last column."""
+    """Return the width of the last column (characters) in a table of a total width."""
     others = sum(max(len(cell) for cell in column) + 2 for column in list(zip(*lines, strict=True))[:-1])
     return max(width - others, _NARROWEST)
 

@@ -1,4 +1,4 @@
-"""The card of an inertial unit from its log at rest: coefficients of the Allan variance, with intervals as comments."""
+"""Card of an IMU from its log at rest: noise coefficients by Allan variance, with their intervals as comments."""
 
 import math
 from pathlib import Path
@@ -34,16 +34,14 @@ _MOST_PROCESSES = 6
 
 
 class FittedUnit(NamedTuple):
-    """fits: of x, y, z by sensor (gyro, accel); seconds, rate (Hz) of the log; text: the card; curves: Allan deviations
-    by sensor and axis (tau_s, deviation_si, low_si, high_si, model_si); coefficients: one row each, SI.
-    """
+    """Error model of an IMU, fitted to its log at rest."""
 
-    fits: dict[str, list[AxisFit]]
-    seconds: float
-    rate: float
-    text: str
-    curves: pd.DataFrame
-    coefficients: pd.DataFrame
+    fits: dict[str, list[AxisFit]]  # by sensor (gyro, accel), of the axes x, y and z
+    seconds: float  # duration of the log, s
+    rate: float  # sampling rate of the log, Hz
+    text: str  # YAML of the card
+    curves: pd.DataFrame  # Allan deviations by sensor and axis: tau_s, deviation_si, low_si, high_si, model_si
+    coefficients: pd.DataFrame  # one row per sensor axis and coefficient, in the unit of the row
 
 
 def fit_unit(
@@ -54,18 +52,28 @@ def fit_unit(
     longest: float = math.inf,
     counted: bool = False,
 ) -> FittedUnit:
-    """Return what a log of a unit at rest shows.
+    """Fit the error model of an IMU to its log at rest, by Allan variance.
 
     Parameters
     ----------
-    start, end : part of the log, s after its first row
-    shortest, longest : averaging times (s) that are fitted
-    counted : the times of the rows scatter: rows are counted
+    file : str
+        Log, CSV or Parquet.
+    start, end : float, optional
+        Begin and end of the evaluated part, s after the first row.
+    shortest, longest : float
+        Smallest and largest averaging time of the fit (s).
+    counted : bool
+        The time stamps scatter: count rows and ignore the stamps.
+
+    Returns
+    -------
+    FittedUnit
+        Fits, card, Allan deviations, coefficients.
 
     Raises
     ------
     InputError
-        A log that cannot be read, with gaps or uneven, too short, or whose output never changes.
+        The log cannot be read, has gaps, is not equally spaced or too short, or an output never changes.
     """
     first, last = 0.0 if start is None else start, math.inf if end is None else end
     log = read_log(file, start=first, end=last, counted=counted)
@@ -102,11 +110,11 @@ def _card(file: str, log: ImuLog, fits: dict[str, list[AxisFit]]) -> str:
         f'rate: "{1.0 / log.dt:.9g} Hz"',
     ]
     for part, axes in fits.items():
-        body = [line for name in NAMES for line in _lines(part, name, [one.coefficients[name] for one in axes])]
-        if any(one.coefficients["bias_instability"].shown for one in axes):
-            body += [_floors(part, [one.coefficients["bias_instability"] for one in axes])]
+        body = [line for name in NAMES for line in _lines(part, name, [axis.coefficients[name] for axis in axes])]
+        if any(axis.coefficients["bias_instability"].shown for axis in axes):
+            body += [_floors(part, [axis.coefficients["bias_instability"] for axis in axes])]
             body.append(f"  instability_fit: {_processes(tau)}")
-        worst = max(one.spread for one in axes)
+        worst = max(axis.spread for axis in axes)
         if worst > 1.0:
             body.insert(
                 0,
@@ -122,7 +130,10 @@ def _quoted(name: str) -> str:
 
 
 def _processes(tau: Floats) -> str:
-    """Return the processes that stand for flicker noise over the averaging times of the log, two or more a decade."""
+    """Return the setting `instability_fit`: Gauss-Markov processes that represent flicker noise.
+
+    They cover the averaging times of the log, at least two of them per decade.
+    """
     longest = float(tau[-1])
     shortest = min(1.0, 0.1 * longest)
     count = min(_MOST_PROCESSES, 1 + math.ceil(math.log10(longest / shortest) - 1e-9))
@@ -131,63 +142,67 @@ def _processes(tau: Floats) -> str:
 
 
 def _floors(part: str, axes: list[Coefficient]) -> str:
-    """Return the comment with the floors of the Allan deviation, which datasheets print."""
+    """Return the comment with the floors of the Allan deviation, the bias instability of data sheets."""
     unit, si = _UNITS[part]["bias_instability"]
-    floors = "; ".join(f"{FLOOR * one.value / units.parse(f'1 {unit}', si):.4g}" for one in axes)
+    floors = "; ".join(f"{FLOOR * axis.value / units.parse(f'1 {unit}', si):.4g}" for axis in axes)
     return f"  # floor of the Allan deviation, {FLOOR:.3f} of bias_instability: {floors} {unit}"
 
 
 def _lines(part: str, name: str, axes: list[Coefficient]) -> list[str]:
-    """Return the lines of a coefficient: a value of each axis, intervals or bounds behind them."""
+    """Return the lines of a coefficient: a comment with the interval or bound of each axis, and the values."""
     unit, si = _UNITS[part][name]
     factor = units.parse(f"1 {unit}", si)
-    said = [
-        f"{one.low / factor:.4g} to {one.high / factor:.4g}"
-        if one.shown
-        else f"not shown, below {one.high / factor:.3g}"
-        for one in axes
+    intervals = [
+        f"{axis.low / factor:.4g} to {axis.high / factor:.4g}"
+        if axis.shown
+        else f"not shown, below {axis.high / factor:.3g}"
+        for axis in axes
     ]
-    comment = f"  # {name}: {'; '.join(said)} {unit}"
-    shown = [one.value / factor for one in axes if one.shown]
+    comment = f"  # {name}: {'; '.join(intervals)} {unit}"
+    shown = [axis.value / factor for axis in axes if axis.shown]
     if not shown:
         return [comment]
-    if name == "quantisation":  # a card has one step of all axes
+    if name == "quantisation":  # the card has one quantisation step for all axes: their RMS
         return [comment, f'  quantisation: "{np.sqrt(np.mean(np.square(shown))):.4g} {unit}"']
-    values = ", ".join(f'"{one.value / factor:.4g} {unit}"' for one in axes)
+    values = ", ".join(f'"{axis.value / factor:.4g} {unit}"' for axis in axes)
     return [comment, f"  {name}: [{values}]"]
 
 
 def _curves(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
-    """Return the deviations with their interval of 95 %, chi-square of as many degrees of freedom as their variance."""
+    """Return the Allan deviations with their 95 % confidence intervals.
+
+    The Allan variance is chi-square distributed. Its equivalent number of degrees of freedom follows from the standard
+    deviation s of the deviation d: n = (d / s)^2 / 2.
+    """
     from scipy.stats import chi2
 
-    found = []
-    for part, axes in fits.items():
-        for axis, one in zip("xyz", axes, strict=True):
-            freedom = np.maximum(1.0, 0.5 * (one.model / one.sigma) ** 2)
-            low, high = (one.deviation * np.sqrt(freedom / chi2.ppf(p, freedom)) for p in (0.975, 0.025))
-            found.append(
+    frames = []
+    for part, fitted_axes in fits.items():
+        for axis, fitted in zip("xyz", fitted_axes, strict=True):
+            freedom = np.maximum(1.0, 0.5 * (fitted.model / fitted.sigma) ** 2)
+            low, high = (fitted.deviation * np.sqrt(freedom / chi2.ppf(p, freedom)) for p in (0.975, 0.025))
+            frames.append(
                 pd.DataFrame(
                     {
                         "sensor": f"{_SENSORS[part]} {axis}",
-                        "tau_s": one.tau,
-                        "deviation_si": one.deviation,
+                        "tau_s": fitted.tau,
+                        "deviation_si": fitted.deviation,
                         "low_si": low,
                         "high_si": high,
-                        "model_si": one.model,
+                        "model_si": fitted.model,
                     }
                 )
             )
-    return pd.concat(found, ignore_index=True)
+    return pd.concat(frames, ignore_index=True)
 
 
 def _coefficients(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
     rows = []
-    for part, axes in fits.items():
-        for axis, one in zip("xyz", axes, strict=True):
-            for name, found in one.coefficients.items():
+    for part, fitted_axes in fits.items():
+        for axis, fitted in zip("xyz", fitted_axes, strict=True):
+            for name, coefficient in fitted.coefficients.items():
                 unit, si = _UNITS[part][name]
                 factor = units.parse(f"1 {unit}", si)
-                numbers = [number / factor for number in found[:3]]
-                rows.append((f"{_SENSORS[part]} {axis}", name, unit, *numbers, found.shown))
+                numbers = [number / factor for number in coefficient[:3]]
+                rows.append((f"{_SENSORS[part]} {axis}", name, unit, *numbers, coefficient.shown))
     return pd.DataFrame(rows, columns=["sensor", "coefficient", "unit", "estimate", "low", "high", "shown"])

@@ -1,4 +1,4 @@
-"""Folders that the tool writes: a file there lists what it wrote, and no other file is ever replaced or removed."""
+"""Folders that the tool writes: a list of its own files in each folder; other files are never replaced or removed."""
 
 import json
 import os
@@ -17,12 +17,12 @@ from lvnav_trade.store.files import CASE_TABLE, replace_file
 from lvnav_trade.store.schema import FEATURES, REPORTED, TABLES
 
 CONTENTS, RESOLVED, MANIFEST = "contents.json", "campaign.resolved.yaml", "manifest.json"
-_BYTES = 2**26  # far beyond what either list of the largest campaign has
+_BYTES = 2**26  # limit, far above the size of the list for the largest campaign
 RUN_FILES = (MANIFEST, RESOLVED, *(f"{table}.parquet" for table in TABLES))
 _MARK, _VERSION = "lvnav_trade_contents", 1
-_CASE_TABLES = (CASE_TABLE, ".parquet")  # and how earlier versions ended their names
+_CASE_TABLES = (CASE_TABLE, ".parquet")  # the second is the extension in earlier versions
 _CASE = re.compile(r"\w[\w.-]*")
-_NAME_BYTES = 255  # of a name in a folder, on every common file system
+_NAME_BYTES = 255  # longest name in a folder on common file systems
 _TEMPORARY = re.compile(r"^\.(.+)\.\d+$")
 _GIVE_ANOTHER = "nothing was changed; give another folder"
 Kind = Literal["results", "report", "study", "base", "code", "vectors"]
@@ -39,14 +39,14 @@ _KINDS: dict[str, str] = {
 class OwnedFolder:
     """A folder whose files the tool lists in `contents.json`.
 
-    Names are relative to the folder, with slashes. A name is listed before its file is written, so that a killed
-    process leaves no file of its own unlisted. A file that is not listed is neither replaced nor removed.
-
-    InputError where a listed name leads out of the folder.
+    Names are relative to the folder, with slashes. A name is listed before its file is written, so that all files of a
+    killed process are listed. A file that is not listed is neither replaced nor removed. A listed name that leads out
+    of the folder raises an InputError.
 
     Attributes
     ----------
     folder : Path
+        The folder.
     cases : list of str
         Digests of the cases whose blocks, tables and scratch files are in the folder.
     """
@@ -71,11 +71,11 @@ class OwnedFolder:
         return list(self._files.get(group, ()))
 
     def claim(self, group: str, names: Iterable[str], cases: Iterable[str] = ()) -> None:
-        """List names, and cases, that are about to be written; the folder is made where it is missing.
+        """List names and cases that are about to be written, and create the folder if it is missing.
 
-        InputError, before anything is changed, where a file of such a name exists and is not listed, or a part of its
-        path is a link. A folder of results of an earlier version, which has no list, is taken to hold report files
-        of the tool.
+        An InputError is raised, before anything is changed, if a file with such a name exists and is not listed, or if
+        a part of its path is a link. In a folder of results of an earlier version, which has no list, existing files of
+        the report are assumed to be of the tool.
         """
         wanted, listed = sorted(set(names)), self.names
         for name in wanted:
@@ -92,9 +92,9 @@ class OwnedFolder:
         self._save()
 
     def publish(self, group: str, files: Mapping[str, bytes | str]) -> None:
-        """Write the files of a group, each in one step, and remove those that it listed before.
+        """Write the files of a group, each atomically, and remove other files that the group listed before.
 
-        InputError as in `claim`.
+        Raises an InputError as `claim`.
         """
         self.claim(group, files)
         for name, content in files.items():
@@ -115,7 +115,7 @@ class OwnedFolder:
         self._save()
 
     def clear(self) -> None:
-        """Remove every listed file, and the folders that become empty."""
+        """Remove all listed files, and folders that become empty."""
         for name in sorted(self.names):
             self._remove(self.place(name))
         self.remove_case_tables()
@@ -124,7 +124,7 @@ class OwnedFolder:
         self._files, self.cases = {}, []
 
     def remove_case_tables(self) -> None:
-        """Remove the tables of single cases; blocks of runs stay."""
+        """Remove the tables of single cases; blocks of runs remain."""
         for case in self.cases:
             folder = self._place_case(case) / "tables"
             for path in [folder / f"{table}{end}" for table in TABLES for end in _CASE_TABLES]:
@@ -137,7 +137,7 @@ class OwnedFolder:
                 self._remove(path)
 
     def sweep(self) -> None:
-        """Remove what a killed process left half written of a listed name."""
+        """Remove temporary files of killed processes that belong to listed names."""
         own = {self.folder / CONTENTS, *map(self.place, self.names)}
         cases = {place / name for place in map(self._place_case, self.cases) for name in (".", "tables")}
         for place in cases | {path.parent for path in own}:
@@ -148,7 +148,7 @@ class OwnedFolder:
                     path.unlink(missing_ok=True)
 
     def place(self, name: str) -> Path:
-        """Return the path of a name; InputError where it leads out of the folder."""
+        """Return the path of a name; InputError if it leads out of the folder."""
         parts = PurePosixPath(name).parts
         if not parts or ".." in parts or "\0" in name or PurePosixPath(name).is_absolute():
             raise InputError(f"{self.folder}: the name {name!r} leads out of the folder; {_GIVE_ANOTHER}")
@@ -170,7 +170,7 @@ class OwnedFolder:
 
     def _remove(self, path: Path) -> None:
         path.unlink(missing_ok=True)
-        with suppress(OSError):  # a folder that is not empty, or gone
+        with suppress(OSError):  # a folder is not empty, or does not exist
             for place in takewhile(lambda place: place != self.folder, path.parents):
                 place.rmdir()
 
@@ -185,29 +185,45 @@ class OwnedFolder:
 
 
 def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
-    """Return a folder as one of the tool's own; nothing is changed.
+    """Return a folder in which the tool may write files of one kind; nothing is changed.
 
-    The folder may be missing or empty (hidden files apart), or hold what the tool wrote there of the same kind.
-    Results and bases of an earlier version, which have no list of their files, are known by their manifest.
-    InputError for every other folder, whose files are the user's, and where a listed name leads out of the folder.
+    The folder is missing, empty (apart from hidden files), or contains only files of the same kind that the tool wrote.
+    Results and bases of an earlier version, which have no list of their files, are recognised by their manifest.
+
+    Parameters
+    ----------
+    folder : Path or str
+        The folder.
+    kind : str
+        Kind of files: results, report, study, base, code or vectors.
+
+    Returns
+    -------
+    OwnedFolder
+        The folder with the list of its files.
+
+    Raises
+    ------
+    InputError
+        The folder contains files of the user or of another kind, or a listed name leads out of the folder.
     """
     folder = Path(folder)
-    found: list[str] = []
+    existing: list[str] = []
     with writing(folder, "the folder cannot be written", resumes=True), suppress(FileNotFoundError):
-        found = [name for name in os.listdir(folder) if not name.startswith(".")]
-    if CONTENTS in found:
-        files, cases, holds = _listed(folder)
-    elif not found:
+        existing = [name for name in os.listdir(folder) if not name.startswith(".")]
+    if CONTENTS in existing:
+        files, cases, present = _listed(folder)
+    elif not existing:
         return OwnedFolder(folder, kind, {}, (), adopted=False)
     else:
-        files, cases, holds = _of_manifest(folder)
-    if holds != kind:
-        raise InputError(f"{folder}: holds {_KINDS[holds]}, not {_KINDS[kind]}; {_GIVE_ANOTHER}")
-    return OwnedFolder(folder, kind, files, cases, adopted=CONTENTS not in found)
+        files, cases, present = _of_manifest(folder)
+    if present != kind:
+        raise InputError(f"{folder}: holds {_KINDS[present]}, not {_KINDS[kind]}; {_GIVE_ANOTHER}")
+    return OwnedFolder(folder, kind, files, cases, adopted=CONTENTS not in existing)
 
 
 def is_without_rows(folder: Path, table: str) -> bool:
-    """Whether results lack a table because it has no rows: they list their tables, and it is not among them."""
+    """Whether results do not have a table because it has no rows: it is missing in their list of tables."""
     tables = _json(folder / CONTENTS).get("tables")
     return isinstance(tables, dict) and table not in tables
 
@@ -225,7 +241,7 @@ def _listed(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
 
 
 def _of_manifest(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
-    """Return what an earlier version wrote, from its manifest."""
+    """Return the files, cases and kind of a folder of an earlier version, from its manifest."""
     manifest = _json(folder / MANIFEST)
     if not all(isinstance(manifest.get(key), str) for key in ("campaign_digest", "tool", "code_digest")):
         raise InputError(f"{folder}: holds files that lvnav-trade did not write (no {CONTENTS}); {_GIVE_ANOTHER}")
@@ -234,7 +250,7 @@ def _of_manifest(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    """Return the JSON object of a file, empty where there is none."""
+    """Return the JSON object in a file; empty if there is none."""
     try:
         content = json.loads(read_bytes(path, _BYTES).decode())
     except (InputError, OSError, ValueError, RecursionError):
@@ -243,10 +259,10 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 def _is_texts(value: object) -> bool:
-    return isinstance(value, list) and all(isinstance(one, str) for one in value)
+    return isinstance(value, list) and all(isinstance(item, str) for item in value)
 
 
 def refuse_foreign(path: Path, manifest: object) -> None:
-    """Raise InputError where the content of a manifest is not that of this tool's results or of a kept base."""
+    """Raise an InputError if the content of a manifest is not that of results or of a kept base of this tool."""
     if not isinstance(manifest, dict) or "campaign_digest" not in manifest:
         raise InputError(f"{path}: not a manifest of lvnav-trade")

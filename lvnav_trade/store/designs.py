@@ -1,4 +1,4 @@
-"""The table of many designs, from the parts in which they were evaluated."""
+"""Table of a design space, from the parts in which the designs were evaluated."""
 
 from __future__ import annotations
 
@@ -19,32 +19,37 @@ _IDENTITY, _PASSES = b"lvnav_trade.identity", b"lvnav_trade.passes"
 
 
 def table_of(parts: Sequence[Any], identity: str, passes: int) -> pa.Table:
-    """Return the table `designs` of parts, each with number (n,), texts and numbers by column, in the order of the
-    designs' numbers. A column that a part lacks is empty there.
+    """Return the table `designs`, in the order of the designs' numbers.
 
-    identity : What the designs are computed from, for `earlier_table`.
-    passes : Passes of linear covariance that they took.
+    Parameters
+    ----------
+    parts : sequence of evaluate.Rows
+        Evaluated designs: number (n,), texts and numbers by column. A column missing in a part is empty there.
+    identity : str
+        Origin of the designs, for `earlier_table`.
+    passes : int
+        Number of covariance passes that were computed.
     """
-    number = np.concatenate([one.number for one in parts])
+    number = np.concatenate([part.number for part in parts])
     order = np.argsort(number, kind="stable")
-    names = list(dict.fromkeys(name for one in parts for name in one.numbers))
+    names = list(dict.fromkeys(name for part in parts for name in part.numbers))
     schema = arrow_schema("designs", tuple(names))
-    found: dict[str, Any] = {"design_number": number[order]}
+    columns: dict[str, Any] = {"design_number": number[order]}
     for field in schema:
-        if field.name in found:
+        if field.name in columns:
             continue
         if field.type == pa.string():
-            texts = [text for one in parts for text in one.texts[field.name]]
-            found[field.name] = [texts[k] for k in order]
+            texts = [text for part in parts for text in part.texts[field.name]]
+            columns[field.name] = [texts[k] for k in order]
         else:
-            empty = [one.numbers.get(field.name, np.full(len(one.number), np.nan)) for one in parts]
-            found[field.name] = np.concatenate(empty)[order]
-    table = pa.table([column(found[field.name], field.type) for field in schema], schema=schema)
+            numbers = [part.numbers.get(field.name, np.full(len(part.number), np.nan)) for part in parts]
+            columns[field.name] = np.concatenate(numbers)[order]
+    table = pa.table([column(columns[field.name], field.type) for field in schema], schema=schema)
     return table.replace_schema_metadata({_IDENTITY: identity, _PASSES: str(passes)})
 
 
 def earlier_table(file: Path, identity: str) -> pa.Table | None:
-    """Return the table in a file; None where there is none, it is damaged, or it was computed from something else."""
+    """Return the table in a file; None if the file is missing or damaged, or the table has another origin."""
     try:
         table = pq.read_table(file, page_checksum_verification=True)
     except (OSError, pa.ArrowException):
@@ -53,11 +58,11 @@ def earlier_table(file: Path, identity: str) -> pa.Table | None:
 
 
 def passes(table: pa.Table) -> int:
-    """Return how many passes of linear covariance the designs of a table took."""
+    """Return the number of covariance passes that were computed for a table."""
     return int(table.schema.metadata[_PASSES])
 
 
 def impossible(table: pa.Table) -> dict[str, int]:
-    """Return how many designs have no numbers, by why, the most frequent reason first."""
+    """Return the number of impossible designs by reason, the most frequent reason first."""
     pairs = zip(table["case"].to_pylist(), table["reason"].to_pylist(), strict=True)
     return dict(Counter(reason for case, reason in pairs if not case).most_common())

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all; tables whose rows come piece by piece: memory does not grow with the runs."""
+"""Atomic writing of files, and writing of tables in pieces, so that memory does not grow with the number of runs."""
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -11,9 +11,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 CASE_TABLE = ".arrow"
-"""How the name of a case's table ends: Arrow's own format, which is written and read in a fifth of Parquet's time."""
-ROWS = 16_384  # rows of a row group: the same rows stand in each, whatever blocks the runs were flown in
-_WHOLE = 2**31  # rows of a row group at the most: a table is written as one
+"""Extension of the table of a case: Arrow's own format, which is written and read in a fifth of the time of Parquet."""
+ROWS = 16_384  # rows of a row group; fixed, so that files do not depend on the size of the blocks of runs
+_WHOLE = 2**31  # largest number of rows of a row group: a table is written as one group
 _HOW = {"compression": "lz4", "write_page_checksum": True}  # zstd: a tenth smaller; three times as long for few rows
 _QUICK = pa.ipc.IpcWriteOptions(compression="lz4")
 _Part = TypeVar("_Part")
@@ -21,9 +21,9 @@ _Part = TypeVar("_Part")
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give the name of a new file, which takes the place of `path` in one step at the end; none is left on an error.
+    """Yield the name of a temporary file that replaces `path` in one step at the end of the ``with`` block.
 
-    A link at `path` is replaced, not followed.
+    After an error the temporary file is removed and `path` is unchanged. A link at `path` is replaced, not followed.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
@@ -35,22 +35,22 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def replace_file(path: Path, content: bytes | str) -> None:
-    """Write a file in one step that either happens or does not."""
+    """Write a file atomically: after an interruption the old content remains."""
     with replacing(path) as temporary, temporary.open("xb") as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
 def replace_table(table: pa.Table, path: Path, **how: Any) -> None:
-    """Write a table as one row group in one step that either happens or does not."""
+    """Write a table atomically as a Parquet file with one row group."""
     with replacing(path) as temporary:
         pq.write_table(table, temporary, row_group_size=_WHOLE, **{**_HOW, **how})
 
 
 @contextmanager
 def merged_table(path: Path, schema: pa.Schema) -> Iterator[Callable[[pa.Table], None]]:
-    """Give a function that writes a table as the next row group of a Parquet file, which appears at the end, or not.
+    """Yield a function that appends a table as a row group to a Parquet file, which is written atomically.
 
-    Only texts have a dictionary: one of real numbers makes the file a quarter larger, and takes twice as long.
+    Only texts have a dictionary: dictionaries of real numbers make the file a quarter larger and take twice as long.
     """
     texts = [field.name for field in schema if field.type == pa.string()]
     with replacing(path) as temporary, pq.ParquetWriter(temporary, schema, use_dictionary=texts, **_HOW) as writer:
@@ -59,7 +59,7 @@ def merged_table(path: Path, schema: pa.Schema) -> Iterator[Callable[[pa.Table],
 
 @contextmanager
 def _case_tables(schemas: Mapping[Path, pa.Schema]) -> Iterator[list[Callable[[pa.Table], None]]]:
-    """Give a function for each file that writes a table as its next batch; all files appear at the end, or none."""
+    """Yield for each file a function that appends a table as a batch; all files appear at the end, or none."""
     with ExitStack() as files:
         temporaries = [files.enter_context(replacing(path)) for path in schemas]
         opened = [
@@ -70,7 +70,7 @@ def _case_tables(schemas: Mapping[Path, pa.Schema]) -> Iterator[list[Callable[[p
 
 
 def write_case_table(table: pa.Table, path: Path) -> None:
-    """Write a case's table in one step that either happens or does not."""
+    """Write the table of a case atomically."""
     with _case_tables({path: table.schema}) as (write,):
         write(table)
 
@@ -95,7 +95,7 @@ def batches(path: Path) -> Iterator[pa.Table]:
 
 
 class Rows:
-    """Tables that come piece by piece (see `row_files`)."""
+    """Writer of tables in pieces, see `row_files`."""
 
     def __init__(self, write: Mapping[str, Callable[[pa.Table], None]], empty: Mapping[str, pa.Table]) -> None:
         self._write, self._waiting = write, dict(empty)
@@ -110,27 +110,27 @@ class Rows:
             self._waiting[name] = waiting
 
     def noted(self, parts: Iterable[_Part], tables: Callable[[_Part], Mapping[str, pa.Table]]) -> Iterator[_Part]:
-        """Hand parts on, one by one, after appending their tables."""
+        """Yield parts unchanged, one by one, after appending the tables of each."""
         for part in parts:
             self.add(tables(part))
             yield part
 
     def end(self) -> None:
-        """Write what is left."""
-        for name, left in self._waiting.items():
-            if left.num_rows:
-                self._group(name, left)
+        """Write the remaining rows."""
+        for name, table in self._waiting.items():
+            if table.num_rows:
+                self._group(name, table)
 
     def _group(self, name: str, table: pa.Table) -> None:
-        """Write a row group; in one piece, or its bytes would tell how many runs a block has."""
+        """Write a row group in one piece, since otherwise its bytes would depend on the size of the blocks of runs."""
         self._write[name](table.combine_chunks())
 
 
 @contextmanager
 def row_files(folder: Path, empty: Mapping[str, pa.Table]) -> Iterator[Rows]:
-    """Give `Rows` for the files of a case's tables, which all appear when all pieces are in, or none.
+    """Yield the writer of a case's tables; all files appear at the end of the ``with`` block, or none.
 
-    empty: the tables without rows.
+    empty: tables without rows, which define the columns.
     """
     schemas = {folder / f"{name}{CASE_TABLE}": table.schema for name, table in empty.items()}
     with _case_tables(schemas) as write:

@@ -1,4 +1,4 @@
-"""The tables of a case's flight: states and their covariance, reference, events, satellites and their channels."""
+"""Tables of the flight of a case: true trajectory, events, states with their covariance, satellites and channels."""
 
 from typing import Any
 
@@ -10,16 +10,14 @@ from lvnav_trade.records import IDLE, TRACKING, CovHistory, Floats
 from lvnav_trade.store.columns import Coded
 from lvnav_trade.world.faults import periods, singled_out
 
-# Seconds between the stored states, or the step of the history where that is longer; events are stored too
-STEP = 5.0
-# Seconds between the stored skies at least: a receiver at 10 Hz adds nothing that a figure could show
-SKY_STEP = 1.0
+STEP = 5.0  # s between stored states, or the step of the history if that is longer; events are stored as well
+SKY_STEP = 1.0  # s, shortest interval between stored satellite positions; figures do not resolve 10 Hz
 _COMPONENTS = [f"{quantity} {axis}" for quantity in ("velocity", "position") for axis in "xyz"]
 _CHANGE = ("t_s", "satellite", "from_state", "to_state", "reason")
 
 
 def flight_columns(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
-    """Return the columns or rows of the tables."""
+    """Return the columns or rows of the tables of the flight, by name of the table."""
     return {
         "reference": _reference(prepared),
         "events": event_rows(prepared),
@@ -30,7 +28,7 @@ def flight_columns(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
 
 
 def _reference(prepared: Prepared) -> dict[str, Any]:
-    """Describe the flight at the history times."""
+    """Return the true trajectory at the history times."""
     t, r_i, v_i, _, f_b, w_ib_b = prepared.motion
     theta = frames.earth_angle(prepared.trajectory.theta0, t)
     latitude, longitude, altitude = frames.geodetic_from_ecef(frames.ecef_from_eci(r_i, theta))
@@ -47,22 +45,25 @@ def _reference(prepared: Prepared) -> dict[str, Any]:
 
 
 def event_rows(prepared: Prepared) -> list[dict[str, Any]]:
-    """Return events and faults, with their times and the satellites that a fault affects singly."""
+    """Return events and faults, with their times and the satellites that a fault affects individually."""
     events = prepared.trajectory.events.items()
     rows = [{"event": name, "kind": "event", "t_s": t, "t_end_s": t, "satellites": ""} for name, t in events]
     course, sky, faults = prepared.trajectory.course, prepared.sky, prepared.scenario.faults
     affected = singled_out(faults, course, sky.t, tuple(sky.names), sky.elevation, sky.tracked)
     for number, fault in enumerate(faults, start=1):
-        found = periods(number - 1, fault, course)
-        for part, (start, end) in enumerate(found, start=1):
-            name = f"{fault.kind} {number}" + (f".{part}" if len(found) > 1 else "")
+        active = periods(number - 1, fault, course)
+        for part, (start, end) in enumerate(active, start=1):
+            name = f"{fault.kind} {number}" + (f".{part}" if len(active) > 1 else "")
             span = {"t_s": course.begin(start), "t_end_s": course.instants["end"] if end == np.inf else end}
             rows.append({"event": name, "kind": "fault", **span, "satellites": " ".join(affected[number - 1])})
     return rows
 
 
 def _satellites(prepared: Prepared) -> dict[str, Any]:
-    """List the satellites that are up or have a channel; where there are none the highest, so that no epoch is lost."""
+    """Return the satellites above the horizon or with a channel; if there are none, the one of highest elevation.
+
+    So every epoch has at least one row.
+    """
     sky, delays = prepared.sky, prepared.delays
     step = max(1, round(SKY_STEP / float(np.median(np.diff(sky.t))))) if len(sky.t) > 1 else 1
     elevation, tracked = sky.elevation[::step], sky.tracked[::step]
@@ -99,14 +100,14 @@ def _satellites(prepared: Prepared) -> dict[str, Any]:
 
 
 def state_columns(prepared: Prepared, cov: CovHistory) -> dict[str, dict[str, Any]]:
-    """Return the columns of `states` and `joint`; none where the outputs have no velocity and position."""
+    """Return the columns of `states` and `joint`; empty if the outputs have no velocity and position."""
     outputs = list(enumerate(prepared.outputs))
     index = [k for quantity in ("velocity", "position") for k, output in outputs if output.quantity == quantity]
     if len(index) != 6:
         return {"states": {}, "joint": {}}
     rows = _rows(prepared, cov)
     at = [k for _, k in rows]
-    # the true state is that of the event itself; its errors are those of the first tick at or after it, in axes there
+    # the true state is at the time of the event, its errors at the first sample at or after it, in the axes there
     t, r_i, v_i, axes = (part[at] for part in (*prepared.motion[:3], prepared.record.axes))
     theta = frames.earth_angle(prepared.trajectory.theta0, t)
     return {
@@ -116,7 +117,7 @@ def state_columns(prepared: Prepared, cov: CovHistory) -> dict[str, dict[str, An
 
 
 def _rows(prepared: Prepared, cov: CovHistory) -> list[tuple[str, int]]:
-    """Return (event, or empty; index into the history) of every stored state: events first, then a coarse grid."""
+    """Return name of the event (or empty) and index in the history of every stored state: events, then a grid."""
     first, last = float(cov.t[0]), float(cov.t[-1])
     wanted = [(name, t) for name, t in prepared.trajectory.events.items() if first <= t <= last]
     events = [(name, int(np.argmin(np.abs(cov.t - t)))) for name, t in wanted]
@@ -125,7 +126,7 @@ def _rows(prepared: Prepared, cov: CovHistory) -> list[tuple[str, int]]:
 
 
 def _states(events: list[str], t: Floats, r_i: Floats, v_i: Floats, theta: Floats, axes: Floats) -> dict[str, Any]:
-    turn = frames.quaternions(np.swapaxes(axes, 1, 2), continuous=False)  # the rows are not in the order of time
+    turn = frames.quaternions(np.swapaxes(axes, 1, 2), continuous=False)  # the rows are not in order of time
     return {
         "event": events,
         "t_s": t,
@@ -137,7 +138,7 @@ def _states(events: list[str], t: Floats, r_i: Floats, v_i: Floats, theta: Float
 
 
 def _joint(rows: list[tuple[str, int]], t: Floats, cov: CovHistory, index: list[int], axes: Floats) -> dict[str, Any]:
-    """List mean and upper triangle of the covariances (6, 6), turned to frame i."""
+    """Return mean and upper triangle of the covariances (6, 6), rotated from reporting axes to frame i."""
     where = [k for _, k in rows]
     turn = np.zeros((len(rows), 6, 6))
     turn[:, :3, :3] = turn[:, 3:, 3:] = np.swapaxes(axes, 1, 2)

@@ -17,21 +17,21 @@ _Found = TypeVar("_Found")  # frame or list
 
 
 def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
-    """Return a function of tables, and of words, that keeps with the tables what it found; each caller gets a copy."""
+    """Return a function of tables (and of texts) that caches its result with the tables; each caller gets a copy."""
 
     @wraps(metric)
-    def kept(tables: Tables, *asked: str) -> _Found:
-        key = (metric.__module__, metric.__qualname__, *asked)
+    def cached(tables: Tables, *texts: str) -> _Found:
+        key = (metric.__module__, metric.__qualname__, *texts)
         if key not in tables.cache:
-            tables.cache[key] = metric(tables, *asked)
-        found: Any = tables.cache[key]
-        return found.copy()
+            tables.cache[key] = metric(tables, *texts)
+        result: Any = tables.cache[key]
+        return result.copy()
 
-    return kept
+    return cached
 
 
 def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
-    """Return the rows of a table whose columns have the values wanted; of a whole table by an index."""
+    """Return the rows of a table whose columns have the given values, by an index if the table is a stored one."""
     if id(rows) in PLACES:
         return rows.iloc[_places(rows, wanted)]
     for column, value in wanted.items():
@@ -40,19 +40,19 @@ def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
 
 
 def pick_columns(rows: pd.DataFrame, names: Sequence[str], **wanted: str) -> list[np.ndarray]:
-    """Return columns of the rows that `pick` finds, each (n,); of a whole table without a frame of the others."""
+    """Return columns (n,) of the rows that `pick` selects, without building a frame of all columns."""
     if not wanted:
         return [rows[name].to_numpy() for name in names]
     if id(rows) in PLACES:
         places = _places(rows, wanted)
         return [rows[name].to_numpy()[places] for name in names]
-    found = pick(rows, **wanted)
-    return [found[name].to_numpy() for name in names]
+    selected = pick(rows, **wanted)
+    return [selected[name].to_numpy() for name in names]
 
 
 def _places(rows: pd.DataFrame, wanted: dict[str, str]) -> Any:
-    """Return the places (n,) in a whole table of the rows whose columns have the values wanted."""
-    known, columns, values = PLACES[id(rows)], tuple(wanted), tuple(wanted.values())
-    if columns not in known:
-        known[columns] = rows.groupby(list(columns), sort=False).indices
-    return known[columns].get(values if len(values) > 1 else values[0], np.empty(0, dtype=np.intp))
+    """Return the positions (n,) in a stored table of the rows whose columns have the given values."""
+    index, columns, values = PLACES[id(rows)], tuple(wanted), tuple(wanted.values())
+    if columns not in index:
+        index[columns] = rows.groupby(list(columns), sort=False).indices
+    return index[columns].get(values if len(values) > 1 else values[0], np.empty(0, dtype=np.intp))

@@ -1,4 +1,4 @@
-"""The manifest of results as a file that may be damaged: read whole, its parts of the kinds that results have."""
+"""Manifest of results: reading with verification of its content, and digests of the files of results."""
 
 import hashlib
 import json
@@ -13,11 +13,11 @@ from lvnav_trade.store.contents import MANIFEST, refuse_foreign
 
 DIGESTS = "digests"
 """Key of the manifest: SHA-256 of each table and of the resolved campaign, by the name of its file."""
-MANIFEST_BYTES = 2**26  # far beyond what results of the largest campaign have
+MANIFEST_BYTES = 2**26  # limit, far above the size for the largest campaign
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
-    """Return the content of a manifest; InputError where it cannot be read, is damaged or of another tool."""
+    """Return the content of a manifest; InputError if it cannot be read, is damaged or of another tool."""
     try:
         content = json.loads(read_bytes(path, MANIFEST_BYTES).decode())
     except (ValueError, RecursionError) as error:
@@ -31,17 +31,17 @@ def read_manifest(path: Path) -> dict[str, Any]:
 
 
 def digests(paths: Iterable[Path]) -> dict[str, str]:
-    """Return the digests of files that are there, by name."""
+    """Return the digests of existing files, by name."""
     return {path.name: digest(path.read_bytes()) for path in paths if path.is_file()}
 
 
 def digest(content: bytes) -> str:
-    """Return the SHA-256 of a file's content; line breaks count alike, as a repository may change those of a text."""
+    """Return the SHA-256 of a file's content; line breaks of texts, which a repository may change, are normalised."""
     return hashlib.sha256(content if content[:4] == b"PAR1" else content.replace(b"\r\n", b"\n")).hexdigest()
 
 
 def refuse_changed(path: Path) -> None:
-    """InputError where a file of results is not the one that its manifest names; earlier versions named none."""
+    """Raise an InputError if a file of results does not have the digest in its manifest (earlier versions had none)."""
     manifest = path.parent / MANIFEST
     if not (manifest.is_file() and path.is_file()):
         return
@@ -53,12 +53,12 @@ def refuse_changed(path: Path) -> None:
 
 @lru_cache(maxsize=8)
 def _digests_in(manifest: Path, _changed_ns: int, _size: int) -> dict[str, str]:
-    found: dict[str, str] = read_manifest(manifest).get(DIGESTS, {})
-    return found
+    by_name: dict[str, str] = read_manifest(manifest).get(DIGESTS, {})
+    return by_name
 
 
 def damaged(path: Path, why: object) -> InputError:
-    """Return the error of a damaged file of results, in one line with the remedy."""
+    """Return the exception for a damaged file of results, one line with the remedy."""
     line = str(why).strip().partition("\n")[0] or type(why).__name__
     return InputError(f"{path}: damaged: {line}; the same lvnav-trade run makes it again")
 
@@ -90,4 +90,4 @@ _KINDS: dict[Callable[[object], bool], tuple[str, ...]] = {
     _is_count: ("asked_runs", "workers_died"),
     _is_above_zero: ("asked_block",),
 }
-"""What the content of a manifest has to be, by key, where the key is there."""
+"""Type checks of the content of a manifest, with the keys to which they apply."""

@@ -1,4 +1,4 @@
-"""One file per block of runs: written whole or not at all, checked when read, by content and by whose it is."""
+"""Files of blocks of runs, one per block: written atomically; content and origin are verified when read."""
 
 import hashlib
 import logging
@@ -30,17 +30,30 @@ _Array = np.ndarray[Any, Any]
 
 
 def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
-    """Write a part as ``FIRST-N.parquet``: first to a file of another name, then renamed, so that none is ever half.
+    """Write the statistics of a block of runs atomically as ``FIRST-N.parquet``.
 
-    A part that starts at the same run and is shorter (the incomplete last block of an earlier campaign) is replaced.
-    `identity` names the campaign, the case and the code; it is written into the file with the runs.
+    A shorter part with the same first run, such as the incomplete last block of an earlier campaign, is replaced.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the case.
+    summary : BlockSummary
+        Statistics of the block.
+    identity : str
+        Campaign, case and code, which are written into the file.
+
+    Returns
+    -------
+    Path
+        The file.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{summary.first_run}-{summary.n_run}.parquet"
     table = _pack(summary)
     identity = _with_runs(identity, summary)
     table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: _checksum(_rows(table), identity.encode())})
-    # compressed it is half as large, and takes as long as three runs; nor is a dictionary of few large values of use
+    # compression halves the size, but takes as long as three runs; a dictionary is useless for few large values
     replace_table(table, path, use_dictionary=False, write_statistics=False, compression="none")
     for other in paths(folder):
         if span(other)[0] == summary.first_run and other != path:
@@ -49,9 +62,9 @@ def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
 
 
 def read(path: Path, identity: str | None = None) -> BlockSummary:
-    """Return a part; ValueError where the file is damaged, or not of the campaign, case and code of `identity`.
+    """Read a part; ValueError if the file is damaged, or of another campaign, case or code than `identity`.
 
-    An error of the operating system, such as a file that may not be read, is raised as it comes: it is no damage.
+    Errors of the operating system, such as missing permission, are not damage and are raised unchanged.
     """
     try:
         with pq.ParquetFile(path) as file:
@@ -73,10 +86,10 @@ def read(path: Path, identity: str | None = None) -> BlockSummary:
 
 
 def drop_damaged(folder: Path, identity: str | None = None) -> None:
-    """Read all parts of a case, delete those that `read` refuses, with a warning: they will be computed again.
+    """Delete the parts of a case that `read` refuses, with a warning; their runs will be computed again.
 
-    Of two parts that start at the same run, which a process leaves that is killed between writing the one and deleting
-    the other, the longer is kept.
+    If two parts have the same first run, the longer is kept. This happens when a process is killed after writing a part
+    and before deleting the shorter one.
     """
     for path in paths(folder):
         try:
@@ -84,7 +97,7 @@ def drop_damaged(folder: Path, identity: str | None = None) -> None:
         except ValueError as error:
             _LOG.warning("%s; dropped, its runs will be computed again", error)
             path.unlink(missing_ok=True)
-    kept = {span(path)[0]: path for path in paths(folder)}  # in order of length where the start is the same
+    kept = {span(path)[0]: path for path in paths(folder)}  # parts with the same first run are in order of length
     for path in paths(folder):
         if path != kept[span(path)[0]]:
             path.unlink(missing_ok=True)
@@ -107,9 +120,21 @@ def span(path: Path) -> tuple[int, int]:
 
 
 def stream(folder: Path, identity: str | None = None, n_run: int | None = None) -> Iterator[BlockSummary]:
-    """Return the parts in run order, or those of the runs before `n_run`; one in memory at a time.
+    """Return an iterator over the parts in the order of the runs, with one part in memory at a time.
 
-    ValueError, at once, where one of the runs before `n_run` is in no part; while they are read, where one is damaged.
+    Parameters
+    ----------
+    folder : Path
+        Folder of the case.
+    identity : str, optional
+        Expected campaign, case and code.
+    n_run : int, optional
+        Only the first `n_run` runs; all runs if None.
+
+    Raises
+    ------
+    ValueError
+        At once if one of the first `n_run` runs is missing; during the iteration if a part is damaged.
     """
     chosen = [path for path in paths(folder) if n_run is None or sum(span(path)) <= n_run]
     if n_run is not None:
@@ -137,14 +162,14 @@ def _pack(summary: BlockSummary) -> pa.Table:
 
 
 def _array(value: Any) -> _Array:
-    """Return a contiguous array; the event names as bytes of one text."""
+    """Return a value as contiguous array; the names of events become the bytes of one text."""
     if isinstance(value, np.ndarray):
         return np.ascontiguousarray(value)
     return np.frombuffer("\n".join(value).encode(), dtype=np.uint8)
 
 
 def _rows(table: pa.Table) -> Iterator[tuple[str, str, list[int], Any]]:
-    """Yield name, type, shape and bytes of each array of a part; the bytes are not copied."""
+    """Yield name, type, shape and bytes of each array of a part, without copying the bytes."""
     names, dtypes, shapes = (table[name].to_pylist() for name in ("name", "dtype", "shape"))
     yield from zip(names, dtypes, shapes, (value.as_buffer() for value in table["bytes"]), strict=True)
 

@@ -1,4 +1,4 @@
-"""Reading results back: tidy pandas frames, the manifest, the resolved campaign."""
+"""Reading of results: tables as pandas frames, the manifest, the resolved campaign."""
 
 from __future__ import annotations
 
@@ -25,14 +25,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PLACES: dict[int, dict[tuple[str, ...], dict[Any, Any]]] = {}
-"""Where the rows of values stand in a frame that is a table, by its identity and the columns; filled when asked for."""
-_RESOLVED_BYTES = 2**26  # far beyond what a resolved campaign of the largest size has
+"""Index of stored tables: by identity of the frame and by columns, the positions of the rows with given values."""
+_RESOLVED_BYTES = 2**26  # limit, far above the size of the largest resolved campaign
 
 
 class Tables:
-    """The results of one campaign; each table of `schema.TABLES` is an attribute, read when first asked for.
+    """Results of one campaign; each table of `schema.TABLES` is an attribute, which is read on first use.
 
-    cache: frames that metrics have computed from them.
+    Attributes
+    ----------
+    folder : Path
+        Folder of the results.
+    cache : dict
+        Results of metrics computed from the tables.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -42,26 +47,26 @@ class Tables:
 
     @classmethod
     def of(cls, tables: Mapping[str, pa.Table], campaign: Mapping[str, Any] | None = None) -> Tables:
-        """Return tables that are in memory, without a folder; campaign: the resolved one, where it is known."""
-        found = cls(Path())
+        """Return tables in memory, without a folder; campaign: the resolved campaign, if known."""
+        in_memory = cls(Path())
         if campaign is not None:
-            found.__dict__["campaign"] = dict(campaign)
-        found._read = {name: table.to_pandas() for name, table in tables.items()}
-        return found
+            in_memory.__dict__["campaign"] = dict(campaign)
+        in_memory._read = {name: table.to_pandas() for name, table in tables.items()}
+        return in_memory
 
     def with_frames(self, **frames: pd.DataFrame) -> Tables:
-        """Return the same results with other frames in the place of some tables."""
-        found = Tables(self.folder)
-        found._read = self._read | frames
-        found.__dict__ |= {name: self.__dict__[name] for name in ("campaign", "manifest") if name in self.__dict__}
-        return found
+        """Return the results with some tables replaced by other frames."""
+        changed = Tables(self.folder)
+        changed._read = self._read | frames
+        changed.__dict__ |= {name: self.__dict__[name] for name in ("campaign", "manifest") if name in self.__dict__}
+        return changed
 
     def __getattr__(self, name: str) -> pd.DataFrame:
         if name not in TABLES:
             raise AttributeError(name)
         if name not in self._read:
             table = _whole(name, stored_table(self.folder, name))
-            self._read[name] = table.combine_chunks().to_pandas()  # rows are looked up in one piece, not case by case
+            self._read[name] = table.combine_chunks().to_pandas()  # one chunk, since lookups are not case by case
         frame = self._read[name]
         if id(frame) not in PLACES:
             PLACES[id(frame)] = {}
@@ -70,17 +75,17 @@ class Tables:
 
     @property
     def has_designs(self) -> bool:
-        """Whether the results hold one row for each of many designs."""
+        """Whether the results are those of a design space, with one row per design."""
         return "designs" in self._read or (self.folder / "designs.parquet").is_file()
 
     @property
     def is_sampled(self) -> bool:
-        """Whether the designs were drawn at random, so that they stand for all others between the same limits."""
+        """Whether the designs were drawn at random, so that they represent all designs within the limits."""
         return self.campaign.get("design") in ("latin_hypercube", "sobol")
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
-        """What computed the results."""
+        """Manifest: request, versions and machine of the results."""
         return read_manifest(self.folder / "manifest.json")
 
     @cached_property
@@ -89,14 +94,14 @@ class Tables:
         path = self.folder / "campaign.resolved.yaml"
         refuse_changed(path)
         try:
-            found = dict(parsed(read_bytes(path, _RESOLVED_BYTES).decode()))
+            tree = dict(parsed(read_bytes(path, _RESOLVED_BYTES).decode()))
         except (YAMLError, ValueError, TypeError, AttributeError, RecursionError) as error:
             raise damaged(path, error) from None
-        return found
+        return tree
 
     @cached_property
     def labels(self) -> dict[str, str]:
-        """Case digest to label, in the order of the plan; a label that two cases share carries the digest too."""
+        """Label by digest of the case, in the order of the plan; equal labels are extended by the digest."""
         cases = self.cases
         twice = set(cases.label[cases.label.duplicated()])
         return {
@@ -106,12 +111,12 @@ class Tables:
 
     @cached_property
     def levels(self) -> dict[str, dict[str, str]]:
-        """Level of every axis by case digest, in the order of the plan."""
+        """Level of every axis by digest of the case, in the order of the plan."""
         return {case: json.loads(axes) for case, axes in zip(self.cases.case, self.cases["axes"], strict=True)}
 
     @cached_property
     def people(self) -> dict[tuple[str, str], tuple[str, float]]:
-        """Unit for people and its factor per SI unit, by (quantity, axis)."""
+        """Display unit and factor from SI to it, by quantity and axis."""
         rows = self.outputs.drop_duplicates(["quantity", "axis"])
         return {
             (row.quantity, row.axis): (row.label_unit, row.label_factor_ratio) for row in rows.itertuples(index=False)
@@ -119,24 +124,40 @@ class Tables:
 
 
 def _whole(name: str, table: pa.Table) -> pa.Table:
-    """Return a table with every column of its schema; one that an earlier version did not write is empty."""
+    """Return a table with every column of its schema; columns that an earlier version did not write are empty."""
     for field in arrow_schema(name):
         if field.name not in table.column_names:
             table = table.append_column(field, pa.nulls(table.num_rows, field.type))
     return table
 
 
-def _is_of_kind(held: pa.DataType, wanted: pa.DataType) -> bool:
-    """Whether values of a type are numbers, texts or switches as those of another: the widths may differ."""
-    if pa.types.is_dictionary(held):
-        held = held.value_type
+def _is_of_kind(stored: pa.DataType, wanted: pa.DataType) -> bool:
+    """Whether two types are both numbers, texts or truth values; their widths may differ."""
+    if pa.types.is_dictionary(stored):
+        stored = stored.value_type
     kinds = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean)
-    is_text = [pa.types.is_string(kind) or pa.types.is_large_string(kind) for kind in (held, wanted)]
-    return pa.types.is_null(held) or (is_text[0] == is_text[1] and all(of(held) == of(wanted) for of in kinds))
+    is_text = [pa.types.is_string(kind) or pa.types.is_large_string(kind) for kind in (stored, wanted)]
+    return pa.types.is_null(stored) or (is_text[0] == is_text[1] and all(of(stored) == of(wanted) for of in kinds))
 
 
 def load(results: Path | str | Tables) -> Tables:
-    """Return the tables of a results folder; InputError where there is none. Tables are handed through."""
+    """Load the tables of a folder of results.
+
+    Parameters
+    ----------
+    results : Path, str or Tables
+        Folder of results; tables are returned unchanged.
+
+    Returns
+    -------
+    Tables
+        Tables, read on first use.
+
+    Raises
+    ------
+    InputError
+        The folder has no results, or the campaign has not finished.
+    """
     if isinstance(results, Tables):
         return results
     folder = Path(results)
@@ -150,26 +171,28 @@ def load(results: Path | str | Tables) -> Tables:
 
 
 def stored_table(folder: Path, name: str) -> pa.Table:
-    """Return a table of a results folder; without rows where it was not written for lack of them. InputError as of
-    `read_table`.
+    """Read a table of a folder of results; a table without rows is not on disk and returned empty.
+
+    Raises an InputError if the table is missing or damaged, or a column has values of another type.
     """
     if not is_without_rows(folder, name):
         path = folder / f"{name}.parquet"
-        found = read_table(path)
+        table = read_table(path)
         for field in arrow_schema(name):
-            held = found.schema.field(field.name).type if field.name in found.column_names else field.type
-            if not _is_of_kind(held, field.type):
-                raise damaged(path, f"the column {quoted(field.name)} has values of type {held}, not {field.type}")
-        return found
+            stored = table.schema.field(field.name).type if field.name in table.column_names else field.type
+            if not _is_of_kind(stored, field.type):
+                raise damaged(path, f"the column {quoted(field.name)} has values of type {stored}, not {field.type}")
+        return table
     kinds = OF_OUTPUTS.get(name, ())
-    outputs = stored_table(folder, "outputs").to_pylist() if kinds else []  # none either where every case failed
-    every = {kind(row["quantity"], row["axis"], row["unit"]): None for kind in kinds for row in outputs}
-    return arrow_schema(name, tuple(every)).empty_table()
+    outputs = stored_table(folder, "outputs").to_pylist() if kinds else []  # empty as well if every case failed
+    columns = {kind(row["quantity"], row["axis"], row["unit"]): None for kind in kinds for row in outputs}
+    return arrow_schema(name, tuple(columns)).empty_table()
 
 
 def read_table(path: Path) -> pa.Table:
-    """Return a table of results, held against its digest and every page against its checksum; InputError where it is
-    missing or damaged.
+    """Read a table of results, verifying its digest and the checksum of every page.
+
+    Raises an InputError if the table is missing or damaged.
     """
     refuse_changed(path)
     try:

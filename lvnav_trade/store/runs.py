@@ -1,4 +1,4 @@
-"""Columns of the tables that hold single runs: their errors at events, their logic, their start, a few over time."""
+"""Columns of the tables of single runs: errors at events, mode logic, initial draws, time histories of a few runs."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -12,15 +12,15 @@ from lvnav_trade.store.schema import error_column, rms_column
 from lvnav_trade.world.ascent.dispersion_card import SOURCES
 
 DRAWN = ("attitude", "velocity", "position")
-"""Quantities of which budget and single runs are kept over the whole flight."""
+"""Quantities whose error budget and single runs are stored over the whole flight."""
 MOST_TIMES = 400
-"""Times of a run that is kept over the flight."""
+"""Largest number of stored times of a run."""
 ORBIT_UNITS = {
     **dict.fromkeys(("semi_major_axis", "perigee", "apogee"), "m"),
     **dict.fromkeys(("inclination", "node"), "rad"),
     **dict.fromkeys(("eccentricity_along_node", "eccentricity_ahead_of_node"), "dimensionless"),
 }
-"""SI units of the numbers of an achieved orbit."""
+"""SI units of the elements of an achieved orbit."""
 INJECTION_UNITS = {**ORBIT_UNITS, "cutoff_time": "s", "propellant_left": "kg"}
 """SI units of the numbers of an injection."""
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
@@ -29,10 +29,13 @@ FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 def run_columns(
     outputs: tuple[Output, ...], summary: BlockSummary | None, channels: tuple[str, ...] = ()
 ) -> dict[str, dict[str, Any]]:
-    """Return the columns of `runs`, `worst`, `logic`, `integrity`, `injections` and `lost_vehicles` for some runs;
-    without runs those of the outputs, empty.
+    """Return the columns of `runs`, `worst`, `logic`, `integrity`, `injections` and `lost_vehicles`, by table.
 
-    `worst` has one row per run and span from an event to the next. channels: names of the filter's channels.
+    outputs : reported errors of the case
+    summary : statistics of some runs; None for empty columns
+    channels : names of the filter's measurement channels
+
+    `worst` has one row per run and interval between events.
     """
     every = columns(outputs)
     errors, means = (
@@ -84,16 +87,16 @@ def run_columns(
 
 
 def _injection_columns(summary: BlockSummary) -> dict[str, Any]:
-    """Return the columns of `injections`: a row per run and number of the orbit."""
+    """Return the columns of `injections`: one row per run and orbital element."""
     if not len(summary.injections):
         return {}
     n = len(ORBIT)
-    outcome, t, left = (np.repeat(one, n) for one in summary.injections[:, :3].T)
+    outcome, t, propellant = (np.repeat(values, n) for values in summary.injections[:, :3].T)
     return {
         "run_number": np.repeat(summary.runs, n),
         "outcome": np.array(OUTCOMES)[outcome.astype(int)],
         "t_s": t,
-        "propellant_left_kg": left,
+        "propellant_left_kg": propellant,
         "quantity": list(ORBIT) * summary.n_run,
         "unit": [ORBIT_UNITS[name] for name in ORBIT] * summary.n_run,
         "error_si": summary.injections[:, 3 : 3 + n].ravel(),
@@ -102,7 +105,7 @@ def _injection_columns(summary: BlockSummary) -> dict[str, Any]:
 
 
 def _lost_columns(summary: BlockSummary) -> dict[str, Any]:
-    """Return the columns of `lost_vehicles`: a row per draw of a run that does not reach its cut-off."""
+    """Return the columns of `lost_vehicles`: one row per random draw of a run that does not reach its cut-off."""
     run, source, number, value = summary.lost.T
     return {
         "run_number": run.astype(np.int64),
@@ -113,7 +116,12 @@ def _lost_columns(summary: BlockSummary) -> dict[str, Any]:
 
 
 def integrity_columns(decisions: Floats, channels: tuple[str, ...]) -> dict[str, Any]:
-    """Return the columns of `integrity` and `nominal_integrity`: what filters that test for faults decided."""
+    """Return the columns of `integrity` and `nominal_integrity`: decisions of the tests for faults.
+
+    decisions : (n, 4). Run, time (s), number in `ISOLATED`, and number of the channel: -1 is no channel, and numbers
+        from `FIRST_UNIT` downward are IMUs
+    channels : names of the filter's measurement channels
+    """
     run, t, isolated, channel = decisions.T
     number = channel.astype(int)
     units = [f"unit {unit + 1}" for unit in range(max(0, FIRST_UNIT - int(number.min(initial=0))) + 1)]
@@ -127,12 +135,12 @@ def integrity_columns(decisions: Floats, channels: tuple[str, ...]) -> dict[str,
 
 
 def _named(names: list[str], values: Any) -> dict[str, Any]:
-    """Return the last axis of values (n_run, n, n_name) as columns."""
+    """Return values (n_run, n, n_name) as one column (n_run * n,) per name."""
     return dict(zip(names, values.reshape(-1, len(names)).T, strict=True))
 
 
 def start_columns(starts: StartDraws | None) -> dict[str, Any]:
-    """Return the columns of the table of what runs draw at their start."""
+    """Return the columns of `starts`: initial and turn-on draws of the runs."""
     if starts is None:
         return {}
     n_run, n_draw = starts.values.shape
@@ -145,7 +153,7 @@ def start_columns(starts: StartDraws | None) -> dict[str, Any]:
 
 
 def trace_columns(outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> dict[str, Any]:
-    """Return the columns of `traces` for blocks of one run each: at most `MOST_TIMES` times, the last among them."""
+    """Return the columns of `traces` for blocks of one run each, at most `MOST_TIMES` times including the last."""
     every = columns(outputs)
     chosen = [k for k, output in enumerate(every) if output.axis == NORM and output.quantity in DRAWN]
     pieces = []
@@ -167,6 +175,6 @@ def trace_columns(outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> di
 
 
 def _end_of(block: RunBlock) -> float:
-    """Return when (s) the only run of a block failed; infinite if it did not."""
+    """Return the time (s) at which the only run of a block failed; infinite if it did not fail."""
     failed = bool(block.failed[0]) and not np.isnan(block.t_failed[0])
     return float(block.t_failed[0]) if failed else np.inf

@@ -1,4 +1,4 @@
-"""Scratch files of a running campaign: named tuples of arrays as npz and JSON, checked when read, never executed."""
+"""Scratch files of a running campaign: named tuples of arrays as npz and JSON, verified when read, never executed."""
 
 import io
 import json
@@ -37,11 +37,21 @@ _DAMAGE = (
 
 
 def write(file: Path, value: Any, identity: str) -> None:
-    """Write a value in one step; each array of the archive has its checksum.
+    """Write a value in one step; each array of the archive has a checksum.
 
-    value : nested named tuples, tuples, sets and mappings of texts, numeric arrays, numbers, texts and None; TypeError
-        for anything else
-    identity : what it was computed from; `read` asks for the same
+    Parameters
+    ----------
+    file : Path
+        File to write.
+    value : object
+        Nested named tuples, tuples, sets and mappings of numeric arrays, numbers, texts and None.
+    identity : str
+        Origin of the value, which `read` verifies: campaign, case and code.
+
+    Raises
+    ------
+    TypeError
+        The value contains anything else.
     """
     arrays: list[Any] = []
     text = json.dumps({"identity": identity, "value": _encode(value, arrays)})
@@ -53,17 +63,29 @@ def write(file: Path, value: Any, identity: str) -> None:
 
 
 def read(file: Path, root: type, identity: str) -> Any:
-    """Return what was written; ValueError where the file is damaged, foreign or of another identity.
+    """Read a value.
 
-    root : the named tuple that is expected; only it and the named tuples of its fields are made
+    Parameters
+    ----------
+    file : Path
+        File to read.
+    root : type
+        Expected named tuple; only it and the named tuples of its fields are created.
+    identity : str
+        Expected origin.
+
+    Raises
+    ------
+    ValueError
+        The file is damaged, or its content is of another type or origin.
     """
-    content = io.BytesIO(file.read_bytes())
+    archive = io.BytesIO(file.read_bytes())
     try:
-        with np.load(content, allow_pickle=False) as arrays:
-            found = json.loads(arrays[_TREE].tobytes().decode())
-            if found["identity"] != identity:
+        with np.load(archive, allow_pickle=False) as arrays:
+            content = json.loads(arrays[_TREE].tobytes().decode())
+            if content["identity"] != identity:
                 raise ValueError("computed from another campaign, case or code")
-            value = _decode(found["value"], arrays, record_types(root))
+            value = _decode(content["value"], arrays, record_types(root))
         if type(value) is not root:
             raise ValueError(f"not a {root.__name__}")
     except _DAMAGE as error:
@@ -72,7 +94,7 @@ def read(file: Path, root: type, identity: str) -> Any:
 
 
 def is_sound(file: Path, root: type, identity: str) -> bool:
-    """Whether `read` would return a value; a file that it would not is named in the log."""
+    """Whether `read` would succeed; an existing file that it refuses is reported in the log."""
     if not file.exists():
         return False
     try:
@@ -83,59 +105,54 @@ def is_sound(file: Path, root: type, identity: str) -> bool:
     return True
 
 
-_at_hand: OrderedDict[tuple[Path, str], Any] = OrderedDict()  # what this process had last, by file and identity
+_cached: OrderedDict[tuple[Path, str], Any] = OrderedDict()  # last values of this process, by file and identity
 
 
-def leave(file: Path, value: Any, identity: str) -> None:
-    """Write a value as `write` does, and keep it at hand."""
+def save(file: Path, value: Any, identity: str) -> None:
+    """Write a value as `write` does, and cache it."""
     write(file, value, identity)
-    _keep(file, identity, value)
+    cache(file, value, identity)
 
 
-def left(file: Path, root: type, identity: str) -> Any:
-    """Return what was left, by this process or another one; ValueError as of `read`."""
-    if (file, identity) not in _at_hand:
-        _keep(file, identity, read(file, root, identity))
-    return _at_hand[file, identity]
+def load(file: Path, root: type, identity: str) -> Any:
+    """Return a value from the cache, or else as `read` does."""
+    if (file, identity) not in _cached:
+        cache(file, read(file, root, identity), identity)
+    return _cached[file, identity]
 
 
-def hold(file: Path, value: Any, identity: str) -> None:
-    """Keep a value at hand as `leave` does, without the file: it is of use to this work item alone."""
-    _keep(file, identity, value)
+def cache(file: Path, value: Any, identity: str) -> None:
+    """Cache a value without writing the file, for later use by the same work item; the last four are cached."""
+    _cached[file, identity] = value
+    while len(_cached) > 4:
+        _cached.popitem(last=False)
 
 
-def is_left(file: Path, identity: str) -> bool:
-    """Whether `left` has something to return."""
-    return (file, identity) in _at_hand or file.exists()
+def exists(file: Path, identity: str) -> bool:
+    """Whether `load` finds a value in the cache or a file."""
+    return (file, identity) in _cached or file.exists()
 
 
-def forget() -> None:
-    """Keep nothing at hand."""
-    _at_hand.clear()
-
-
-def _keep(file: Path, identity: str, value: Any) -> None:
-    _at_hand[file, identity] = value
-    while len(_at_hand) > 4:
-        _at_hand.popitem(last=False)
+def clear_cache() -> None:
+    """Remove all values from the cache."""
+    _cached.clear()
 
 
 def remove(folder: Path, cases: Iterable[str]) -> None:
-    """Remove the scratch files of cases, and the folder where it is empty then."""
+    """Remove the scratch files of cases, and the folder if it becomes empty."""
     if folder.is_symlink() or not folder.is_dir():
         return
     for case in cases:
-        own = re.compile(
-            rf"\.?{re.escape(case)}(\..*)?\.(covariance|explained|whole|designs)(\.\d+)?"
-        )  # half written ones too
-        for path in [path for path in folder.iterdir() if own.fullmatch(path.name)]:
+        # with temporary files of killed processes
+        of_case = re.compile(rf"\.?{re.escape(case)}(\..*)?\.(covariance|explained|whole|designs)(\.\d+)?")
+        for path in [path for path in folder.iterdir() if of_case.fullmatch(path.name)]:
             path.unlink(missing_ok=True)
-    with suppress(OSError):  # a file of the user's own is left in it
+    with suppress(OSError):  # the folder contains a file of the user
         folder.rmdir()
 
 
 def copy(source: Path, target: Path, case: str) -> None:
-    """Copy the scratch files of a case, or of a part of many designs, from one folder to another."""
+    """Copy the scratch files of a case, or of a part of a design space, from one folder to another."""
     for path in [path for kind in ("covariance", "explained", "designs") for path in source.glob(f"{case}.*.{kind}")]:
         target.mkdir(parents=True, exist_ok=True)
         replace_file(target / path.name, path.read_bytes())
@@ -143,32 +160,32 @@ def copy(source: Path, target: Path, case: str) -> None:
 
 @lru_cache(maxsize=8)
 def record_types(root: type) -> dict[str, type]:
-    """Return the named tuples that a named tuple's fields can hold, itself among them, by name."""
-    found: dict[str, type] = {}
+    """Return a named tuple and all named tuples among the types of its fields, by name."""
+    by_name: dict[str, type] = {}
     waiting: list[Any] = [root]
     while waiting:
         kind = waiting.pop()
         waiting += get_args(kind)
-        if isinstance(kind, type) and hasattr(kind, "_fields") and kind.__name__ not in found:
-            found[kind.__name__] = kind
+        if isinstance(kind, type) and hasattr(kind, "_fields") and kind.__name__ not in by_name:
+            by_name[kind.__name__] = kind
             waiting += get_type_hints(kind).values()
-    return found
+    return by_name
 
 
 def _encode(value: Any, arrays: list[Any]) -> Any:
-    """Return JSON of a value, its arrays put into a list."""
+    """Return a value as JSON content; its arrays are appended to a list and referred to by their index."""
     if value is None or type(value) in (bool, int, float, str):
         return value
     if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in _NUMERIC:
         arrays.append(np.asarray(value))
         return {"scalar" if isinstance(value, np.generic) else "array": len(arrays) - 1}
     if isinstance(value, tuple):
-        fields = [_encode(one, arrays) for one in value]
+        fields = [_encode(item, arrays) for item in value]
         return {"record": type(value).__name__, "fields": fields} if hasattr(value, "_fields") else {"tuple": fields}
     if isinstance(value, frozenset):
         return {"set": sorted(value)}
     if isinstance(value, Mapping):
-        return {"mapping": [[key, _encode(one, arrays)] for key, one in value.items()]}
+        return {"mapping": [[key, _encode(item, arrays)] for key, item in value.items()]}
     raise TypeError(f"a scratch file holds no {type(value).__name__}")
 
 
@@ -176,13 +193,13 @@ def _decode(tree: Any, arrays: Any, types: dict[str, type]) -> Any:
     if not isinstance(tree, dict):
         return tree
     if "record" in tree:
-        return types[tree["record"]](*(_decode(one, arrays, types) for one in tree["fields"]))
+        return types[tree["record"]](*(_decode(item, arrays, types) for item in tree["fields"]))
     if "tuple" in tree:
-        return tuple(_decode(one, arrays, types) for one in tree["tuple"])
+        return tuple(_decode(item, arrays, types) for item in tree["tuple"])
     if "set" in tree:
         return frozenset(tree["set"])
     if "mapping" in tree:
-        return {key: _decode(one, arrays, types) for key, one in tree["mapping"]}
+        return {key: _decode(item, arrays, types) for key, item in tree["mapping"]}
     number = tree["scalar"] if "scalar" in tree else tree["array"]
     array = arrays[f"a{int(number)}"]
     if array.dtype.kind not in _NUMERIC:

@@ -1,4 +1,4 @@
-"""The tables of one case, from what the engines hand over."""
+"""Tables of one case, from the results of the engines."""
 
 import json
 from collections.abc import Iterable
@@ -26,11 +26,11 @@ _NORM_LIKE_CONSTANT = 1e9  # degrees of freedom of a mean square that does not v
 
 
 class CaseInfo(NamedTuple):
-    """A case: id (12 hexadecimal digits: resolved scenario and seed), label for people, value of each axis."""
+    """Identification of a case."""
 
-    id: str
+    id: str  # digest of scenario and seed, 12 hexadecimal digits
     label: str
-    axes: dict[str, str]
+    axes: dict[str, str]  # label of the level by name of the axis
 
 
 def case_tables(
@@ -41,8 +41,22 @@ def case_tables(
     explained: Explanation | None = None,
     control: Controlled | None = None,
 ) -> dict[str, pa.Table]:
-    """Return the tables of one case that do not grow with its runs; without Monte Carlo its columns are NaN and counts
-    0.
+    """Return the tables of one case whose size does not depend on the number of runs, by name.
+
+    Parameters
+    ----------
+    case : CaseInfo
+        Digest, label, axes.
+    prepared : Prepared
+        The prepared scenario.
+    cov : CovHistory
+        Its linear covariance.
+    summary : BlockSummary or None
+        Statistics of all runs. Without Monte Carlo, columns of the runs are NaN and counts 0.
+    explained : Explanation, optional
+        Covariance diagnostics.
+    control : Controlled, optional
+        Simulation of the vehicle under attitude control.
     """
     contents: dict[str, Any] = {
         "cases": _cases(case, prepared, summary, explained),
@@ -66,24 +80,24 @@ def case_tables(
 def row_tables(
     case_id: str, outputs: tuple[Output, ...], part: BlockSummary | None, channels: tuple[str, ...] = ()
 ) -> dict[str, pa.Table]:
-    """Return the tables with rows of every run, for some runs of a case; without rows where there are none."""
+    """Return the tables with rows for every run, for some runs of a case; empty tables for None."""
     return {name: _arrow(name, case_id, content) for name, content in run_columns(outputs, part, channels).items()}
 
 
 def starts_table(case_id: str, starts: StartDraws | None) -> dict[str, pa.Table]:
-    """Return the table of what runs draw at their start, as `row_tables`."""
+    """Return the table of the initial and turn-on draws of runs, as `row_tables`."""
     return {"starts": _arrow("starts", case_id, start_columns(starts))}
 
 
 def traces_table(case_id: str, outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> pa.Table:
-    """Return the table of runs over time, a block of one run each."""
+    """Return the table of time histories of runs, given as blocks of one run each."""
     return _arrow("traces", case_id, trace_columns(outputs, blocks))
 
 
 def _arrow(name: str, case_id: str, content: dict[str, Any] | list[dict[str, Any]]) -> pa.Table:
-    """Return a table of columns, or of rows; a text or number stands in every row, a missing column has none.
+    """Return a table from columns or from rows.
 
-    Columns that the schema does not know are real numbers at its end.
+    A single text or number applies to every row. Columns that are not in the schema are real numbers and come last.
     """
     if isinstance(content, list):
         content = {key: [row[key] for row in content] for key in (content[0] if content else ())}
@@ -112,7 +126,7 @@ def _freedom(covariance: Floats, mean: Floats) -> Floats:
 
 
 def _names(outputs: tuple[Output, ...], n: int) -> dict[str, Any]:
-    """Name each output n times, output after output."""
+    """Return the columns that name the outputs, each repeated n times."""
     return {
         part: Coded([getattr(output, part) for output in outputs], np.repeat(np.arange(len(outputs)), n))
         for part in _NAME
@@ -130,7 +144,7 @@ def thresholds(scenario: Scenario) -> dict[str, float]:
 
 
 def _is_tested(prepared: Prepared, explained: Explanation | None) -> bool:
-    """Whether faults are tested for: by innovations, of inertial units against each other, by solution separation."""
+    """Whether there are tests for faults: by innovations, between IMUs, or by solution separation."""
     units, protected = prepared.options.units, None if explained is None else explained.protected
     between_units = units is not None and units.redundant is not None and units.redundant.ticks > 0
     return prepared.options.integrity is not None or between_units or (protected is not None and protected.alarms)

@@ -1,4 +1,4 @@
-"""Versions, digests and machine that computed the results; tolerances between machines."""
+"""Versions, digests and machine that computed results, and tolerances between machines."""
 
 import hashlib
 import importlib.metadata
@@ -13,7 +13,7 @@ import ruamel.yaml
 from lvnav_trade.marks import without_marks
 from lvnav_trade.store.schema import TABLES
 
-RESULTS_VERSION = 2  # layout of the files in a folder of results; a block of another layout is computed again
+RESULTS_VERSION = 2  # version of the file layout of results; blocks of another layout are computed again
 PACKAGE = Path(__file__).resolve().parents[1]
 _COMPUTES = ("kernels", "delays", "world", "observables", "receivers", "filters", "engines", "steering")
 _COMPUTES_TOO = (
@@ -38,7 +38,7 @@ _COMPUTES_TOO = (
     "noise.py",
     "envelope.py",
 )
-# Of monte_carlo: how many runs there are, and of which cases
+# Settings of monte_carlo that affect the number of runs of cases, not the runs themselves
 _OF_RUNS = ("runs", "stop", "selected", "other_runs", "cases", "most_cases")
 _NOT_THE_RUNS = (
     "description",
@@ -54,7 +54,7 @@ _NOT_THE_RUNS = (
 
 
 def tool_version() -> str:
-    """Return the version of the installed tool, "unknown" where it runs from a folder that was never installed."""
+    """Return the version of the installed tool, or "unknown" if it is not installed."""
     try:
         return importlib.metadata.version("lvnav-trade")
     except importlib.metadata.PackageNotFoundError:
@@ -63,7 +63,7 @@ def tool_version() -> str:
 
 @cache
 def code_digest() -> str:
-    """Return a digest of every source file that can move a number: parts of two codes must not be mixed."""
+    """Return a digest of all source files that affect numbers: parts of different versions must not be mixed."""
     files = [path for room in _COMPUTES for path in (PACKAGE / room).rglob("*.py")]
     files += [PACKAGE / name for name in _COMPUTES_TOO if (PACKAGE / name).exists()]
     digest = hashlib.sha256()
@@ -75,12 +75,15 @@ def code_digest() -> str:
 
 @lru_cache(maxsize=4)
 def parsed(resolved_yaml: str) -> dict[str, Any]:
-    """Return the tree of a resolved campaign, which nobody changes: reading it takes longer than writing the tables."""
+    """Return the tree of a resolved campaign; it is cached and must not be changed, as parsing takes long."""
     return dict(ruamel.yaml.YAML(typ="safe", pure=True).load(resolved_yaml) or {})
 
 
 def campaign_digest(resolved_yaml: str) -> str:
-    """Return a digest of what a resolved campaign computes: neither its number of runs nor what is asked of them."""
+    """Return a digest of the settings of a resolved campaign that affect its runs.
+
+    The number of runs, requirements, references and the report do not enter, so that changing them permits resuming.
+    """
     tree = parsed(resolved_yaml)
     kept = {key: without_marks(value) for key, value in tree.items() if key not in _NOT_THE_RUNS}
     if isinstance(kept.get("monte_carlo"), dict):
@@ -89,7 +92,7 @@ def campaign_digest(resolved_yaml: str) -> str:
 
 
 def _canonical(value: Any) -> str:
-    """Write a tree so that equal trees give equal texts whatever the order of keys."""
+    """Return a tree as text that does not depend on the order of keys."""
     if isinstance(value, dict):
         return "{" + ",".join(f"{key!s}:{_canonical(value[key])}" for key in sorted(value, key=str)) + "}"
     return "[" + ",".join(map(_canonical, value)) + "]" if isinstance(value, list | tuple) else repr(value)
@@ -109,7 +112,7 @@ def environment() -> dict[str, str]:
 
 
 def _commit() -> str:
-    """Return the commit of a git checkout, marked where files differ from it; empty where there is none."""
+    """Return the commit of a git repository, with a remark if files are changed; empty outside a repository."""
     if not (PACKAGE.parent / ".git").exists():
         return ""
     git = ["git", "-C", str(PACKAGE.parent)]
@@ -122,7 +125,7 @@ def _commit() -> str:
 
 
 def _cpu() -> str:
-    """Return the processor's name: Linux tells it in a file, elsewhere the platform module knows what it knows."""
+    """Return the name of the processor: on Linux from /proc/cpuinfo, elsewhere from the platform module."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -132,15 +135,15 @@ def _cpu() -> str:
 
 
 def across_machines() -> dict[str, Any]:
-    """Return what the manifest says of the same campaign, tool and seed on another processor or with other libraries.
+    """Return the expected differences of results between processors and versions of libraries, for the manifest.
 
-    bit_equal: tables that are equal; tolerance: for each other table the largest difference of a number as a share of
-    the largest size in its column; undetermined: columns of text without a tolerance. With the same processor and
-    libraries all tables are equal, whatever the number of workers. Measured, see docs/numbers_across_machines.md.
+    bit_equal: tables that are equal. tolerance: for each other table the largest difference of a number, as a fraction
+    of the largest magnitude in its column. undetermined: columns of text without a tolerance. With the same processor
+    and libraries all tables are equal for any number of workers. Measured, see docs/numbers_across_machines.md.
     """
-    bit_equal = ["outputs", "starts"]  # without a rounded number: draws are keyed, and of the same kernels everywhere
-    tolerances = {"nonlinearity": 1e-2}  # differences that cancel, measured: 8e-4; of the other tables: 1e-7
-    # text with rounded numbers; where singular values are zero but for rounding, any mixture of directions is as good
+    bit_equal = ["outputs", "starts"]  # no rounded numbers: random draws are keyed and exact on all machines
+    tolerances = {"nonlinearity": 1e-2}  # differences of close numbers: measured 8e-4, of the other tables 1e-7
+    # text with rounded numbers; directions of singular values that are zero up to rounding are arbitrary
     undetermined = {"cases": ["facts"], "observability": ["direction", "weakest"]}
     tolerance = {name: tolerances.get(name, 1e-6) for name in TABLES if name not in bit_equal}
     return {"bit_equal": bit_equal, "tolerance": tolerance, "undetermined": undetermined}

@@ -1,4 +1,4 @@
-"""From axes to cases: grid, zip, one at a time; labels and digests."""
+"""Cases of a campaign from its axes: designs (grid, zip, one at a time), labels and digests."""
 
 import hashlib
 import itertools
@@ -28,21 +28,23 @@ RESULTS_VERSION = 1  # raised when the same scenario and seed no longer give the
 BASE_LABEL = "base"
 _LONG = re.compile(
     r"^[+-]?(?=[\d.]{8})\d*\.\d+(?:[eE][+-]?\d+)?(?= |$)"
-)  # a number with many digits, its unit behind it
+)  # a number with many digits, followed by its unit
 
 
 class Case(NamedTuple):
-    """One design point: digest, label such as ``imu=tactical_fog, filter=tight``, level by axis, scenario."""
+    """One design point of a campaign."""
 
-    id: str
-    label: str
-    axes: dict[str, str]
-    scenario: Scenario
+    id: str  # digest, 12 hexadecimal digits
+    label: str  # such as "imu=tactical_fog, filter=tight"
+    axes: dict[str, str]  # label of the level by name of the axis
+    scenario: Scenario  # complete settings
 
 
 def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> Iterator[tuple[int | None, ...]]:
-    """Yield for each case the level of every axis; None leaves the base's own value. Of one at a time the axes at the
-    places `crossed` have each of their levels in every case of the others.
+    """Yield for each case the level of every axis; None is the value of the base.
+
+    In the design one_at_a_time, the axes with the indices `crossed` take each of their levels in every case of the
+    other axes.
     """
     if not sizes:
         yield ()
@@ -51,11 +53,11 @@ def levels(design: str, sizes: Sequence[int], crossed: Sequence[int] = ()) -> It
     elif design in ("zip", "latin_hypercube", "sobol"):
         yield from ((index,) * len(sizes) for index in range(sizes[0]))
     else:
-        every = [range(size) if axis in crossed else (None,) for axis, size in enumerate(sizes)]
-        yield from itertools.product(*every)
+        at_base = [range(size) if axis in crossed else (None,) for axis, size in enumerate(sizes)]
+        yield from itertools.product(*at_base)
         for axis, size in enumerate(sizes):
             if axis not in crossed:
-                yield from itertools.product(*[range(size) if k == axis else one for k, one in enumerate(every)])
+                yield from itertools.product(*[range(size) if k == axis else each for k, each in enumerate(at_base)])
 
 
 def combinations(
@@ -65,10 +67,11 @@ def combinations(
     constraints: Sequence[str] = (),
     base: Mapping[str, Any] | None = None,
 ) -> list[tuple[int | None, ...]]:
-    """Return for each case the level of every axis, as `levels`, without those that are excluded, repeat another one
-    because of a `when`, or break a constraint.
+    """Return for each case the level of every axis, as `levels`.
 
-    base : the base scenario, whose own value an axis has at level None; constraints need it
+    Cases that are excluded or violate a constraint are omitted, and so are cases that equal another because of `when`.
+
+    base : the base scenario; constraints use its value of an axis at level None
     """
     names = axis_names(axes)
     found: dict[tuple[int | None, ...], None] = {}
@@ -92,7 +95,7 @@ def _has(labels: Mapping[str, str], wanted: Mapping[str, str | Sequence[str]]) -
 
 
 def sides(constraint: str) -> tuple[str, str, str]:
-    """Return left side, comparison and right side of a constraint; ValueError where it is none."""
+    """Return left side, comparison and right side of a constraint; ValueError if the text is not a comparison."""
     parts = re.split(r"(<=|>=|<|>)", constraint)
     if len(parts) != 3:
         raise ValueError("should compare two expressions, such as 'update_rate <= covariance_rate'")
@@ -103,7 +106,7 @@ def sides(constraint: str) -> tuple[str, str, str]:
 
 
 def _keeps(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | None], base: Mapping[str, Any]) -> bool:
-    """Whether a combination keeps a constraint; ValueError names what is no number."""
+    """Whether a combination satisfies a constraint; ValueError names an axis without numbers."""
     left, comparison, right = sides(constraint)
     values = {
         name: get(base, axis.steps) if index is None else (axis.values or ())[index]
@@ -126,7 +129,7 @@ def _number(name: str, values: Mapping[str, Any]) -> float:
 
 
 def level_label(axis: Axis, index: int) -> str:
-    """Return the name of a level: the user's, else the card's last word, else the value itself."""
+    """Return the label of a level: given by the user, or else the file name of the card, or else the value."""
     if axis.labels is not None:
         return axis.labels[index]
     if axis.cards is not None:
@@ -138,13 +141,13 @@ def level_label(axis: Axis, index: int) -> str:
 
 
 def _rounded(values: Sequence[Any]) -> list[str]:
-    """Write values, their numbers with at most six digits where the values stay apart."""
+    """Return values as text, with numbers rounded to six digits unless this makes two values equal."""
     texts = [_LONG.sub(lambda found: f"{float(found[0]):.6g}", str(value)) for value in values]
     return texts if len(set(texts)) == len(texts) else [str(value) for value in values]
 
 
 def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:
-    """Return a short name for each axis: the last word of its path, or the whole path where that is not unique."""
+    """Return a short name for each axis: the last word of its path, or the whole path if that word is not unique."""
     short = [axis.path.rpartition(".")[2] for axis in axes]
     return tuple(
         name if short.count(name) == 1 and not is_index(name) else axis.path.removeprefix("base.")
@@ -153,7 +156,7 @@ def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:
 
 
 def choice(axes: Sequence[Axis], chosen: Sequence[int | None]) -> dict[str, str]:
-    """Return axis name -> label of the level of a case."""
+    """Return the label of the level of a case, by name of the axis."""
     return {
         name: BASE_LABEL if index is None else level_label(axis, index)
         for name, axis, index in zip(axis_names(axes), axes, chosen, strict=True)
@@ -168,11 +171,11 @@ def case_label(axes: Mapping[str, str]) -> str:
 
 
 Chosen = tuple[int | None, ...]
-"""The level of every axis; None leaves the base's own value."""
+"""Index of the level of every axis; None is the value of the base."""
 
 
 class _Read:
-    """What is known of a campaign that is still in use: its scenarios by their levels, and its cases once asked for."""
+    """Cached scenarios and cases of a loaded campaign, as long as the campaign is in use."""
 
     def __init__(self, campaign: Campaign, scenarios: "Scenarios | None" = None) -> None:
         place = id(campaign)
@@ -181,16 +184,16 @@ class _Read:
         self.cases: tuple[Case, ...] = ()
 
 
-_KNOWN: dict[int, _Read] = {}  # by identity: a campaign is frozen, and what is read from it stays
+_KNOWN: dict[int, _Read] = {}  # by identity: a campaign is frozen, so its cases never change
 
 
 def remember(campaign: Campaign, scenarios: "Scenarios") -> None:
-    """Keep the scenarios that reading a campaign has validated: `cases` takes them."""
+    """Cache the scenarios validated while a campaign was read, so that `cases` need not validate them again."""
     _KNOWN[id(campaign)] = _Read(campaign, scenarios)
 
 
 def cases(campaign: Campaign) -> list[Case]:
-    """Return the cases of a loaded campaign in the order of its design; two equal scenarios are one case."""
+    """Return the cases of a loaded campaign in the order of its design; equal scenarios are one case."""
     known = _KNOWN.get(id(campaign))
     if known is None or known.campaign() is not campaign:
         known = _KNOWN[id(campaign)] = _Read(campaign)
@@ -201,13 +204,15 @@ def cases(campaign: Campaign) -> list[Case]:
 
 
 def probes(campaign: Campaign) -> list[Case]:
-    """Return the cases that stand for all where a mistake is looked for: all of them, or of many designs the base and
-    each end of each axis alone, as far as these are possible.
+    """Return the cases in which input errors are looked for.
+
+    These are all cases of a campaign. For a design space they are the base and the two ends of each axis alone, without
+    those that break a rule between settings.
     """
-    found = cases(campaign.probe)
+    checked = cases(campaign.probe)
     if not campaign.is_space:
-        return found
-    return [case for case in found if not any(breaches_of_case(case.scenario))]
+        return checked
+    return [case for case in checked if not any(breaches_of_case(case.scenario))]
 
 
 def _cases(campaign: Campaign, scenarios: "Scenarios | None") -> list[Case]:
@@ -226,7 +231,7 @@ def _cases(campaign: Campaign, scenarios: "Scenarios | None") -> list[Case]:
 
 
 def _changed(base: Mapping[str, Any], axes: Sequence[Axis], chosen: Chosen) -> Any:
-    """Return the plain data of the base with levels of the axes."""
+    """Return the base as plain data, with the chosen levels of the axes put in."""
     data: Any = base
     for axis, index in zip(axes, chosen, strict=True):
         if index is not None:
@@ -235,16 +240,16 @@ def _changed(base: Mapping[str, Any], axes: Sequence[Axis], chosen: Chosen) -> A
 
 
 class Scenarios:
-    """The scenarios of a design, each validated once. A section that several cases have in common is one object.
+    """Scenarios of a design, each validated once; cases share the sections that they have in common.
 
     Parameters
     ----------
-    varied
-        For each axis, the section of the scenario in which it varies something.
-    base
-        The scenario that the axes change; None where it is not valid itself.
-    plain
-        Turns what a section is written as into dictionaries, lists and scalars.
+    varied : sequence of str
+        For each axis, the section of the scenario that it varies.
+    base : Scenario, optional
+        The scenario that the axes change; None if it is not valid by itself.
+    plain : callable
+        Converts a section as written in a file into dictionaries, lists and scalars.
     """
 
     def __init__(
@@ -261,19 +266,22 @@ class Scenarios:
             self._keep((None,) * len(varied), base)
 
     def known(self, chosen: Chosen) -> Scenario | None:
-        """Return the scenario with these levels of the axes, None where it was not asked for yet."""
+        """Return the validated scenario with these levels of the axes, or None if there is none yet."""
         return self._made.get(chosen)
 
     def validated(self, chosen: Chosen, written: Mapping[str, Any]) -> Scenario:
-        """Return the scenario whose sections are written so, which has these levels; ValidationError as pydantic's."""
-        known = {name: self._sections.get((name, self._levels(name, chosen))) for name in written}
-        data = {name: self._plain(one) if known[name] is None else known[name] for name, one in written.items()}
+        """Validate the scenario with these levels from its sections as written; raises pydantic's ValidationError."""
+        sections = {name: self._sections.get((name, self._levels(name, chosen))) for name in written}
+        data = {
+            name: self._plain(section) if sections[name] is None else sections[name]
+            for name, section in written.items()
+        }
         try:
-            found = Scenario.model_validate(data)
-        except ValidationError:  # once more, to name what is written instead of what is made of it
-            return Scenario.model_validate({name: self._plain(one) for name, one in written.items()})
-        self._keep(chosen, found)
-        return found
+            scenario = Scenario.model_validate(data)
+        except ValidationError:  # again from the written values, so that the message quotes these
+            return Scenario.model_validate({name: self._plain(section) for name, section in written.items()})
+        self._keep(chosen, scenario)
+        return scenario
 
     def _keep(self, chosen: Chosen, scenario: Scenario) -> None:
         self._made[chosen] = scenario
@@ -300,12 +308,12 @@ def put(data: Any, path: Sequence[str], value: Any) -> Any:
         copy = list(data)
         copy[int(path[0])] = put(copy[int(path[0])], path[1:], value)
         return copy
-    data = unmarked(data or {}, path)  # a section that was left out; what a card says of the old value goes with it
+    data = unmarked(data or {}, path)  # {}: a section not given; the marks of the replaced value are removed
     return {**data, path[0]: put(data.get(path[0]), path[1:], value)}
 
 
 def get(data: Any, path: Sequence[str]) -> Any:
-    """Return what stands at a path of nested dictionaries and lists; None where nothing does."""
+    """Return the value at a path of nested dictionaries and lists; None if there is none."""
     for key in path:
         if isinstance(data, list) and is_index(key) and int(key) < len(data):
             data = data[int(key)]
@@ -317,13 +325,14 @@ def get(data: Any, path: Sequence[str]) -> Any:
 def case_id(
     scenario: Scenario, seed: int, history: float, known: dict[int, tuple[BaseModel, Any]] | None = None
 ) -> str:
-    """Return 12 hex digits that stand for the scenario, the seed, the history's step and the version of the numbers.
+    """Return the digest of a case: 12 hexadecimal digits.
 
-    known : the fields of earlier scenarios, by identity, each with its content; added to. It holds the field itself, so
-        that no other one can have its identity.
+    The digest covers the scenario, the seed, the step of the history (s) and the version of the results. The step is
+    included because covariance steps are cut at history times. A file named in the scenario enters by its content and
+    not by its path: a copy of the campaign in another folder has the same digest, an edited almanac gives another.
 
-    The step counts because covariance steps are cut at history times. A file that the scenario names counts by its
-    content, not by its path: the same question asked in another folder has the same digest, an edited almanac another.
+    known : cache of fields by identity, each with its content; extended here. It keeps a reference to the field, so
+        that no new object gets the same identity
     """
     data = {
         "scenario": _undrawn(_canonical(scenario, known), scenario),
@@ -335,7 +344,7 @@ def case_id(
 
 
 def _undrawn(found: dict[str, Any], scenario: Scenario) -> dict[str, Any]:
-    """Return the content of a scenario without the spreads of a vehicle that no run is dispersed by."""
+    """Return the content of a scenario without vehicle dispersions that no run draws (nominal guidance)."""
     card = scenario.trajectory
     if not isinstance(card, VehicleAscent) or card.guidance != "nominal":
         return found

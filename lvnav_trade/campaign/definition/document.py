@@ -15,7 +15,7 @@ class Window(units.Card):
 
 
 class Document(units.Card):
-    """What the head of the report says of the document."""
+    """Title block of the report."""
 
     title: str | None = Field(None, description="title of the report; the name of the campaign if absent")
     author: str | None = Field(None, description="author or responsible engineer")

@@ -1,4 +1,4 @@
-"""Evidence for the sensors, as entries of the list of models in the report."""
+"""Evidence for the sensor models, as entries of the list of models in the report."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from lvnav_trade.observables.sensors import FAMILY, kind_of
 
 
 def of_sensors() -> list[dict[str, Any]]:
-    """Return an entry for each sensor, as `report/templates/models.toml` describes them: those that share their
-    evidence are one entry, with a set of settings for each.
+    """Return the entries of the sensors, in the form of `report/templates/models.toml`.
+
+    Sensors with the same evidence are one entry, with a set of settings for each sensor.
     """
     used: dict[Evidence, list[dict[str, str]]] = {}
     for member in FAMILY:

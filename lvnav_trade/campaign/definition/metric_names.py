@@ -1,4 +1,4 @@
-"""The metrics that a campaign can name: those of the registry, and errors of the states of sensors."""
+"""Metrics that a campaign can name: the metrics of the registry, and errors of the states of sensors."""
 
 from typing import NamedTuple
 
@@ -10,16 +10,16 @@ from lvnav_trade.metrics.families import errors
 from lvnav_trade.metrics.metric import REQUIREMENTS, STATEMENTS, Metric
 from lvnav_trade.observables.sensors import SENSOR_STATES
 
-# SI unit of every quantity of which results hold an error
+# SI unit of every quantity whose errors are stored
 ERROR_UNITS = errors.UNITS | {name: state.unit for name, state in SENSOR_STATES.items()}
 
 
 class Known(NamedTuple):
     """A metric in the list of metrics.
 
-    metric : Name; ``_x`` stands for any axis of a sensor.
+    metric : Name; ``_x`` in it represents any axis of a sensor.
     unit : SI unit.
-    meaning : One phrase.
+    meaning : Meaning, in one phrase.
     named_by : Blocks of a campaign that can name it.
     """
 
@@ -30,31 +30,31 @@ class Known(NamedTuple):
 
 
 def find_metric(name: str) -> Metric | None:
-    """Return the metric of a name; None where there is none."""
-    found = registry.find(name)
-    if found is None and (unit := ERROR_UNITS.get(split_metric(name)[0])) is not None:
+    """Return the metric with a name; None if there is none."""
+    metric = registry.find(name)
+    if metric is None and (unit := ERROR_UNITS.get(split_metric(name)[0])) is not None:
         return errors.error_named(name, unit)
-    return found
+    return metric
 
 
 def metric_of(name: str) -> Metric:
-    """Return the metric of a name that a campaign may state; ValueError where there is none."""
-    found = find_metric(name)
-    if found is None:
+    """Return the metric with a name; ValueError if there is none."""
+    metric = find_metric(name)
+    if metric is None:
         raise ValueError(f"{quoted(name)} is not a metric")
-    return found
+    return metric
 
 
 def unit_of(name: str) -> str:
-    """Return the SI unit of a metric, ``%`` or ``-`` of those that have none."""
+    """Return the SI unit of a metric; ``%`` or ``-`` for a metric without unit."""
     return metric_of(name).unit
 
 
 def known_metric(name: str) -> str:
-    """Return the name of a metric of statements; ValueError with what may be meant where it is none."""
-    found = find_metric(name)
-    if found is None or found.named_by == REQUIREMENTS:
-        others = registry.names(lambda one: one.named_by != REQUIREMENTS and not isinstance(one, errors.StateError))
+    """Return a name if it is a metric of published numbers; otherwise ValueError, which suggests a similar name."""
+    metric = find_metric(name)
+    if metric is None or metric.named_by == REQUIREMENTS:
+        others = registry.names(lambda each: each.named_by != REQUIREMENTS and not isinstance(each, errors.StateError))
         near = hint(name, (*others, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
         raise ValueError(f"{quoted(name)} is not a metric{near}")
     return name
@@ -62,11 +62,11 @@ def known_metric(name: str) -> str:
 
 def required_metrics() -> tuple[str, ...]:
     """Return the names of the metrics that a requirement can name."""
-    return registry.names(lambda one: one.named_by != STATEMENTS)
+    return registry.names(lambda metric: metric.named_by != STATEMENTS)
 
 
 def known_metrics() -> list[Known]:
-    """Return every metric that can be named: those of requirements first, then those of statements alone."""
+    """Return all metrics that a campaign can name: first those of the registry, then the errors of sensor states."""
     sensors = [errors.state_metric(name, state.unit) for name, state in SENSOR_STATES.items()]
-    found = [*registry.registry().values(), *sensors]
-    return [Known(one.name, one.unit, one.meaning, one.named_by) for one in found]
+    metrics = [*registry.registry().values(), *sensors]
+    return [Known(metric.name, metric.unit, metric.meaning, metric.named_by) for metric in metrics]

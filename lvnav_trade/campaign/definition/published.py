@@ -13,7 +13,7 @@ from lvnav_trade.records import MODES, REASONS
 from lvnav_trade.units import Angle, Card, Length, Pause, parse
 
 _SIGMA = re.compile(r"[0-9]+(\.[0-9]*)? (sigma|rms)$")  # limit of a convergence time in place of a size
-# Words of a phase that are no events: from lift-off on; the first and the last time of the flight
+# Words of a phase that are not events: the flight from lift-off on; the first and the last time of the flight
 FLIGHT, ENDS = "flight", ("start", "end")
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
 
@@ -36,7 +36,7 @@ def _instant(text: str) -> str:
 
 
 def event_of(instant: str) -> str:
-    """Return the event that an instant such as ``stage1_cutoff + 20 s`` counts from."""
+    """Return the event of an instant such as ``stage1_cutoff + 20 s``."""
     match = _INSTANT.match(instant)
     return match["event"] if match is not None else instant
 
@@ -51,9 +51,9 @@ def _phase(phase: str | None) -> str | None:
 
 
 def place(event: str | None, info: ValidationInfo, statement: str) -> str | None:
-    """Return the event that a statement is about: injection where it names neither an event nor a phase.
+    """Return the event to which a statement applies: injection if it names neither an event nor a phase.
 
-    ValueError where it names both; `statement` is what it is called there.
+    A ValueError is raised if it names both; `statement` is the subject of its message.
     """
     during = info.data.get("during")
     if event is not None and during is not None:
@@ -62,12 +62,12 @@ def place(event: str | None, info: ValidationInfo, statement: str) -> str | None
 
 
 def _place(event: str | None, info: ValidationInfo) -> str | None:
-    found = place(event, info, "a number")
-    return found if found is None else _instant(found)
+    instant = place(event, info, "a number")
+    return instant if instant is None else _instant(instant)
 
 
 def require_unit(unit: str, metric: str, which: str = "") -> None:
-    """ValueError where a unit is not one of a metric; `which` names it further."""
+    """Raise a ValueError if a unit does not fit a metric; `which` specifies the metric further in the message."""
     si = unit_of(metric)
     if si not in ("%", "-"):
         parse(f"1 {unit}", si)
@@ -76,7 +76,7 @@ def require_unit(unit: str, metric: str, which: str = "") -> None:
 
 
 class Stated(Card):
-    """What every statement has: where it is from, what it is about, and what is said of it."""
+    """Fields of every published statement: source, subject, remark, and reasons not to count it as evidence."""
 
     id: str = Field(
         "", max_length=60, description="name of the row in the CSV; if absent, it follows from the position in the file"
@@ -103,7 +103,7 @@ class Stated(Card):
 
 
 class Pooled(Card):
-    """What may be of several cases taken together."""
+    """A statement that may apply to several cases taken together."""
 
     pool: tuple[str, ...] = Field(
         (), description="axes whose levels are pooled: all their runs count as runs of one case"
@@ -160,7 +160,7 @@ class Measured(Pooled):
 
     @property
     def events(self) -> tuple[str, ...]:
-        """The events that it names."""
+        """The events named by the statement."""
         instants = [] if self.during == FLIGHT else (self.during or self.at or "injection").split(" to ")
         return tuple(event for event in map(event_of, instants) if event not in ENDS)
 
@@ -169,12 +169,12 @@ class Measured(Pooled):
         if self.statistic in ("worst", "least") and self.during is None:
             yield f"statistic {self.statistic} needs a phase; give during in place of at"
         if self.statistic == "least" and not metric.has_least:
-            counted = registry.names(lambda one: one.has_least)
+            counted = registry.names(lambda each: each.has_least)
             yield f"statistic least needs a metric that is counted ({', '.join(counted)})"
         if self.statistic == "mean" and not metric.is_signed:
             yield "statistic mean needs a metric with a sign, such as the error of one axis"
         if (self.elevation or self.altitude) and not metric.is_of_signals:
-            chosen = registry.names(lambda one: one.is_of_signals)
+            chosen = registry.names(lambda each: each.is_of_signals)
             yield f"elevation and altitude select signals: they need a metric of signals ({', '.join(chosen)})"
         if any(pair is not None and pair[0] >= pair[1] for pair in (self.elevation, self.altitude)):
             yield "elevation and altitude: give the smaller limit first"
@@ -186,14 +186,14 @@ class Measured(Pooled):
         yield from metric.faults(self)
         yield from self._limits()
         if not metric.is_of_modes and (self.mode or self.reason or self.number > 1):
-            logic = registry.names(lambda one: one.is_of_modes)
+            logic = registry.names(lambda each: each.is_of_modes)
             yield f"mode, reason and number need a metric of the mode logic ({', '.join(logic)})"
 
     def _limits(self) -> Iterator[str]:
         metric = metric_of(self.metric)
         by_sigma = self.below is not None and metric.limit_by_sigma and bool(_SIGMA.match(self.below))
         if self.below is not None and not metric.limit_unit:
-            limited = registry.names(lambda one: bool(one.limit_unit))
+            limited = registry.names(lambda each: bool(each.limit_unit))
             yield f"below needs a metric that has a limit ({', '.join(limited)})"
         elif self.below is not None and not by_sigma:
             parse(self.below, metric.limit_unit)
@@ -202,7 +202,7 @@ class Measured(Pooled):
 
 
 class Published(Measured, Stated):
-    """A published number that ours is held against."""
+    """A published number with which the results are compared."""
 
     case: Case = Field({}, description="level of each axis, by its label")
     against: Case | None = Field(

@@ -1,4 +1,4 @@
-"""How many runs each case of a campaign has, and which cases have all of them."""
+"""Number of Monte Carlo runs of each case of a campaign, and the cases that are selected for all runs."""
 
 from collections.abc import Iterator, Mapping
 from typing import Literal
@@ -8,8 +8,8 @@ from pydantic import Field, field_validator
 from lvnav_trade import limits, units
 from lvnav_trade.errors import quoted
 
-_OTHER_RUNS = 40  # of a case that is not selected
-_CHOSEN = 10  # cases of many that have runs
+_OTHER_RUNS = 40  # runs of a case that is not selected
+_CHOSEN = 10  # designs of a design space that are simulated
 
 
 class MonteCarlo(units.Card):
@@ -41,11 +41,11 @@ class MonteCarlo(units.Card):
 
     @property
     def chosen_most(self) -> int:
-        """The most cases that `cases` chooses."""
+        """The largest number of cases that `cases` selects."""
         return _CHOSEN if self.most_cases is None else self.most_cases
 
     def runs_of(self, levels: Mapping[str, str]) -> int:
-        """Return the runs of the case with these levels, by name of the axis."""
+        """Return the number of runs of the case with these levels (by name of the axis)."""
         if all(levels.get(axis) == level for axis, level in self.selected.items()):
             return self.runs
         return min(self.runs, _OTHER_RUNS if self.other_runs is None else self.other_runs)

@@ -23,7 +23,7 @@ from lvnav_trade.scenario import Scenario
 
 
 class Axis(units.Card):
-    """One thing that is varied: the path of a field of the base, and the cards or values it takes."""
+    """An axis of the trade space: the path of a field of the base scenario, and its cards or values."""
 
     path: str = Field(description="field of the base scenario, dotted: imu, filter.gate, faults.0.keep")
     cards: tuple[str, ...] | None = Field(None, description="cards, one per level")
@@ -44,7 +44,7 @@ class Axis(units.Card):
 
     @property
     def steps(self) -> list[str]:
-        """The steps of its path below the base."""
+        """The steps of the path, without `base`."""
         return self.path.removeprefix("base.").split(".")
 
     def _faults(self) -> list[str]:
@@ -56,11 +56,11 @@ class Axis(units.Card):
             "an axis needs at least one card or value": not levels,
             f"{len(labels)} labels for {len(levels)} levels": self.labels is not None and len(labels) != len(levels),
         }
-        return [fault for fault, found in rules.items() if found]
+        return [fault for fault, is_broken in rules.items() if is_broken]
 
 
 class Requirement(units.Card):
-    """A bound that a stated fraction of flights must keep, and the confidence at which the runs must show it."""
+    """A bound that a fraction of the flights must keep, and the confidence with which the runs must demonstrate it."""
 
     name: str  # of the requirement, unique in the campaign
     id: str | None = Field(None, description="identifier in the project's specification, such as GNC-NAV-012")
@@ -110,7 +110,7 @@ class Requirement(units.Card):
 
     @property
     def events(self) -> tuple[str, ...]:
-        """The events that it names: the one, or both ends of the phase."""
+        """The events named by the requirement: its event, or the two ends of its phase."""
         if self.during is None:
             return (self.at or "injection",)
         return tuple(end for end in self.during.split(" to ") if self.during != FLIGHT and end not in ENDS)
@@ -143,7 +143,7 @@ class Requirement(units.Card):
 
 
 class ProtectionCard(units.Card):
-    """Protection levels by solution separation, at any one time of the flight."""
+    """Protection levels by solution separation; the risks apply to each epoch of the flight."""
 
     integrity_risk: units.Share = Field(
         1e-7,
@@ -171,7 +171,7 @@ class ProtectionCard(units.Card):
 
 
 class Covariance(units.Card):
-    """What linear covariance leaves."""
+    """Results of linear covariance that are computed and stored."""
 
     budget: bool = Field(True, description="store the variance of every error source over the flight")
     at: str | None = Field(None, description="event of the diagnostics; if absent: injection, or the last event")
@@ -207,7 +207,7 @@ class Covariance(units.Card):
 
 
 class Keep(units.Card):
-    """What is stored of a flight."""
+    """Data stored of a simulated flight."""
 
     history: Annotated[units.Duration, Field(gt=0.0, le=limits.STREAM)] = Field(
         1.0, description="step of the stored histories, 1 ms or more; events are always kept"
@@ -225,7 +225,7 @@ class Keep(units.Card):
 
 
 class Compare(units.Card):
-    """How a candidate is held against these results."""
+    """Settings of the comparison of a candidate with these results."""
 
     confidence: units.Share = Field(0.95, ge=0.5, lt=1)
     effects: dict[str, str] = Field(
@@ -248,7 +248,7 @@ class Compare(units.Card):
 
 
 class Report(units.Card):
-    """What the page shows."""
+    """Content of the report."""
 
     sections: tuple[str, ...] | None = Field(None, description="sections in order; all if absent")
 
@@ -274,7 +274,7 @@ class Corridor(units.Card):
 
 
 class Campaign(units.Card):
-    """A trade-off question. Once loaded, cards are expanded and every default is filled in."""
+    """A trade study. In a loaded campaign all cards are expanded and all defaults filled in."""
 
     name: str  # also of the folder of results
     description: str = ""  # question that it answers, for the report
@@ -319,23 +319,23 @@ class Campaign(units.Card):
 
     @property
     def written(self) -> Written:
-        """Where every value was written, for mistakes that show only later."""
+        """File, line and column of every value, for input errors that are found after reading."""
         return self._written
 
     @property
     def is_space(self) -> bool:
-        """Whether the campaign stores one row for each of many designs."""
+        """Whether the campaign explores a design space: it stores one row per design."""
         return self.store in ("metrics", "events")
 
     @property
     def rule(self) -> tuple[Axis, ...]:
-        """The axes as they are stated: those of many samples by their limits."""
+        """The axes as written in the file: a sampled axis has its limits, not its samples."""
         return self._by_rule.axes or self.axes
 
     @property
     def probe(self) -> "Campaign":
-        """The campaign whose cases stand for all where a mistake is looked for: of many designs the base, and each end
-        of each axis alone; else itself.
+        """The campaign whose cases are checked for input errors: the campaign itself, or for a design space a campaign
+        of the base and of the two ends of each axis alone.
         """
         return self if self._by_rule.probe is None else self._by_rule.probe
 
@@ -348,10 +348,10 @@ class Campaign(units.Card):
 
 
 class ByRule:
-    """How many designs are stated. Any two are equal: campaigns are compared by their cases.
+    """Definition of a design space. All instances compare as equal, because campaigns are compared by their cases.
 
-    axes : Axes as they are stated, where those of the campaign have a value for each sample.
-    probe : The campaign of the base and of the ends of each axis alone.
+    axes : Axes as written in the file; the axes of the campaign itself have one value per sample.
+    probe : The campaign of the base and of the two ends of each axis alone.
     """
 
     def __init__(self, axes: tuple[Axis, ...] = (), probe: Campaign | None = None) -> None:

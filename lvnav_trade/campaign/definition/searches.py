@@ -1,4 +1,4 @@
-"""Searches that a campaign may request: inverse question (solve), sensitivity indices, filter tuning."""
+"""Searches that a campaign may request: inverse problem (solve), sensitivity indices, filter tuning."""
 
 from collections.abc import Iterator
 from typing import Any, Literal
@@ -9,7 +9,7 @@ from lvnav_trade import units
 
 
 class Vary(units.Card):
-    """A field of the base that is searched over: between two values, or over a list."""
+    """A field of the base scenario to search, between two values or over a list of values."""
 
     path: str = Field(description="field of the base scenario, dotted: initial.heading, imu.gyro.bias_repeatability")
     between: tuple[Any, Any] | None = Field(None, description="[least, largest], numbers or quantities in one unit")
@@ -32,8 +32,8 @@ Total = Literal["cost", "mass", "power", "volume"]
 
 
 class Solve(units.Card):
-    """The largest value of one field that still meets the requirements, of two along the second; or the case that meets
-    them and costs least.
+    """The largest value of a field that meets the requirements (of two fields: for each value of the second), or the
+    least expensive case that meets them.
     """
 
     vary: tuple[Vary, ...] = Field((), max_length=2)
@@ -73,7 +73,7 @@ class Variable(units.Card):
 
 
 class Tune(units.Card):
-    """A filter card whose numbers make an error small, over several cases at once."""
+    """Settings of a filter that minimise an error over several cases at once."""
 
     variables: tuple[Variable, ...] = Field(min_length=1, max_length=8)
     requirement: str = Field("", description="requirement whose error is minimised; the first if absent")

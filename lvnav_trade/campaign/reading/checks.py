@@ -1,4 +1,4 @@
-"""Cross-checks of a campaign: its cases, reporting frame, case names, axes, levels."""
+"""Cross-checks of a campaign: rules between settings, reporting frame, names of cases, axes, levels."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -24,13 +24,13 @@ from lvnav_trade.scenario import Scenario
 
 
 def broken_rules(scenario: Scenario, base: Node) -> Iterator[Mistake]:
-    """Yield the rules between fields that a case breaks, each at the field to mend."""
+    """Yield an input error for each rule between settings that a case breaks, at the field to correct."""
     for path, reason in breaches_of_case(scenario):
         yield mistake_at(base, path, reason, "base")
 
 
 def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield the requirements that name an axis which the reporting frame does not have, or share a name."""
+    """Yield the requirements whose metric a campaign does not have, and requirements with equal names."""
     names = [requirement.name for requirement in campaign.requirements]
     for index, (name, requirement) in enumerate(zip(names, campaign.requirements, strict=True)):
         if message := metric_of(requirement.metric).missing_in(campaign):
@@ -57,39 +57,45 @@ _WITHOUT: tuple[tuple[str, Callable[[Campaign], bool], str], ...] = (
         "crossed has no effect: it is of a design one_at_a_time",
     ),
 )
-"""The campaign's own settings that mean nothing without another: path, whether it is so, message. Reading does not show
-it: they are read once runs have been flown.
+"""Settings of the campaign itself that have no effect without another: path, condition, message.
+
+They are listed because the check of what cases read does not cover them: they are used after the runs.
 """
 
 
 def without_effect(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield the campaign's own settings that have no effect."""
+    """Yield the settings of the campaign itself that have no effect."""
     for path, applies, message in _WITHOUT:
         if applies(campaign):
             yield mistake_at(root, path, message)
 
 
 def references(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield what published numbers name and the campaign does not have."""
+    """Yield the cases and axes that published numbers name and the campaign does not have."""
     for path, message in reference_faults(campaign, campaign.references):
         yield mistake_at(root, f"references.{path}", message)
 
 
 def reference_faults(campaign: Campaign, published: Sequence[Published]) -> Iterator[tuple[str, str]]:
-    """Yield path within a list of published numbers, and message, for what they name and the campaign does not have."""
+    """Yield the errors of published numbers that name an unknown case or axis: path within the list, and message."""
     cases, axes = named_cases(campaign), axes_of_errors(campaign)
-    for index, one in enumerate(published):
-        yield from ((f"{index}.{path}", message) for path, message in pool_faults(one, one.case, cases))
-        if message := unknown_case(one.case, cases):
+    for index, number in enumerate(published):
+        yield from ((f"{index}.{path}", message) for path, message in pool_faults(number, number.case, cases))
+        if message := unknown_case(number.case, cases):
             yield f"{index}.case", message
-        if one.against is not None and (message := unknown_case(one.against | pooled_levels(one, cases), cases, True)):
-            yield f"{index}.against", message
-        if message := unknown_axis(one.metric, axes):
+        if number.against is not None:
+            against = number.against | pooled_levels(number, cases)
+            if message := unknown_case(against, cases, single=True):
+                yield f"{index}.against", message
+        if message := unknown_axis(number.metric, axes):
             yield f"{index}.metric", message
 
 
 def unknown_axis(name: str, axes: Mapping[str, Sequence[str]]) -> str:
-    """Say that a metric is of an axis that no frame of a campaign has (`axes_of_errors`); empty where one has."""
+    """Return the message if a metric has an axis that no frame of the campaign has, else an empty text.
+
+    axes : axes by quantity, from `axes_of_errors`.
+    """
     metric = metric_of(name)
     if not isinstance(metric, StateError) or metric.quantity not in axes:
         return ""
@@ -100,51 +106,49 @@ def unknown_axis(name: str, axes: Mapping[str, Sequence[str]]) -> str:
 
 
 def axes_of_errors(campaign: Campaign) -> dict[str, list[str]]:
-    """Return the axes of attitude, velocity and position in any frame of a campaign."""
+    """Return the axes of attitude, velocity and position errors in all reporting frames of a campaign."""
     frames = {str(v) for axis in campaign.axes if axis.path == "frame" for v in axis.values or ()}
     known = list(dict.fromkeys(name for frame in sorted({campaign.base.frame, *frames}) for name in FRAME_AXES[frame]))
     return {"attitude": ["roll", "pitch", "yaw"], "velocity": known, "position": known}
 
 
 def pool_faults(
-    one: Pooled, wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]]
+    statement: Pooled, wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]]
 ) -> Iterator[tuple[str, str]]:
-    """Yield path and message for what is wrong with the axes whose levels a number takes together."""
-    for axis in one.pool:
+    """Yield the errors of pooled axes, path and message: an unknown axis, or an axis whose level is also given."""
+    for axis in statement.pool:
         if cases and axis not in cases[0]:
             yield "pool", f"no axis {quoted(axis)}{meant(axis, cases[0])}"
         elif axis in wanted:
             yield "pool", f"{axis} is pooled, and the case names one of its levels; choose one"
 
 
-def pooled_levels(one: Pooled, cases: Sequence[Mapping[str, str]]) -> dict[str, str]:
-    """Return a level of each axis that is taken together, which stands for all of them."""
-    return {axis: cases[0][axis] for axis in one.pool if cases and axis in cases[0]}
+def pooled_levels(statement: Pooled, cases: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """Return one level of each pooled axis, which represents all of its levels."""
+    return {axis: cases[0][axis] for axis in statement.pool if cases and axis in cases[0]}
 
 
 def narrowed(campaign: Campaign) -> Campaign:
-    """Return a campaign whose axes an assignment has changed, without the published numbers of levels that are gone."""
+    """Return a campaign without the published numbers of levels that an assignment has removed from its axes."""
     cases = named_cases(campaign)
-    kept = (
-        one
-        for one in campaign.references
-        if not any(unknown_case(wanted, cases) for wanted in (one.case, one.against or {}))
+    remaining = (
+        number
+        for number in campaign.references
+        if not any(unknown_case(levels, cases) for levels in (number.case, number.against or {}))
     )
-    return campaign.model_copy(update={"references": tuple(kept)})
+    return campaign.model_copy(update={"references": tuple(remaining)})
 
 
 def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
-    """Yield path within a part of a study and message for the cases and axes that the part names and its campaign does
-    not have.
-    """
+    """Yield the errors of a section of a study that names unknown cases or axes: path within the section, message."""
     cases = named_cases(campaign)
     wanted = [(f"figures.{i}.case", figure.case) for i, figure in enumerate(part.figures)]
     wanted += [
-        (f"figures.{i}.cases.{k}", one) for i, figure in enumerate(part.figures) for k, one in enumerate(figure.cases)
+        (f"figures.{i}.cases.{k}", case) for i, figure in enumerate(part.figures) for k, case in enumerate(figure.cases)
     ]
     wanted.append(("kml", part.kml or {}))
-    for path, one in wanted:
-        if message := unknown_case(one, cases):
+    for path, levels in wanted:
+        if message := unknown_case(levels, cases):
             yield path, message
     for i, figure in enumerate(part.figures):
         if figure.flown and (message := unknown_case({figure.axis: figure.flown}, cases)):
@@ -154,25 +158,28 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
 
 
 def named_cases(campaign: Campaign) -> list[dict[str, str]]:
-    """Return the level of every axis of every case, by name; the axes of the campaign have labels.
+    """Return the label of the level of every axis, by name, for every case.
 
-    Where one axis is varied at a time, the base's own value is no case beside the base.
+    In the design one_at_a_time a level equal to the value of the base is no further case.
     """
     base = campaign.base.model_dump(mode="json")
-    own = [get(base, axis.path.split(".")) for axis in campaign.axes]
+    base_values = [get(base, axis.path.split(".")) for axis in campaign.axes]
     return [
         choice(campaign.axes, chosen)
         for chosen in chosen_levels(campaign)
         if campaign.design != "one_at_a_time"
         or not any(
             index is not None and not axis.crossed and (axis.values or ())[index] == value
-            for index, axis, value in zip(chosen, campaign.axes, own, strict=True)
+            for index, axis, value in zip(chosen, campaign.axes, base_values, strict=True)
         )
     ]
 
 
 def unknown_case(wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], single: bool = False) -> str:
-    """Say why no case has the levels wanted, by axis; nothing where one has. `single`: where it is not exactly one."""
+    """Return the message if no case has the levels wanted (by axis), else an empty text.
+
+    With `single` the message is also returned if several cases have them.
+    """
     for axis, level in wanted.items():
         names = list(cases[0]) if cases else []
         if axis not in names:
@@ -187,8 +194,8 @@ def unknown_case(wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], 
 
 
 def meant(name: str, known: Iterable[str]) -> str:
-    """Return the name that is probably meant, else the first of those known."""
-    shown = [quoted(one).strip("'\"") for one in known]
+    """Return the suggestion of a similar name, or else a list of the first known names."""
+    shown = [quoted(name).strip("'\"") for name in known]
     listed = f" (known: {', '.join(shown[:12])}{', ...' if len(shown) > 12 else ''})" if shown else ""
     return hint(name, known) or listed
 
@@ -199,14 +206,14 @@ _LONGEST = 200  # characters of a label
 
 
 class Varied(NamedTuple):
-    """An axis as it was written, and its node."""
+    """An axis as written in the campaign file."""
 
     axis: Axis
-    node: Node
+    node: Node  # its YAML tree
 
     @property
     def key(self) -> str:
-        """The field that holds its levels: cards or values."""
+        """The field with its levels: cards or values."""
         return "cards" if "cards" in self.node.value else "values"
 
     @property
@@ -216,10 +223,10 @@ class Varied(NamedTuple):
 
 
 def replaced(kind: str, axes: Sequence[Varied]) -> Iterator[Mistake]:
-    """Yield the axes of which a later axis replaces the value: the same field, or settings that it is a field of.
+    """Yield the axes whose value a later axis replaces: the later axis varies the same field or settings above it.
 
-    The other order is allowed: first the settings, then one of their fields. So is any order where one axis is varied
-    at a time, but not the same field twice.
+    The opposite order is permitted: first the settings, then a field of them. In the design one_at_a_time any order is
+    permitted, but not the same field twice.
     """
     for later, (above, _) in enumerate(axes):
         for number, (axis, node) in enumerate(axes[:later]):
@@ -231,10 +238,10 @@ def replaced(kind: str, axes: Sequence[Varied]) -> Iterator[Mistake]:
 
 
 def too_many(kind: str, sizes: Sequence[int], root: Node, crossed: Sequence[int] = ()) -> Iterator[Mistake]:
-    """Yield a mistake where a design of axes of these sizes has more cases than are computed."""
-    one = 1 + sum(size for axis, size in enumerate(sizes) if axis not in crossed)
-    one *= math.prod(sizes[axis] for axis in crossed)
-    count = {"grid": math.prod(sizes), "zip": max(sizes, default=1)}.get(kind, one)
+    """Yield an input error if a design with axes of these sizes has too many axes or cases."""
+    one_at_a_time = 1 + sum(size for axis, size in enumerate(sizes) if axis not in crossed)
+    one_at_a_time *= math.prod(sizes[axis] for axis in crossed)
+    count = {"grid": math.prod(sizes), "zip": max(sizes, default=1)}.get(kind, one_at_a_time)
     if len(sizes) > AXES:
         yield mistake_at(root, "axes", f"{len(sizes)} axes; at most {AXES} are varied")
     elif count > CASES:
@@ -245,8 +252,10 @@ def too_many(kind: str, sizes: Sequence[int], root: Node, crossed: Sequence[int]
 def bad_levels(
     kind: str, varied: Varied, values: Sequence[object], labels: Sequence[str], index: int
 ) -> Iterator[Mistake]:
-    """Yield the levels of an axis whose whole value is that of an earlier one, as only the axes of a zip may have them,
-    and the labels that are no labels: empty, too long, not printable, that of the base, or that of another level.
+    """Yield the input errors of the levels and labels of an axis.
+
+    Two levels must not be equal, except in a zip. A label must not be empty, too long, not printable, the label of the
+    base, or the label of a different level.
     """
     path = f"axes.{index}.{varied.key}"
     for number, value in enumerate(values):
@@ -266,7 +275,7 @@ def bad_levels(
 
 
 def equal_cases(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield a mistake where two cases of a design have the same label, or two pairs of a zip are equal."""
+    """Yield an input error if two cases of a design have the same label, or two cases of a zip are equal."""
     kind, axes = campaign.design, campaign.axes
     pairs = list(zip(*(axis.values or () for axis in axes), strict=True)) if kind == "zip" else []
     for index, pair in enumerate(pairs):

@@ -1,4 +1,4 @@
-"""Checks of the selections among cases: when, exclude, constraints, selected runs."""
+"""Checks of the settings that select cases: when, exclude, constraints, selected runs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -10,55 +10,58 @@ from lvnav_trade.errors import Mistake, quoted
 
 
 def narrowing(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield what is wrong with `when`, `exclude` and `constraints`: axes and levels that are not there, expressions
-    that are none, and what leaves nothing out, or everything.
+    """Yield the input errors of `when`, `exclude` and `constraints`.
+
+    Unknown axes and levels, invalid expressions, and selections that exclude no case or all cases.
     """
     known = {
         name: [level_label(axis, index) for index in range(len(axis.values or ()))]
         for name, axis in zip(axis_names(campaign.axes), campaign.axes, strict=True)
     }
     wanted = [(f"axes.{k}.when", axis.when) for k, axis in enumerate(campaign.axes)]
-    wanted += [(f"exclude.{k}", one) for k, one in enumerate(campaign.exclude)]
-    found = [mistake_at(root, path, message) for path, one in wanted for message in _unknown_levels(one, known)]
-    found += [mistake_at(root, f"exclude.{k}", "names no axis") for k, one in enumerate(campaign.exclude) if not one]
-    if found:
-        yield from found
+    wanted += [(f"exclude.{k}", levels) for k, levels in enumerate(campaign.exclude)]
+    errors = [mistake_at(root, path, message) for path, levels in wanted for message in _unknown_levels(levels, known)]
+    errors += [
+        mistake_at(root, f"exclude.{k}", "names no axis") for k, levels in enumerate(campaign.exclude) if not levels
+    ]
+    if errors:
+        yield from errors
         return
     base = campaign.base.model_dump(mode="json")
     whole = combinations(campaign.design, campaign.axes, (), (), base)
     for key in ("exclude", "constraints"):
-        for k, one in enumerate(getattr(campaign, key)):
-            alone = {"exclude": (), "constraints": ()} | {key: (one,)}
+        for k, selection in enumerate(getattr(campaign, key)):
+            alone = {"exclude": (), "constraints": ()} | {key: (selection,)}
             try:
-                left = combinations(campaign.design, campaign.axes, alone["exclude"], alone["constraints"], base)
+                remaining = combinations(campaign.design, campaign.axes, alone["exclude"], alone["constraints"], base)
             except ValueError as error:
                 yield mistake_at(root, f"{key}.{k}", str(error))
                 continue
-            if len(left) in (0, len(whole)):
-                yield mistake_at(root, f"{key}.{k}", f"leaves {'nothing' if left else 'everything'} out")
+            if len(remaining) in (0, len(whole)):
+                yield mistake_at(root, f"{key}.{k}", f"leaves {'nothing' if remaining else 'everything'} out")
     unlimited = combinations(campaign.design, [axis.model_copy(update={"when": {}}) for axis in campaign.axes])
     for k, axis in enumerate(campaign.axes):
         if axis.when and len(unlimited) == len(
             combinations(
                 campaign.design,
-                [one if one is axis else one.model_copy(update={"when": {}}) for one in campaign.axes],
+                [other if other is axis else other.model_copy(update={"when": {}}) for other in campaign.axes],
             )
         ):
             yield mistake_at(root, f"axes.{k}.when", "no effect: every case has these levels")
 
 
 def _unknown_levels(wanted: Mapping[str, str | Sequence[str]], known: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    for name, stated in wanted.items():
+    for name, levels in wanted.items():
         if name not in known:
             yield f"no axis {quoted(name)}{meant(name, known)}"
             continue
-        for level in [stated] if isinstance(stated, str) else stated:
+        for level in [levels] if isinstance(levels, str) else levels:
             if level not in (*known[name], BASE_LABEL):
                 yield f"no level {quoted(level)} of the axis {name}{meant(level, known[name])}"
 
 
 def selection(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield why the cases that a campaign selects for all runs are none, or all."""
+    """Yield an input error if the cases selected for all runs are no case or all cases."""
     chosen = campaign.monte_carlo.selected if campaign.monte_carlo is not None else {}
     if not chosen:
         return

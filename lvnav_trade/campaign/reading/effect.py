@@ -1,4 +1,4 @@
-"""Settings without effect: stated in a campaign, read by no case."""
+"""Settings without effect: given in a campaign and read by no case."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -15,9 +15,9 @@ from lvnav_trade.marks import MARKS
 from lvnav_trade.scenario import Scenario
 
 _DESCRIPTIONS = ("kind", "name", "source", "resources", *MARKS)
-# States that no measurement touches are refused in a card too: whoever names the filter wants to estimate them.
+# States that no measurement affects are refused in a card too: the user of the filter expects them to be estimated.
 _OF_FILTERS = re.compile(r"filter\.(extra_states|consider|as_noise)\.\d+")
-# Every case has one of these, so that a whole one has an effect wherever it stands.
+# Sections that every case has: as a whole such a section always has an effect.
 _ALWAYS = frozenset(name for name, field in Scenario.model_fields.items() if field.is_required())
 _UNREAD = "no effect: nothing that is computed for this campaign reads it"
 _HINTS = (
@@ -37,21 +37,21 @@ _HINTS = (
     ("receiver.solution.*", "the filter does not take the receiver's solution"),
     ("receiver.tracking*", "it needs antennas, a link or loops"),
 )
-"""What would read a setting, by patterns of paths; the first that fits."""
+"""Reason why a setting is not read, by pattern of its path; the first matching pattern applies."""
 
 
 class Stated(NamedTuple):
-    """A setting that the user has stated, and the settings within it.
+    """A setting given by the user, with the settings within it.
 
-    path : Path below the scenario, dotted.
+    path : Dotted path below the scenario.
     place : File, line and column.
     within : Settings within it.
     counts : Path whose reading counts as a reading of this setting.
     is_whole : Whether reading anything within counts as well.
     is_card : Whether the settings within are fields of a card.
     must_act : Whether it must have an effect.
-    is_override : Whether it is stated next to the card that it changes.
-    is_own : Whether it is stated in the campaign itself, not in a card.
+    is_override : Whether it overrides a field of a card.
+    is_own : Whether it is given in the campaign itself, not in a card.
     """
 
     path: str
@@ -66,13 +66,13 @@ class Stated(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """The path in messages: a word of a list stands under that of the list."""
+        """The path for messages; a word in a list has the path of the list."""
         above, _, last = self.path.rpartition(".")
         return f"base.{above if is_index(last) and not self.is_whole else self.path}"
 
 
 class _Reader:
-    """Turns expanded trees into what is stated in them; `own` files are those that state something."""
+    """Converts expanded trees into given settings; only settings in the files `own` count as given by the user."""
 
     def __init__(self, own: Collection[str]) -> None:
         self.own = own
@@ -90,16 +90,15 @@ class _Reader:
         is_free: bool = True,
         is_override: bool = False,
     ) -> Stated:
-        """Return what a node states; counts: path whose reading counts for it; is_free: it could be left out."""
-        within = tuple(one for one in self._within(node, kind, path) if one.must_act or one.within)
-        is_whole = _holds(node, kind)
+        """Return the setting of a node; counts: path whose reading counts for it; is_free: it could be omitted."""
+        within = tuple(setting for setting in self._within(node, kind, path) if setting.must_act or setting.within)
+        is_whole = _has_readable_content(node, kind)
         is_own = self.is_own(place) or (not is_whole and self.is_own(node.place))
-        must_act = (
-            is_free and is_own and node.value is not None and not (is_whole and path in _ALWAYS)
-        )  # null: that there is none
+        # a value of null says that there is no such thing, and so needs no effect
+        must_act = is_free and is_own and node.value is not None and not (is_whole and path in _ALWAYS)
         must_act |= _OF_FILTERS.fullmatch(path) is not None
         is_card = node.is_map and fields.entries(kind) is None
-        at = node.place if node.place.file == HERE and not is_whole else place  # a value set on top of what is written
+        at = node.place if node.place.file == HERE and not is_whole else place  # a value set on the command line
         return Stated(path, at, within, counts or path, is_whole, is_card, must_act, is_override, is_own)
 
     def _within(self, node: Node, kind: Any, path: str) -> Iterator[Stated]:
@@ -121,47 +120,48 @@ class _Reader:
             if below is None or (model is not None and key in _DESCRIPTIONS):
                 continue
             info = fields.by_key(model).get(key) if model is not None else None
-            is_part = is_inline and child.place.file == node.place.file  # not set on top
+            is_part = is_inline and child.place.file == node.place.file  # not set on the command line
             is_free = not (is_part and info is not None and info.is_required())
             is_field = held is None or (child.is_map and fields.models(held))
             yield self.stated(child, below, at, node.keys[key], "" if is_field else path, is_free, not is_inline)
 
 
-def _holds(node: Node, kind: Any) -> bool:
-    """Return whether a node holds anything of which reading counts for it; a word that says which kind it is, does not,
-    nor do entries that there are none of.
+def _has_readable_content(node: Node, kind: Any) -> bool:
+    """Whether a node has content whose reading counts as a reading of the node.
+
+    The word `kind` and entries of null do not count.
     """
     if node.is_map:
-        held = fields.entries(kind)
-        if held is not None and not fields.models(held):
-            return False  # plain values by names of the user's own are read as one
+        entry = fields.entries(kind)
+        if entry is not None and not fields.models(entry):
+            return False  # a mapping of plain values with free keys is read as a whole
         return any(child.value is not None for key, child in node.value.items() if key not in _DESCRIPTIONS)
     return node.is_list and bool(node.value) and bool(fields.models(fields.item(kind, 0)))
 
 
 class _Root(NamedTuple):
-    """What the base states (axis -1), or a level of an axis."""
+    """Settings of the base or of a level of an axis."""
 
-    axis: int
+    axis: int  # index of the axis; -1 for the base
     level: int
     stated: Stated
 
     def demands(self) -> Iterator[Stated]:
-        """Yield everything in it that must have an effect."""
-        found = [self.stated]
-        while found:
-            one = found.pop()
-            found += one.within
-            if one.must_act:
-                yield one
+        """Yield all settings that must have an effect."""
+        waiting = [self.stated]
+        while waiting:
+            setting = waiting.pop()
+            waiting += setting.within
+            if setting.must_act:
+                yield setting
 
 
 class Effects:
-    """What a campaign states, and the cases in which each of it stands.
+    """Settings given in a campaign, and the cases that have each of them.
 
-    Stated is what its file says, what is set on top, and the levels of its axes. Cards are descriptions of things, the
-    user's own as well: nobody has to delete fields of a card for a campaign. So is a resolved campaign, which says
-    everything. What cannot be left out where it stands is no statement either.
+    Given settings are those in the campaign file, on the command line, and in the levels of the axes. Fields of cards
+    do not count: a card describes a thing, and nobody should have to delete fields of a card for a campaign. For the
+    same reason the settings of a resolved campaign do not count, nor do required fields.
     """
 
     def __init__(self, campaign: Campaign, cases: Sequence[Case]) -> None:
@@ -174,35 +174,40 @@ class Effects:
         self.roots = [*_roots(campaign)]
 
     def next(self, known: Mapping[str, Used | None]) -> Case | None:
-        """Return the case to look at next: that in which most stands that is not known to have an effect; None where
-        nothing is left to be found.
+        """Return the case to prepare next: the one with most settings not yet known to have an effect.
+
+        None if no further case can show an effect. known : effective settings by digest of the prepared cases.
         """
-        open_ = [
-            (root, one)
+        unproven = [
+            (root, setting)
             for root in self.roots
-            for one in root.demands()
-            if not any(_acts(one, used) for used in self._seen(root, one, known))
+            for setting in root.demands()
+            if not any(_acts(setting, used) for used in self._seen(root, setting, known))
         ]
-        left = [case for case in self.cases if case.id not in known]
-        counts = [sum(self._stands(root, one, case) for root, one in open_) for case in left]
+        remaining = [case for case in self.cases if case.id not in known]
+        counts = [sum(self._stands(root, setting, case) for root, setting in unproven) for case in remaining]
         most = max(counts, default=0)
-        return left[counts.index(most)] if most else None
+        return remaining[counts.index(most)] if most else None
 
     def mistakes(self, known: Mapping[str, Used | None]) -> list[Mistake]:
-        """Return what has no effect in any case, each where it is written; known: what was found of the cases."""
-        found = [one for root in self.roots for one in self._fruitless(root, root.stated, known)]
-        return list(dict.fromkeys(found))
+        """Return an input error for every setting without effect on any case.
+
+        known : effective settings by digest of the prepared cases.
+        """
+        errors = [error for root in self.roots for error in self._fruitless(root, root.stated, known)]
+        return list(dict.fromkeys(errors))
 
     def _fruitless(self, root: _Root, one: Stated, known: Mapping[str, Used | None]) -> list[Mistake]:
-        within = [found for below in one.within for found in self._fruitless(root, below, known)]
+        within = [error for below in one.within for error in self._fruitless(root, below, known)]
         message, is_idle = self._message(root, one, known)
         if not message or (within and not is_idle and not (one.is_card and len(within) > 1)):
             return within
         return [tree.mistake(one.place, one.shown, message)]
 
     def _message(self, root: _Root, one: Stated, known: Mapping[str, Used | None]) -> tuple[str, bool]:
-        """Say why something has no effect, and whether it is read nevertheless; nothing where it has one, or where that
-        is not known.
+        """Return the message if a setting has no effect, and whether it is read nevertheless; else an empty message.
+
+        The message is also empty if a case with the setting has not been prepared.
         """
         if not one.must_act:
             return "", False
@@ -216,8 +221,9 @@ class Effects:
         return reason or _hinted(one.path, standing[0].scenario), bool(reason)
 
     def _replaced(self, root: _Root, one: Stated) -> str:
-        """Say which axis replaces a changed field of a card in every case; what the axis itself varies may stand in the
-        base, and settings without a card too, because a base is whole by itself.
+        """Return the message if an axis replaces an overridden field of a card in every case, else an empty message.
+
+        The varied field itself and settings without a card may be given in the base, since the base is complete.
         """
         is_there = root.axis < 0 or any(chosen[root.axis] == root.level for chosen in self.levels.values())
         for axis, steps in enumerate(self.steps):
@@ -228,8 +234,10 @@ class Effects:
         return ""
 
     def _stands(self, root: _Root, one: Stated, case: Case) -> bool:
-        """Return whether something stands in a case. The values that an axis gives to one field stand for each other,
-        unless they go with levels of other axes: whether a field is read is no matter of its value.
+        """Whether a case has a setting.
+
+        All values that an axis gives to one field are equivalent, because whether a field is read does not depend on
+        its value. The exception is a zip, in which levels of several axes belong together.
         """
         chosen = self.levels[case.id]
         if root.axis >= 0 and chosen[root.axis] != root.level:
@@ -242,7 +250,7 @@ class Effects:
         )
 
     def _seen(self, root: _Root, one: Stated, known: Mapping[str, Used | None]) -> Iterator[Used]:
-        """Yield what was found of the cases in which something stands."""
+        """Yield the effective settings of the prepared cases that have a setting."""
         for case in self.cases:
             used = known.get(case.id)
             if used is not None and self._stands(root, one, case):
@@ -259,7 +267,7 @@ def _level(case: Case, name: str, axis: Any) -> int | None:
 
 
 def _roots(campaign: Campaign) -> Iterator[_Root]:
-    """Yield what the base states, and what each level of the axes does."""
+    """Yield the settings of the base and of each level of the axes."""
     written = campaign.written
     base = tree.find(written.root, ["base"]) if written.root is not None else None
     if base is None or written.root is None:
@@ -285,14 +293,14 @@ def _kind_at(base: Node, steps: Sequence[str]) -> Any:
 
 
 def _without(found: Sequence[Stated], paths: Collection[str]) -> Iterator[Stated]:
-    """Yield what is stated, without what stands at these paths: the first level of an axis in a base that has none."""
-    for one in found:
-        if one.path not in paths:
-            yield one._replace(within=tuple(_without(one.within, paths)))
+    """Yield settings except those at `paths`, where the first level of an axis was put into the base."""
+    for setting in found:
+        if setting.path not in paths:
+            yield setting._replace(within=tuple(_without(setting.within, paths)))
 
 
 def _acts(one: Stated, used: Used) -> bool:
-    """Return whether something has an effect on a case: it, or anything within it, is read and not idle."""
+    """Whether a setting has an effect on a case: it, or a setting within it, is read and not idle."""
     if _idle(one, used):
         return False
     if any(_is_at_or_below(one.path, whole.split(".")) for whole in used.whole):
@@ -303,14 +311,14 @@ def _acts(one: Stated, used: Used) -> bool:
 
 
 def _idle(one: Stated, used: Used) -> str:
-    """Return why something has no effect though it is read; empty where that is not so."""
+    """Return the reason why a setting has no effect although it is read; empty if there is none."""
     steps = one.path.split(".")
     above = (".".join(steps[: k + 1]) for k in range(len(steps)))
     return next((used.idle[at] for at in above if at in used.idle and (one.is_own or at not in used.exact)), "")
 
 
 def _hinted(path: str, scenario: Scenario) -> str:
-    """Return the message on something that nothing reads, with what would read it where that is known."""
+    """Return the message for a setting that is not read, with the reason if it is known."""
     steps = path.split(".")
     if steps[0] == "sensors" and len(steps) == 2:
         card = scenario.sensors.get(steps[1])

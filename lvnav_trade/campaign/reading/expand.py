@@ -1,4 +1,4 @@
-"""From what the user wrote to whole settings: cards and sets read, overrides on top, kinds inferred, paths absolute."""
+"""Expansion of written settings: cards and sets are read, overrides applied, kinds inferred, paths made absolute."""
 
 import os
 
@@ -19,14 +19,14 @@ _DEEPEST = 16
 
 
 class _Expander:
-    """Expands trees against the settings models and collects every mistake it meets on the way."""
+    """Expands trees according to the settings models, and collects input errors."""
 
     def __init__(self, shelf: Shelf) -> None:
         self.shelf = shelf
         self.mistakes: list[Mistake] = []
 
     def expand(self, node: Node, kind: Kind, path: str, depth: int = 0) -> Node:
-        """Return the tree with all cards in place; where that fails, note the mistake and leave the tree as it is."""
+        """Return the tree with all cards expanded; on an input error, collect it and return the tree unchanged."""
         if fields.models(kind):
             return self._settings(node, kind, path, depth)
         if node.is_list and fields.item(kind, 0) is not None:
@@ -40,15 +40,15 @@ class _Expander:
         return self._entries(node, kind, path, depth, None) if node.is_map else node
 
     def _entries(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None) -> Node:
-        """Expand each entry of a mapping with keys of the user's own; `under`: the card that it overrides."""
+        """Expand each entry of a mapping with free keys; `under`: the card that the mapping overrides."""
         below = fields.entries(kind)
         for key, child in list(node.value.items()) if below is not None else ():
             old = tree.find(under, [key]) if under is not None else None
             if old is not None and old.is_map and child.is_map and "card" not in child.value:
-                done = self._mapping(child, below, join(path, key), depth, old)
+                whole = self._mapping(child, below, join(path, key), depth, old)
             else:
-                done = self.expand(child, below, join(path, key), depth)
-            node = tree.with_child(node, key, done, node.keys[key])
+                whole = self.expand(child, below, join(path, key), depth)
+            node = tree.with_child(node, key, whole, node.keys[key])
         return node
 
     def _settings(self, node: Node, kind: Kind, path: str, depth: int) -> Node:
@@ -63,7 +63,7 @@ class _Expander:
     def _card(self, node: Node, reference: Node, kind: Kind, path: str, depth: int) -> Node:
         """Read the card named by `reference`; `node` is the reference itself, or a mapping that overrides fields."""
         if len(self.mistakes) > MESSAGES:
-            return node  # looking for what each of a thousand names may mean takes time
+            return node  # suggestions for a thousand unknown names would take too long
         if depth > _DEEPEST:
             message = f"the card {quoted(reference.value)} leads back to itself"
             self.mistakes.append(mistake(reference.place, path, message))
@@ -81,7 +81,7 @@ class _Expander:
         whole = self._settings(card, kind, path, depth + 1)
         if not node.is_map:
             return whole
-        # An override may itself name a card one level down, and what it overrides may be named by one.
+        # An override may itself name a card one level down, and the overridden settings may be named by a card.
         over = tree.without(node, "card")
         if _is_another(whole, over, kind):
             self.mistakes.append(_of_another_kind(name, whole, over, kind, path))
@@ -102,16 +102,16 @@ class _Expander:
             if below is None:
                 continue
             if fields.is_path(model, key):
-                done = self._file(child, join(path, key))
+                whole = self._file(child, join(path, key))
             elif under is not None and child.is_map and not _replaces(tree.find(under, [key]), child, below):
-                done = self._mapping(child, below, join(path, key), depth, tree.find(under, [key]) or child)
+                whole = self._mapping(child, below, join(path, key), depth, tree.find(under, [key]) or child)
             else:
-                done = self.expand(child, below, join(path, key), depth)
-            node = tree.with_child(node, key, done, node.keys[key])
+                whole = self.expand(child, below, join(path, key), depth)
+            node = tree.with_child(node, key, whole, node.keys[key])
         return node
 
     def _file(self, node: Node, path: str) -> Node:
-        """Return the absolute path of a file that must exist, or of several, given relative to what names it."""
+        """Return the absolute path of one or several existing files, given relative to the file that names them."""
         if node.is_list:
             files = [self._file(child, join(path, index)) for index, child in enumerate(node.value)]
             return Node(files, node.place)
@@ -126,12 +126,12 @@ class _Expander:
 
 
 def _replaces(base: Node | None, over: Node, kind: Kind) -> bool:
-    """Return whether an override stands for itself: it names a card, or settings of another kind than the base's."""
+    """Whether an override replaces the base as a whole: it names a card, or is of another kind than the base."""
     return "card" in over.value or (base is not None and _is_another(base, over, kind))
 
 
 def _is_another(base: Node, over: Node, kind: Kind) -> bool:
-    """Return whether both are settings, and `over` those of another alternative of the field."""
+    """Whether both are settings, and `over` is of another kind."""
     if not (base.is_map and over.is_map) or len(fields.models(kind)) < 2:
         return False
     meant = fields.member(kind, over)
@@ -139,9 +139,9 @@ def _is_another(base: Node, over: Node, kind: Kind) -> bool:
 
 
 def _of_another_kind(name: str, whole: Node, over: Node, kind: Kind, path: str) -> Mistake:
-    """Return the mistake of a card of one kind under settings of another: the first key that the card's kind lacks."""
-    own, meant = fields.member(kind, whole), fields.member(kind, over)
-    tags = [tag for tag in (own and fields.tag_of(own), meant and fields.tag_of(meant)) if tag]
+    """Return the input error of settings that override a card of another kind, at the first key that the card lacks."""
+    of_card, meant = fields.member(kind, whole), fields.member(kind, over)
+    tags = [tag for tag in (of_card and fields.tag_of(of_card), meant and fields.tag_of(meant)) if tag]
     if "kind" in over.value or len(tags) < 2:
         key = "kind" if "kind" in over.value else next(iter(over.value))
         message = f"the card {quoted(name)} is of another kind; leave it out, or name one of this kind"
@@ -152,9 +152,9 @@ def _of_another_kind(name: str, whole: Node, over: Node, kind: Kind, path: str) 
 
 
 def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:
-    """Return `base` with an expanded override on top, mapping by mapping.
+    """Return `base` with an expanded override applied, mapping by mapping.
 
-    What stands for itself replaces the base whole: a value, settings of another kind, and a card, as `written` shows.
+    A value, settings of another kind, and a card (which `written` shows) replace the base as a whole.
     """
     if not (base.is_map and over.is_map and written.is_map) or _replaces(base, written, kind):
         return over
@@ -162,25 +162,25 @@ def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:
     for key, child in over.value.items():
         old = base.value.get(key)
         below = fields.child(kind, key, base)
-        found = child if old is None or below is None else _overridden(old, child, written.value[key], below)
-        result = tree.with_child(result, key, found, over.keys[key])
+        changed = child if old is None or below is None else _overridden(old, child, written.value[key], below)
+        result = tree.with_child(result, key, changed, over.keys[key])
     return with_marks_of(base, Node(result.value, base.place, result.keys), over)
 
 
 def expand(node: Node, kind: Kind, shelf: Shelf, path: str = "") -> tuple[Node, list[Mistake]]:
-    """Return the tree of some settings with all cards in place, and the mistakes met; `path` is where it hangs."""
+    """Return the tree of settings at `path` with all cards expanded, and the input errors."""
     expander = _Expander(shelf)
     return expander.expand(node, kind, path), expander.mistakes
 
 
 def expanded(node: Node, kind: Kind, shelf: Shelf, path: str) -> Node:
-    """Return the tree with all cards in place; InputError with the mistakes met."""
+    """Return the tree of settings at `path` with all cards expanded; InputError if there are input errors."""
     whole, mistakes = expand(node, kind, shelf, path)
     refuse_all(mistakes)
     return whole
 
 
-_OF_ONE = ("name", "id")  # fields that two requirements cannot have in common
+_OF_ONE = ("name", "id")  # fields that must differ between requirements
 
 
 class RequirementSet(Card):
@@ -192,11 +192,11 @@ class RequirementSet(Card):
 
 
 def splice(root: Node, shelf: Shelf) -> tuple[Node, list[Mistake]]:
-    """Return the campaign's tree with every named set replaced by its requirements, and the mistakes met.
+    """Return the campaign's tree with every named set replaced by its requirements, and the input errors.
 
-    ``requirements: [requirements/ariane5_hybrid, {card: requirements/ariane5_hybrid, at: stage1_cutoff}, {...}]``: a
-    set by its name, one of which every requirement is changed in some fields, and a requirement written out. Whatever
-    comes from a card keeps its place there, so that a mistake is reported where it can be mended.
+    ``requirements: [requirements/ariane5_hybrid, {card: requirements/ariane5_hybrid, at: stage1_cutoff}, {...}]`` has
+    a set by its name, a set in which a field of every requirement is changed, and a single requirement. Settings from a
+    card keep their place in the card, so that an error is reported where the user can correct it.
     """
     node = tree.find(root, ["requirements"])
     if node is None or not node.is_list:
@@ -215,7 +215,7 @@ def splice(root: Node, shelf: Shelf) -> tuple[Node, list[Mistake]]:
 
 
 def _members(item: Node, path: str, shelf: Shelf) -> list[Node]:
-    """Return the requirements of a set, those fields changed that stand beside its name."""
+    """Return the requirements of a set, with the fields changed that are given together with its name."""
     reference = item.value["card"] if item.is_map else item
     if not isinstance(reference.value, str):
         raise tree.refuse(reference.place, path, "should be a requirement, or the name of a set of them")
@@ -238,12 +238,12 @@ def _members(item: Node, path: str, shelf: Shelf) -> list[Node]:
 
 
 def _with_source(member: Node, source: Node) -> Node:
-    """Return a requirement of a set, with the source of the set where it states none."""
+    """Return a requirement of a set, with the source of the set if it has no source of its own."""
     return member if "source" in member.value else tree.with_child(member, "source", source, source.place)
 
 
 def _changed(member: Node, over: Node) -> Node:
-    """Return a requirement with fields laid on top; an event takes the place of a phase, and the other way round."""
+    """Return a requirement with fields changed; an event replaces a phase, and a phase an event."""
     for key, other in (("at", "during"), ("during", "at")):
         if key in over.value and other in member.value and other not in over.value:
             member = tree.without(member, other)

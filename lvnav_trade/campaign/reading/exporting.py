@@ -1,4 +1,4 @@
-"""Export of a trajectory to a file of the user's format, with the card that names the file."""
+"""Export of a trajectory to a CSV file, with the card that names the file."""
 
 import os
 from pathlib import Path
@@ -13,47 +13,67 @@ from lvnav_trade.world.user_file.columns import TableTrajectory
 
 
 class Written(NamedTuple):
-    """The files, times (s) of the events, and the largest differences of the export, flown, from the flight (SI)."""
+    """An exported trajectory."""
 
-    file: Path
-    card: Path
-    events: dict[str, float]
-    difference: dict[str, float]
+    file: Path  # table, CSV
+    card: Path  # card that names the table
+    events: dict[str, float]  # times of the events, s
+    difference: dict[str, float]  # largest differences of the trajectory read from the file, SI
 
 
 def write_flight(card: TrajectoryCard, file: Path, rate: float) -> Written:
-    """Write the flight of a card as CSV rows at `rate` (Hz), and beside it the card that names them; fly that again.
+    """Write a trajectory as a CSV table and its card next to it, then read the table and compare.
 
-    InputError where one of the two files exists, cannot be written, or the flight cannot be flown.
+    Parameters
+    ----------
+    card : TrajectoryCard
+        The trajectory.
+    file : Path
+        CSV file to write.
+    rate : float
+        Rows per second (Hz).
+
+    Returns
+    -------
+    Written
+        Files, events, largest differences.
+
+    Raises
+    ------
+    InputError
+        One of the two files exists or cannot be written, or the trajectory is invalid.
     """
-    beside = file.with_suffix(".yaml")
+    card_file = file.with_suffix(".yaml")
     if file.suffix.lower() in (".yaml", ".yml", ".parquet", ".pq"):
-        raise InputError(f"{file}: the rows are written as CSV, the card beside them as {beside.name}; end it in .csv")
-    refuse_existing(file, beside)
-    found = exported(card, file.name, file.stem, rate)
+        raise InputError(
+            f"{file}: the rows are written as CSV, the card beside them as {card_file.name}; end it in .csv"
+        )
+    refuse_existing(file, card_file)
+    export = exported(card, file.name, file.stem, rate)
     with writing(file, "the trajectory cannot be written there"):
-        write_new(file, found.text)
-        write_new(beside, tree.dump(found.card))
-    still = found.card | {"file": os.fspath(file), "oscillation": (), "named_times": {}}
-    again = build(TableTrajectory.model_validate(still))
-    named = {name: time for name, time in again.events.items() if name in found.card["events"]}
-    return Written(file, beside, named, difference(found.flight, again))
+        write_new(file, export.text)
+        write_new(card_file, tree.dump(export.card))
+    # a superposed oscillation is not exported, so the comparison is made without it
+    smooth = export.card | {"file": os.fspath(file), "oscillation": (), "named_times": {}}
+    rebuilt = build(TableTrajectory.model_validate(smooth))
+    named = {name: time for name, time in rebuilt.events.items() if name in export.card["events"]}
+    return Written(file, card_file, named, difference(export.flight, rebuilt))
 
 
 def refuse_existing(*files: Path) -> None:
-    """InputError where one of the files is there already."""
+    """Raise an InputError if one of the files exists."""
     for file in files:
         if os.path.lexists(file):
             raise InputError(f"{file}: exists already; nothing was written: move it, or give another name")
 
 
 def write_new(file: Path, text: str) -> None:
-    """Write a file that is not there; FileExistsError where it is."""
+    """Write a new file; FileExistsError if it exists."""
     with file.open("x", encoding="utf-8", newline="\n") as stream:
         stream.write(text)
 
 
 def is_card(name: str, folder: Path) -> bool:
-    """Whether a name is that of a trajectory card: its file states a kind, as no campaign does."""
+    """Whether a name refers to a trajectory card: its file has a `kind`, which no campaign has."""
     file = Shelf.of(folder).find(name, folder)
     return file is not None and "kind" in tree.read_mapping(file).value

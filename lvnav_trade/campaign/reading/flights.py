@@ -35,10 +35,24 @@ KINDS = {"beyond_limits": BEYOND, "warnings": WARNING, "notes": NOTE}
 
 
 def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
-    """Return what does not fit the flights of the cases: requirements and published numbers at events that they do not
-    have, phases without length, faults and sensors outside them, and measurements that no sensor gives.
+    """Return the input errors of a campaign with respect to its trajectories.
 
-    `events` holds for each case digest the times (s) of its trajectory's events in time order.
+    Requirements and published numbers at events that do not occur, phases without length, faults and sensors that are
+    never active, and measurements without a sensor.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    cases : sequence of Case
+        Cases to check.
+    events : mapping of str to mapping of str to float
+        Times (s) of the events in order of time, by digest of the case and name.
+
+    Returns
+    -------
+    list of Mistake
+        Each error once; settings without effect only if there is no other error.
     """
     found = chain(
         *(_named(campaign, case, events[case.id]) for case in cases),
@@ -51,10 +65,10 @@ def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Map
 def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterator[Mistake]:
     """Yield the requirements, published numbers and faults of a case that do not fit its events."""
     wanted = [
-        (f"{key}.{index}.{'during' if one.during else 'at'}", event)
+        (f"{key}.{index}.{'during' if statement.during else 'at'}", event)
         for key in ("requirements", "references")
-        for index, one in enumerate(getattr(campaign, key))
-        for event in one.events
+        for index, statement in enumerate(getattr(campaign, key))
+        for event in statement.events
     ]
     if campaign.covariance.at is not None:
         wanted.append(("covariance.at", campaign.covariance.at))
@@ -88,7 +102,7 @@ def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterat
 
 
 def _unprotected(scenario: Scenario) -> str:
-    """Return why a filter has no solution separation; empty where it has."""
+    """Return the reason why solution separation is not available for a filter; empty if it is."""
     card = scenario.filter
     if not card.tight:
         return "sub-filters leave out satellites one by one, and the filter takes no ranges"
@@ -100,7 +114,7 @@ def _unprotected(scenario: Scenario) -> str:
 
 
 def _of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Iterator[tuple[str, str]]:
-    """Yield field and message for times outside the flight, antennas and satellites that the case does not have."""
+    """Yield field and message for times outside the flight, and for unknown antennas, axes and satellites."""
     yield from switched.of_fault(fault, scenario, events)
     n_antenna = len(scenario.receiver.antennas)
     for antenna in getattr(fault, "antennas", ()):
@@ -116,7 +130,7 @@ def _of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) 
 
 
 def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
-    """Return the mistake where a case's value was written: in the base, or in the axis that gave the case its level."""
+    """Return an input error of a case, with the place of the value: in the base, or in the level of an axis."""
     steps, root = [*path.split(".")], campaign.written.root
     for index, (name, axis) in enumerate(zip(axis_names(campaign.axes), campaign.axes, strict=True)):
         varied = ["base", *axis.steps]
@@ -130,39 +144,59 @@ def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
 
 
 def located(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list[Mistake]:
-    """Return the mistakes that showed when a case was put together where they were written, as far as a field is
-    named (with ``base.`` or without); those of a file of data know their line.
+    """Return input errors found while a case was prepared, with the places of their fields in the campaign.
+
+    Paths may begin with ``base.`` or not. Errors in a data file have the line in that file already.
     """
     return [
-        one
-        if one.line or not one.path
-        else written(campaign, case, f"base.{one.path.removeprefix('base.')}", one.message)
-        for one in mistakes
+        error
+        if error.line or not error.path
+        else written(campaign, case, f"base.{error.path.removeprefix('base.')}", error.message)
+        for error in mistakes
     ]
 
 
 def remarks(cases: Sequence[Case], of_flights: Sequence[Remark]) -> dict[str, list[str]]:
-    """Return what is to be said of a campaign that can be flown: lines by kind, as the manifest and JSON name them."""
-    said = {kind: list(dict.fromkeys(one.text for one in of_flights if one.kind == kind)) for kind in KINDS.values()}
-    found = {name: said[kind] for name, kind in KINDS.items()}
-    return found | {"warnings": found["warnings"] + warnings(cases), "notes": found["notes"] + _broken_records(cases)}
+    """Return the remarks on a valid campaign as lines, by their kind in the manifest and in JSON output.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        Cases of the campaign.
+    of_flights : sequence of Remark
+        Remarks on their trajectories.
+
+    Returns
+    -------
+    dict of str to list of str
+        Lines by kind: beyond_limits, warnings, notes.
+    """
+    lines = {
+        name: list(dict.fromkeys(remark.text for remark in of_flights if remark.kind == kind))
+        for name, kind in KINDS.items()
+    }
+    return lines | {"warnings": lines["warnings"] + warnings(cases), "notes": lines["notes"] + _broken_records(cases)}
 
 
 def _broken_records(cases: Sequence[Case]) -> list[str]:
-    """Return a line for each navigation file with broken records of satellites that a case takes."""
+    """Return a line for each navigation file of a case in which records of satellites are damaged."""
     constellations = {case.scenario.constellation.model_dump_json(): case.scenario.constellation for case in cases}
     return list(dict.fromkeys(chain.from_iterable(map(left_out, constellations.values()))))
 
 
 def remark_lines(found: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return remarks as lines to print, each with its kind; what is beyond usual limits in one line, which leads."""
+    """Return remarks as lines to print, each with its kind; the first line combines all settings beyond limits."""
     beyond = "; ".join(found.get("beyond_limits", ()))
     lines = [f"{BEYOND}: {beyond}"] if beyond else []
     return lines + [f"{KINDS[name]}: {line}" for name in ("warnings", "notes") for line in found.get(name, ())]
 
 
 def warnings(cases: Sequence[Case]) -> list[str]:
-    """Return a line for each sensor that some cases use and others do not, and for gains of another flight."""
+    """Return the warnings on a set of cases.
+
+    A line is returned for each sensor that only some cases use, for each satellite that a fault affects only in some
+    cases, for stored gains of another trajectory, and for persistent IMU faults that no test excludes.
+    """
     found = [
         f"sensors.{name}: no measurement of the filter uses it in {'; '.join(case.label for case in idle)}"
         for name, using, idle in _sensors(cases)
@@ -177,33 +211,33 @@ def warnings(cases: Sequence[Case]) -> list[str]:
 
 
 def _without_effect(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
-    """Yield the satellites that a fault names and that are received in no case while it holds."""
+    """Yield the satellites named by a fault that no case receives while the fault is active."""
     for (_, name), (index, affected, idle) in _satellites(cases).items():
         if not affected:
             yield written(campaign, idle[0], f"base.faults.{index}.satellites", f"{name} {_NOT_RECEIVED}")
 
 
 class _Naming(NamedTuple):
-    """Number of a fault that names a satellite, and the cases with and without an effect of it."""
+    """Cases with and without an effect of a fault on a satellite that it names."""
 
-    number: int
+    number: int  # of the fault, from 0
     affected: list[Case]
     idle: list[Case]
 
 
 def _satellites(cases: Sequence[Case]) -> dict[tuple[str, str], _Naming]:
-    """Return, by fault and satellite, in which cases the satellite is received while the fault holds."""
-    found: dict[tuple[str, str], _Naming] = {}
+    """Return, by fault and satellite, the cases in which the satellite is received while the fault is active."""
+    by_satellite: dict[tuple[str, str], _Naming] = {}
     for case in cases:
-        for index, name, idle in switched.unreceived(case.scenario):
+        for index, name, is_idle in switched.unreceived(case.scenario):
             key = (case.scenario.faults[index].model_dump_json(), name)
-            one = found.setdefault(key, _Naming(index, [], []))
-            (one.idle if idle else one.affected).append(case)
-    return found
+            naming = by_satellite.setdefault(key, _Naming(index, [], []))
+            (naming.idle if is_idle else naming.affected).append(case)
+    return by_satellite
 
 
 def _other_flight(scenario: Scenario) -> str:
-    """Say that stored gains are of another flight, where they are, or that their card does not say of which."""
+    """Return a warning if stored gains were computed for another trajectory, or their card does not name it."""
     gains = scenario.filter.gains
     if gains is None or gains.flight_digest == identity(scenario.trajectory):
         return ""
@@ -215,7 +249,7 @@ def _other_flight(scenario: Scenario) -> str:
 
 
 def _sensors(cases: Sequence[Case]) -> Iterator[tuple[str, list[Case], list[Case]]]:
-    """Yield each sensor with the cases that use it, and those that do not; a vehicle under control uses attitude."""
+    """Yield each sensor with the cases that use it and those that do not; control of the vehicle uses attitude."""
     for name in dict.fromkeys(name for case in cases for name in case.scenario.sensors):
         used: dict[bool, list[Case]] = {True: [], False: []}
         for case in cases:
@@ -236,7 +270,7 @@ def _unmeasured(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
 
 
 def _windows(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Iterator[Mistake]:
-    """Yield the sensors that cannot be simulated on a flight, or whose conditions name no event or hold at no time."""
+    """Yield the sensors that cannot be simulated on a trajectory, or whose conditions are never met."""
     for name, card in case.scenario.sensors.items():
         if card is not None:
             reason = card.refusal(case.scenario.trajectory.epoch)
@@ -248,21 +282,22 @@ def _windows(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Ite
         yield written(campaign, case, f"base.filter.{field}", message)
 
 
-_STEP = 1.0  # s between points
+_STEP = 1.0  # s between points of a preview
 
 
 class Preview(NamedTuple):
-    """A card's name, and columns by name as in the tables `reference` and `events`."""
+    """A trajectory for display."""
 
-    name: str
-    reference: dict[str, Any]
-    events: dict[str, Any]
+    name: str  # of the card
+    reference: dict[str, Any]  # columns of the table `reference` by name
+    events: dict[str, Any]  # columns of the table `events` by name
 
 
 def read_card(name: str, folder: Path) -> TrajectoryCard:
-    """Return the trajectory card of a name such as trajectories/two_stage_leo, or of a path.
+    """Return the trajectory card with a name such as trajectories/two_stage_leo, or at a path.
 
-    Cards of the user's own are looked for beside and above `folder`. InputError where there is none, or it is wrong.
+    Cards of the user are searched for in `folder` and in its folder `configs`. InputError if there is no such card, or
+    if it is not valid.
     """
     kind: Any = Scenario.model_fields["trajectory"].annotation
     node = expanded(tree.Node(name, nowhere(name)), kind, Shelf.of(folder), "trajectory")
@@ -273,7 +308,7 @@ def read_card(name: str, folder: Path) -> TrajectoryCard:
 
 
 def preview(card: TrajectoryCard) -> Preview:
-    """Return the flight of a card every second and at its events; InputError where it cannot be flown."""
+    """Return the trajectory of a card every second and at its events; InputError if the trajectory is invalid."""
     flight = build(card)
     grid = np.arange(np.ceil(flight.start / _STEP), np.floor(flight.end / _STEP) + 1.0) * _STEP
     t = np.unique(np.concatenate([[flight.start], grid, list(flight.events.values()), [flight.end]]))

@@ -1,4 +1,4 @@
-"""From a YAML file and assignments to a checked campaign: every mistake found at once, each in one line."""
+"""Reading of a campaign from its YAML file and assignments; all input errors are reported at once, one line each."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -23,18 +23,20 @@ from lvnav_trade.scenario import Scenario
 
 
 def load(file: str | Path, sets: Sequence[str] = ()) -> Campaign:
-    """Return the campaign of a file with cards expanded and all defaults filled in.
+    """Read a campaign, expand its cards and fill in all defaults.
 
     Parameters
     ----------
-    file : path, or the name of a campaign that comes with the tool
-    sets : assignments such as ``monte_carlo.runs=500`` laid on top; where one changes an axis, published
-        numbers of levels that are gone are left out
+    file : str or Path
+        Campaign file, or the name of a campaign that comes with the tool.
+    sets : sequence of str
+        Assignments such as ``monte_carlo.runs=500``, applied to the file. If an assignment removes levels of an axis,
+        the published numbers of these levels are dropped.
 
     Raises
     ------
     InputError
-        With a record for every mistake; nothing has been computed.
+        With one record per input error; nothing has been computed.
     """
     path = campaign_file(str(file))
     root = tree.read_mapping(path)
@@ -45,7 +47,7 @@ def load(file: str | Path, sets: Sequence[str] = ()) -> Campaign:
 
 
 def resolved(campaign: Campaign) -> str:
-    """Return the campaign as YAML, all defaults filled in; `load` reads it back to the same campaign."""
+    """Return the campaign as YAML text with all defaults; `load` reads it back to an equal campaign."""
     stated = campaign.model_copy(update={"axes": campaign.rule})
     return tree.dump(stated.model_dump(mode="json", exclude_none=False))
 
@@ -54,18 +56,18 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 class _Loader:
-    """Turns one tree into a campaign; collects mistakes instead of stopping at the first."""
+    """Converts one YAML tree into a campaign and collects input errors instead of stopping at the first."""
 
     def __init__(self, root: tree.Node, shelf: Shelf) -> None:
         self.root, self.shelf = root, shelf
         self.mistakes: list[Mistake] = []
-        self.broken: list[str] = []  # paths at which expansion found a mistake
-        self.unread: set[tuple[int, int]] = set()  # axis and level of those in which it did
+        self.broken: list[str] = []  # paths at which the expansion of cards found an input error
+        self.unread: set[tuple[int, int]] = set()  # axis and level whose expansion found an input error
         self.design = "grid"
-        self.rule: Rule | None = None  # of a campaign of many designs
+        self.rule: Rule | None = None  # definition of a design space
 
     def campaign(self, is_narrowed: bool) -> Campaign:
-        """Return the campaign or raise all mistakes; `is_narrowed`: without numbers of levels that are gone."""
+        """Return the campaign or raise all input errors; `is_narrowed`: drop published numbers of removed levels."""
         self.rule, self.root = ruled(self.root)
         if self.rule is None:
             self.root, self.mistakes = spaced(self.root)
@@ -119,10 +121,11 @@ class _Loader:
         return whole
 
     def _with_designs(self, cases: WrittenCases, ends: Campaign) -> Campaign:
-        """Return the campaign of many designs from that of the ends of its axes, whose cases are checked."""
+        """Return the design space from the campaign of the ends of its axes, whose cases have been checked."""
         assert self.rule is not None
         whole = with_designs(ends, self.rule)
-        base = (None,) * len(ends.axes)  # an end that is impossible alone may not be so beside others
+        # only the base must be valid: an end that breaks a rule alone may be valid together with other levels
+        base = (None,) * len(ends.axes)
         scenario = self._case(cases, base)
         if scenario is not None:
             self.mistakes += checks.broken_rules(scenario, cases.node(base))
@@ -143,7 +146,7 @@ class _Loader:
         refuse_all(sorted(dict.fromkeys(self.mistakes), key=lambda record: (record.file, record.line, record.column)))
 
     def _expand(self, node: tree.Node, kind: Any, path: str) -> tree.Node:
-        """Return the tree with cards in place; its mistakes are noted."""
+        """Return the tree with cards expanded; input errors are collected."""
         whole, mistakes = expand(node, kind, self.shelf, path)
         self.mistakes += mistakes
         self.broken += [record.path for record in mistakes]
@@ -152,8 +155,9 @@ class _Loader:
     def _validate(
         self, node: tree.Node, model: type[Model], path: str, make: Callable[[], Model] | None = None
     ) -> Model | None:
-        """Return the model of an expanded tree; its mistakes are noted, save where expansion already found one, and one
-        for each place: the same field of another card is another place.
+        """Return the model of an expanded tree, or None; input errors are collected.
+
+        Fields whose expansion already failed are not reported again, and each place in the files only once.
         """
         try:
             return model.model_validate(tree.plain(node)) if make is None else make()
@@ -166,7 +170,7 @@ class _Loader:
             return None
 
     def _axes(self) -> list[Varied]:
-        """Return the axes that can be read; other mistakes in them come out with the campaign's."""
+        """Return the axes that are valid; validation of the whole campaign reports the errors of the others."""
         node = tree.find(self.root, ["axes"])
         found = []
         for index, child in enumerate(node.value if node is not None and node.is_list else []):
@@ -182,7 +186,7 @@ class _Loader:
         return found
 
     def _with_base_from(self, axes: list[Varied]) -> tree.Node:
-        """Return the tree in which the first level of an axis stands in for a field that the base leaves out."""
+        """Return the tree with the first level of an axis put in for each varied field that the base does not have."""
         base = tree.find(self.root, ["base"])
         if base is None:
             self._validate(self.root, Campaign, "")
@@ -197,7 +201,7 @@ class _Loader:
         return tree.put(self.root, ["base"], base)
 
     def _levels(self, base: tree.Node, varied: Varied, index: int) -> list[tree.Node]:
-        """Return every level of an axis with its cards in place; nothing where the axis leads nowhere."""
+        """Return the levels of an axis with cards expanded; no levels if the path of the axis does not exist."""
         path = varied.axis.steps
         kind, _ = _kind_at(base, path)
         if kind is None:
@@ -214,7 +218,7 @@ class _Loader:
     def _tried(
         self, cases: WrittenCases, axes: list[Varied], levels: list[list[tree.Node]]
     ) -> list[list[dict[str, Any]]]:
-        """Return for every level of every axis the plain section of a scenario that has it, by the section's name."""
+        """Return for every level of every axis the validated section of a scenario with this level, as plain data."""
         first = first_cases(self.design, axes, [len(values) for values in levels])
         found: list[list[dict[str, Any]]] = []
         for place, (varied, values) in enumerate(zip(axes, levels, strict=True)):
@@ -229,8 +233,8 @@ class _Loader:
         return found
 
     def _having(self, cases: WrittenCases, place: int, index: int, first: design.Chosen | None) -> Scenario | None:
-        """Return a scenario with a level of an axis: the first case that has it or, where that is none, the base with
-        nothing else changed, whose mistakes are noted.
+        """Return a scenario with a level of an axis: of the first case that has the level or, if that is not valid, the
+        base with this level alone, whose input errors are collected.
         """
         if first is not None and cases.is_whole:
             try:
@@ -241,11 +245,11 @@ class _Loader:
         return self._case(cases, alone)
 
     def _whole(self, varied: Varied, plain: list[Any], index: int) -> Axis:
-        """Return the axis with whole values in place of cards, and a label for every level."""
+        """Return the axis with complete values in place of cards, and a label for every level."""
         axis = varied.axis
         names = [design.level_label(axis, number) for number in range(len(plain))]
-        if axis.labels is None:  # a number on those that would otherwise be equal, where they differ
-            alike = [[other for other, name in enumerate(names) if name == mine] for mine in names]
+        if axis.labels is None:  # different levels with equal labels get a number
+            alike = [[other for other, name in enumerate(names) if name == label] for label in names]
             names = [
                 name if all(plain[k] == plain[number] for k in same) else f"{name}#{same.index(number) + 1}"
                 for number, (name, same) in enumerate(zip(names, alike, strict=True))
@@ -256,14 +260,14 @@ class _Loader:
         )
 
     def _check_cases(self, cases: WrittenCases, whole: Campaign) -> None:
-        """Cross-check every case; a mistake stands where the field that breaks the rule was written."""
+        """Check the rules between settings in every case; an error has the place of the field that breaks the rule."""
         for chosen in design.chosen_levels(whole):
             scenario = self._case(cases, chosen)
             if scenario is not None:
                 self.mistakes += checks.broken_rules(scenario, cases.node(chosen))
 
     def _case(self, cases: WrittenCases, chosen: design.Chosen) -> Scenario | None:
-        """Return the scenario of a case; its mistakes are noted."""
+        """Return the scenario of a case, or None; input errors are collected."""
         try:
             node = cases.node(chosen)
         except InputError as error:  # a level of another axis has no such item
@@ -273,7 +277,7 @@ class _Loader:
 
 
 def _kind_at(base: tree.Node, path: list[str]) -> tuple[Any, tree.Node | None]:
-    """Return the annotation and the node at a path of the base, (None, None) where the path leads nowhere."""
+    """Return the annotation and the node at a path of the base; (None, None) if the path does not exist."""
     kind: Any = Scenario
     node: tree.Node | None = base
     for key in path:
@@ -292,13 +296,13 @@ def _unknown(base: tree.Node, path: list[str]) -> str:
 
 
 def _no_field(path: str, kind: Any, key: str, near: str) -> str:
-    """Say that a path leads nowhere because there is no such key, or what replaces that of an earlier version."""
+    """Return the message for a path that does not exist: no such key, or the replacement of a former key."""
     old = fields.old_key(kind, key)
     return f"{quoted(path)}: {old}" if old else f"{quoted(path)} is not a field of the base{near}"
 
 
 def apply(root: tree.Node, assignment: str, shelf: Shelf) -> tree.Node:
-    """Return the campaign's tree with one assignment laid on top; InputError where it has no sense."""
+    """Return the campaign's tree with one assignment applied; InputError if the assignment is invalid."""
     text, equals, value = assignment.partition("=")
     if not equals or not text.strip():
         raise InputError(f"{tree.HERE} {quoted(assignment)}: should be path=value, such as monte_carlo.runs=500")
@@ -308,7 +312,7 @@ def apply(root: tree.Node, assignment: str, shelf: Shelf) -> tree.Node:
 
 
 def full_path(text: str, where: str) -> list[str]:
-    """Return the steps of a dotted path from the top of the campaign; `base.` may be left out."""
+    """Return the steps of a dotted path from the top of the campaign; `base.` may be omitted."""
     path = text.split(".")
     if path[0] in Campaign.model_fields:
         return path
@@ -320,7 +324,7 @@ def full_path(text: str, where: str) -> list[str]:
 
 
 def _value(text: str, path: list[str]) -> tree.Node:
-    """Return the YAML value of an assignment, standing nowhere in a file."""
+    """Return the YAML value of an assignment, which has no place in a file."""
     where = nowhere(tree.HERE)
     if not text.strip():
         raise tree.refuse(where, ".".join(path), "has no value after '='")
@@ -331,7 +335,7 @@ def _value(text: str, path: list[str]) -> tree.Node:
 
 
 def _refuse_varied(root: tree.Node, path: list[str]) -> None:
-    """Refuse to set what an axis varies: the axis would win, and the assignment be lost without a word."""
+    """Refuse to set a field that an axis varies: the axis would silently override the assignment."""
     axes = tree.find(root, ["axes"])
     if path[0] != "base" or axes is None or not axes.is_list:
         return
@@ -344,7 +348,7 @@ def _refuse_varied(root: tree.Node, path: list[str]) -> None:
 
 
 def _set(node: tree.Node, path: list[str], value: tree.Node, kind: fields.Kind, shelf: Shelf, at: str) -> tree.Node:
-    """Return `node` with `value` at `path`; a card on the way is opened first."""
+    """Return `node` with `value` at `path`; a card on the way is expanded first."""
     if not path:
         return value
     key, rest = path[0], path[1:]

@@ -1,4 +1,4 @@
-"""Reference of the settings: fields at a path in words, JSON Schema for editors."""
+"""Reference of the settings: description of the fields at a path, JSON Schema for editors."""
 
 from typing import Annotated, Any, NamedTuple, cast, get_args, get_origin
 
@@ -13,7 +13,7 @@ from lvnav_trade.errors import InputError
 
 _QUANTITY = "quantity with a unit: "
 _PLAIN = {str: "text", int: "whole number", float: "number", bool: "true or false", Any: "any value"}
-# What a campaign is made of is written out; anything else may be a card.
+# Parts of a campaign that cannot be a card; all other settings can.
 _WRITTEN_OUT = (
     "MonteCarlo",
     "Axis",
@@ -36,46 +36,51 @@ _CARD = {"type": "string", "description": "name or path of a card, such as imu/t
 
 
 class Row(NamedTuple):
-    """A field: name, type, default (``required`` where there is none) and meaning."""
+    """Description of a field."""
 
-    field: str
-    type: str
-    default: str
+    field: str  # key in the file
+    type: str  # accepted values, in words
+    default: str  # default value; "required" if there is none
     meaning: str
 
 
 class Part(NamedTuple):
-    """The fields of one kind of settings: ``kind`` where there are several, what it is, its fields."""
+    """Description of one kind of settings."""
 
-    kind: str
-    title: str
-    rows: tuple[Row, ...]
+    kind: str  # value of `kind`; empty if there is only one kind
+    title: str  # what the settings describe
+    rows: tuple[Row, ...]  # one per field
 
 
 def reference(path: str = "") -> list[Part]:
-    """Return the fields at a dotted path of a campaign (``base.`` may be left out), one part for every kind.
+    """Return the description of the fields at a path of a campaign, one part for every kind of settings.
+
+    Parameters
+    ----------
+    path : str
+        Dotted path; ``base.`` may be omitted. The whole campaign if empty.
 
     Raises
     ------
     InputError
-        Where a step of the path is unknown.
+        A step of the path is unknown.
     """
     kind: fields.Kind = Campaign
     for key in full_path(path, "fields") if path else ():
-        held = kind if fields.entries(kind) is not None else _item(kind)
-        known, below = fields.names(held), fields.child(held, key)
+        settings = kind if fields.entries(kind) is not None else _item(kind)
+        known, below = fields.names(settings), fields.child(settings, key)
         if below is None:
-            old = fields.old_key(held, key)
+            old = fields.old_key(settings, key)
             raise InputError(f"fields: {path}: {old or f'unknown path{hint(key, known)}; known: ' + ', '.join(known)}")
         kind = below
-    found = fields.models(_item(kind))
-    if not found:
+    models = fields.models(_item(kind))
+    if not models:
         raise InputError(f"fields: {path}: has no fields of its own; it is {type_of(kind)}")
-    return [_part(one, len(found) > 1) for one in found]
+    return [_part(model, len(models) > 1) for model in models]
 
 
 def _item(kind: fields.Kind) -> fields.Kind:
-    """Return what a list, or a mapping with keys of the user's own, holds; anything else as it is."""
+    """Return the annotation of the items of a list or of a mapping with free keys; any other annotation unchanged."""
     return kind if fields.models(kind) else fields.entries(kind) or fields.item(kind, 0) or kind
 
 
@@ -95,12 +100,12 @@ def _annotated(info: FieldInfo) -> fields.Kind:
 
 
 def type_of(kind: fields.Kind) -> str:
-    """Say in words what a field takes: a quantity by its units, words, settings, a list of any."""
-    return " or ".join(dict.fromkeys(map(_one, fields.options(kind, keep=WithJsonSchema))))
+    """Describe the values that a field accepts: a quantity with its unit, words, settings, or a list."""
+    return " or ".join(dict.fromkeys(map(_type_of_option, fields.options(kind, keep=WithJsonSchema))))
 
 
-def _one(option: fields.Kind) -> str:
-    if isinstance(option, WithJsonSchema):  # of a quantity
+def _type_of_option(option: fields.Kind) -> str:
+    if isinstance(option, WithJsonSchema):  # a quantity
         return str((option.json_schema or {}).get("description", "")).removeprefix(_QUANTITY)
     if fields.literals(option):
         return ", ".join(map(str, fields.literals(option)))
@@ -134,9 +139,10 @@ def _default(info: FieldInfo) -> str:
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the schema of a campaign as the user writes it: any settings may be a card, or a card with overrides.
+    """Return the JSON Schema of campaign files, in which settings may be a card or a card with overrides.
 
-    It accepts every campaign that `load` accepts; rules between fields are left to `lvnav-trade check`.
+    It accepts every campaign that `load` accepts. It does not contain the rules between fields, which `lvnav-trade
+    check` verifies.
     """
     schema = Campaign.model_json_schema()
     definitions = schema["$defs"]
@@ -146,7 +152,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _settings(definition: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of settings that may also be the name of a card, or a card of which some fields are changed."""
+    """Return the schema of settings that may also be the name of a card, or a card with some fields overridden."""
     whole = _open(definition)
     whole.pop("required", None)
     properties = {"card": _CARD, **whole.get("properties", {})}
@@ -154,7 +160,7 @@ def _settings(definition: dict[str, Any]) -> dict[str, Any]:
 
 
 def _open(node: Any) -> Any:
-    """Return the schema with alternatives that exclude nothing: without required keys several may fit."""
+    """Return the schema with `anyOf` for `oneOf`: without required keys several alternatives may fit."""
     if isinstance(node, list):
         return [_open(item) for item in node]
     if not isinstance(node, dict):

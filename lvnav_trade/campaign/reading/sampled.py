@@ -1,4 +1,4 @@
-"""Campaigns of many designs: read by the ends of their axes; cases are made from the rule when they are computed."""
+"""Design spaces: the ends of the axes are read and checked; the designs follow from a rule when they are computed."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from lvnav_trade.metrics.basics.people import split
 from lvnav_trade.records import Floats
 
 ROWS = ("metrics", "events")
-"""Values of `store` that keep one row for each design."""
+"""Values of `store` with one row per design."""
 _RULES = ("grid", *SAMPLED[:2])
 
 
 class Rule(NamedTuple):
-    """How the designs of a campaign follow from its axes.
+    """Rule by which the designs of a campaign follow from its axes.
 
-    store : What is stored of each design, of `ROWS`.
-    design : Design as the campaign states it.
+    store : Data stored for each design, one of `ROWS`.
+    design : Design as written in the campaign.
     samples : Number of points; None for a grid.
-    ends : For each axis the limits between which it is sampled, and whether evenly in the logarithm; None for an axis
-        of levels.
+    ends : For each axis the limits of the samples and whether these are equally spaced in the logarithm; None for an
+        axis of levels.
     """
 
     store: str
@@ -39,11 +39,25 @@ class Rule(NamedTuple):
 
 
 def ruled(root: Node) -> tuple[Rule | None, Node]:
-    """Return the rule of a campaign that stores a row for each design, and its tree with the ends of every axis as
-    levels, one varied at a time; no rule and the tree as it is for every other campaign. InputError where the rule has
-    mistakes.
+    """Return the rule of a design space, and the tree of a campaign of the ends of its axes.
 
-    A campaign stores rows where it says so, or where it has more cases than are stored whole.
+    A campaign is a design space if its setting `store` says so, or if it has more cases than can be stored completely.
+
+    Parameters
+    ----------
+    root : Node
+        Tree of the campaign.
+
+    Returns
+    -------
+    Rule or None, Node
+        The rule, and the tree with the two ends of every axis as levels, varied one at a time. For other campaigns
+        None and the tree unchanged.
+
+    Raises
+    ------
+    InputError
+        The rule has an input error.
     """
     axes, stated = find(root, ["axes"]), _text(root, "store")
     design = _text(root, "design") or "grid"
@@ -79,7 +93,7 @@ def _text(root: Node, key: str) -> str:
 
 
 def _levels(axis: Node) -> int:
-    """Return the number of levels of an axis that is written out; 1 where it cannot be read."""
+    """Return the number of levels of an axis with a list of levels; 1 if the list cannot be read."""
     for key in ("values", "cards"):
         levels = find(axis, [key])
         if levels is not None and levels.is_list:
@@ -106,7 +120,7 @@ def _check_count(root: Node, design: str, samples: Any, grid: int) -> None:
 
 
 def _ends(axis: Node, index: int, design: str) -> tuple[Node, tuple[Ends, bool] | None]:
-    """Return an axis with its limits, or its levels, written out, and its limits where it is sampled between them."""
+    """Return an axis with its limits or levels as a list, and the limits if it is sampled between them."""
     limits = find(axis, ["between"]) if axis.is_map else None
     if limits is None or limits.value is None or design == "grid":
         return written(axis, index), None
@@ -123,20 +137,20 @@ def _ends(axis: Node, index: int, design: str) -> tuple[Node, tuple[Ends, bool] 
     return with_values(axis, "between", [ends.text(float(value)) for value in values]), (ends, is_log)
 
 
-def with_designs(found: Campaign, rule: Rule) -> Campaign:
-    """Return the campaign of a rule from that of its ends, which it keeps as `probe`.
+def with_designs(at_ends: Campaign, rule: Rule) -> Campaign:
+    """Return the design space of a rule from the campaign of the ends of its axes, which becomes its `probe`.
 
-    Every axis has one value for each sample in SI, and a label in the unit that the campaign states it in. A grid has
-    its levels.
+    Every sampled axis has one value per sample, in SI, and a label in the unit of the campaign file. The axes of a grid
+    have their levels.
     """
     update: dict[str, Any] = {"design": rule.design, "samples": rule.samples, "store": rule.store}
-    axes = tuple(found.axes)
+    axes = tuple(at_ends.axes)
     if rule.samples is not None:
-        part = points(rule.design, len(axes), rule.samples, found.seed)
-        drawn = zip(axes, rule.ends, part.T, strict=True)
-        update["axes"] = tuple(_sampled(axis, ends, share) for axis, ends, share in drawn)
-    whole = found.model_copy(update=update)
-    probe = found.model_copy(
+        unit_cube = points(rule.design, len(axes), rule.samples, at_ends.seed)
+        drawn = zip(axes, rule.ends, unit_cube.T, strict=True)
+        update["axes"] = tuple(_sampled(axis, ends, coordinate) for axis, ends, coordinate in drawn)
+    whole = at_ends.model_copy(update=update)
+    probe = at_ends.model_copy(
         update={
             "exclude": (),
             "constraints": (),
@@ -152,32 +166,33 @@ def with_designs(found: Campaign, rule: Rule) -> Campaign:
 
 
 def _stated(ends: tuple[Ends, bool]) -> dict[str, Any]:
-    """Return the fields of an axis that is sampled between limits."""
+    """Return the fields of a sampled axis as written in the campaign file."""
     limits, is_log = ends
     stated = tuple(limits.text(value) for value in limits[:2])
     return {"between": stated, "log": is_log, "values": None, "labels": None}
 
 
-def _sampled(axis: Axis, ends: tuple[Ends, bool] | None, part: Floats) -> Axis:
-    """Return an axis with a value for every sample at `part` (n,) of the way."""
+def _sampled(axis: Axis, ends: tuple[Ends, bool] | None, coordinate: Floats) -> Axis:
+    """Return an axis with one value per sample, from the coordinates (n,) of the samples in the unit interval."""
     if ends is None:
         levels, names = axis.values or (), axis.labels or ()
-        at = np.minimum((part * len(levels)).astype(int), len(levels) - 1).tolist()
+        at = np.minimum((coordinate * len(levels)).astype(int), len(levels) - 1).tolist()
         return axis.model_copy(update={"values": tuple(levels[k] for k in at), "labels": tuple(names[k] for k in at)})
     limits, is_log = ends
     least, largest = axis.values or (0.0, 1.0)
     low, high = split(least), split(largest)
-    shown = between(part, limits, is_log).tolist()
+    shown = between(coordinate, limits, is_log).tolist()
     labels = tuple(f"{value:.6g} {limits.unit}".rstrip() for value in shown)
     if low is None or high is None:  # a number without a unit
         return axis.model_copy(update={"values": tuple(shown), "labels": labels})
-    si = between(part, Ends(low[0], high[0], low[1], False), is_log).tolist()
+    si = between(coordinate, Ends(low[0], high[0], low[1], False), is_log).tolist()
     return axis.model_copy(update={"values": tuple(f"{value!r} {low[1]}" for value in si), "labels": labels})
 
 
 def choice_of_runs(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield what of `monte_carlo` says which cases have runs and is not read: levels of axes where each design has a
-    row, and what chooses among designs where each case is stored whole.
+    """Yield the settings of `monte_carlo` that select cases and have no effect on this campaign.
+
+    A design space ignores `selected`; other campaigns ignore `cases` and `most_cases`.
     """
     card = campaign.monte_carlo
     if card is None:

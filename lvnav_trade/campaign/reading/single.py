@@ -7,17 +7,17 @@ from lvnav_trade.campaign.syntax.tree import Written
 
 
 def single(campaign: Campaign, case: Case) -> Campaign:
-    """Return a campaign whose base is a case of another one, with its digest, runs and requirements.
+    """Return one case of a campaign as a campaign of its own, with the digest, runs and requirements of the case.
 
-    Published numbers stay where they are of this case alone. Solve, indices and tune are left out: they are questions
-    about the whole campaign.
+    Published numbers remain if they apply to this case alone. Solve, indices and tune are removed, because they refer
+    to the whole campaign.
     """
     runs = campaign.monte_carlo
     if runs is not None:
         number = runs.runs_of(case.axes)
         changed = {"runs": number, "selected": {}, "other_runs": None, "cases": None, "most_cases": None}
         runs = runs.model_copy(update=changed) if number else None
-    found = campaign.model_copy(
+    alone = campaign.model_copy(
         update={
             "name": f"{campaign.name}-{case.id}",
             "description": f"{case.label} of {campaign.name}: {case_label(case.axes)}",
@@ -30,20 +30,21 @@ def single(campaign: Campaign, case: Case) -> Campaign:
             "constraints": (),
             "monte_carlo": runs,
             "references": tuple(
-                one.model_copy(update={"case": {}}) for one in campaign.references if _is_of(one, case)
+                published.model_copy(update={"case": {}})
+                for published in campaign.references
+                if _applies_to(published, case)
             ),
             "solve": None,
             "indices": None,
             "tune": None,
         }
     )
-    found._by_rule = ByRule()
-    found._written = Written()  # what is without effect on this case may have one on another
-    return found
+    alone._by_rule = ByRule()
+    alone._written = Written()  # no places: a setting without effect on this case may have one on another
+    return alone
 
 
-def _is_of(one: Published, case: Case) -> bool:
-    """Whether a published number is of one case and of no other."""
-    return (
-        not one.pool and one.against is None and all(case.axes.get(axis) == level for axis, level in one.case.items())
-    )
+def _applies_to(published: Published, case: Case) -> bool:
+    """Whether a published number applies to one case and no other."""
+    has_levels = all(case.axes.get(axis) == level for axis, level in published.case.items())
+    return not published.pool and published.against is None and has_levels

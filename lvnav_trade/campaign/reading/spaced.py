@@ -1,4 +1,4 @@
-"""Axes as engineers write them (linspace, logspace, range, samples between limits) become lists of values."""
+"""Conversion of axes (linspace, logspace, range, samples between limits) to lists of values."""
 
 import math
 import re
@@ -22,23 +22,24 @@ _LEVELS = ("cards", "values")
 
 
 class Ends(NamedTuple):
-    """First and last value of an axis in one unit (empty: none); whole: both are whole numbers."""
+    """Ends of an axis."""
 
     first: float
     last: float
-    unit: str
-    whole: bool
+    unit: str  # of both; empty for numbers without unit
+    whole: bool  # whether both are whole numbers
 
     def text(self, value: float) -> Any:
-        """Return a value as a campaign states it: a quantity in the unit, or a number."""
+        """Return a value as written in a campaign: a quantity with the unit, or a number."""
         if self.unit:
             return f"{value:.{_DIGITS}g} {self.unit}"
         return round(value) if self.whole and math.isclose(value, round(value)) else float(f"{value:.{_DIGITS}g}")
 
 
 def spaced(root: Node) -> tuple[Node, list[Mistake]]:
-    """Return the campaign's tree with a list of values in every axis, and the mistakes met; a sampled design becomes a
-    zip of its points.
+    """Return the campaign's tree with a list of values in every axis, and the input errors.
+
+    A sampled design becomes a zip of its points.
     """
     node = find(root, ["axes"])
     design = find(root, ["design"])
@@ -60,7 +61,7 @@ def spaced(root: Node) -> tuple[Node, list[Mistake]]:
 
 
 def written(axis: Node, index: int) -> Node:
-    """Return an axis in which what is equally spaced is written out."""
+    """Return an axis with linspace, logspace or range replaced by a list of values; InputError if it is not valid."""
     made: dict[str, Callable[[Sequence[Any], Ends], Floats]] = {
         "linspace": _linspace,
         "logspace": _logspace,
@@ -85,24 +86,24 @@ def written(axis: Node, index: int) -> Node:
 
 
 def with_values(axis: Node, key: str, values: Sequence[Any]) -> Node:
-    """Return an axis with a list of values in the place of the rule under a key."""
+    """Return an axis with a list of values in place of the rule `key`, such as linspace."""
     place = axis.keys[key]
-    held = Node([Node(value, place) for value in values], place)
-    left = axis
+    children = Node([Node(value, place) for value in values], place)
     for name in (key, "log"):
-        left = tree.without(left, name) if name in left.value else left
-    return tree.with_child(left, "values", held, place)
+        axis = tree.without(axis, name) if name in axis.value else axis
+    return tree.with_child(axis, "values", children, place)
 
 
 def ends_of(parts: Sequence[Any]) -> Ends:
-    """Return both ends; ValueError where they are no two numbers, or quantities in one unit."""
-    found = [_QUANTITY.fullmatch(with_ascii_minus(str(one))) if not isinstance(one, bool) else None for one in parts]
-    first, last = found[0], found[1]
+    """Return the ends of an axis; ValueError unless they are two numbers or two quantities in the same unit."""
+    first, last = (
+        _QUANTITY.fullmatch(with_ascii_minus(str(end))) if not isinstance(end, bool) else None for end in parts[:2]
+    )
     if first is None or last is None:
         raise ValueError("should begin and end with numbers, or quantities such as '0.1 deg'")
     if first[2] != last[2]:
         raise ValueError("begins and ends in different units; write both in one")
-    whole = all(isinstance(one, int) for one in parts)
+    whole = all(isinstance(end, int) for end in parts)
     ends = Ends(float(first[1]), float(last[1]), first[2] or "", whole)
     if not all(map(math.isfinite, ends[:2])):
         raise ValueError("should begin and end with numbers that are not beyond all bounds")
@@ -132,7 +133,7 @@ def _range(parts: Sequence[Any], ends: Ends) -> Floats:
     step = float(read[1])
     if not math.isfinite(step) or step == 0.0 or (ends.last - ends.first) / step < 0.0:
         raise ValueError("a step that leads away from its last value")
-    steps = (ends.last - ends.first) / step * (1.0 + 1e-12)
+    steps = (ends.last - ends.first) / step * (1.0 + 1e-12)  # so that rounding does not lose the last value
     if not 1.0 <= steps < CASES:
         raise ValueError(f"{math.floor(min(steps, 1e9)) + 1} values; from 2 to {CASES} are possible")
     count = math.floor(steps) + 1
@@ -140,7 +141,7 @@ def _range(parts: Sequence[Any], ends: Ends) -> Floats:
 
 
 def between(part: Floats, ends: Ends, log: bool) -> Floats:
-    """Return values at parts (n,) of the way from first to last, or of their logarithms."""
+    """Return the values at fractions `part` (n,) of the interval between the ends, or of its logarithm."""
     if not log:
         return ends.first + part * (ends.last - ends.first)
     if min(ends.first, ends.last) <= 0.0:
@@ -181,7 +182,7 @@ def points(kind: str, dimensions: int, count: int, seed: int) -> Floats:
 
 
 def _sampled(root: Node, kind: str, axes: Sequence[Node]) -> list[Node]:
-    """Return the axes with one value for each point of the design."""
+    """Return the axes with one value per point of a sampled design."""
     stated, seed = find(root, ["samples"]), find(root, ["seed"])
     try:
         if kind == "box_behnken" and stated is not None:
@@ -198,7 +199,7 @@ def _sampled(root: Node, kind: str, axes: Sequence[Node]) -> list[Node]:
 
 
 def _drawn(axis: Node, index: int, part: Floats) -> Node:
-    """Return an axis with one value for every sample: between its limits, or one of its levels."""
+    """Return an axis with one value per sample, at the fractions `part` (n,) of its interval or of its levels."""
     if not axis.is_map:
         return axis
     log = find(axis, ["log"])

@@ -1,4 +1,4 @@
-"""A first campaign for a user's file: a card of its columns, with each guess as a comment, and a requirement."""
+"""First campaign for a user's trajectory file: a card with the guessed columns and their reasons, and a campaign."""
 
 import json
 import math
@@ -17,7 +17,7 @@ from lvnav_trade.world.user_file.rows import pairs, read_rows, si
 
 EPOCH = "2027-01-01T12:00:00Z"
 _INJECTION = "injection"
-_SAME = 1.0  # s from zero within which lift-off needs no mention
+_SAME = 1.0  # s; a lift-off closer to zero is not written
 _CAMPAIGN = """\
 # A first campaign: change what does not fit; `lvnav-trade fields base` lists everything.
 name: {name}
@@ -41,20 +41,37 @@ requirements:                               # limits are placeholders: put yours
 
 
 class Started(NamedTuple):
-    """What was written, what was guessed of the columns, and the events (name: time) that jumps of force suggest."""
+    """A first campaign."""
 
-    campaign: Path
-    card: Path
-    guesses: tuple[guesses.Guess, ...]
-    events: dict[str, str]
+    campaign: Path  # campaign file
+    card: Path  # trajectory card
+    guesses: tuple[guesses.Guess, ...]  # guessed meaning of the columns
+    events: dict[str, str]  # times by name, suggested by jumps of the specific force
 
 
 def start(folder: Path, file: Path, epoch: str | None = None, time: str | None = None) -> Started:
-    """Write ``NAME.yaml`` and ``configs/trajectories/NAME.yaml`` into a folder, NAME after the file of the rows.
+    """Write ``NAME.yaml`` and ``configs/trajectories/NAME.yaml`` into a folder, with the name of the table.
 
-    epoch: of lift-off, UTC; without one it is assumed. time: title of the column of time; without one it is guessed.
-    InputError where one of the two exists, or the file does not
-    hold time and position.
+    Parameters
+    ----------
+    folder : Path
+        Folder of the new campaign.
+    file : Path
+        Table of the trajectory.
+    epoch : str, optional
+        Time of lift-off, UTC; assumed if absent.
+    time : str, optional
+        Title of the time column; guessed if absent.
+
+    Returns
+    -------
+    Started
+        Files, guesses, events.
+
+    Raises
+    ------
+    InputError
+        One of the two files exists, or the table has no time or position.
     """
     name = "".join(letter if letter.isalnum() else "_" for letter in file.stem).lower()
     campaign, card = folder / f"{name}.yaml", folder / "configs" / "trajectories" / f"{name}.yaml"
@@ -87,28 +104,28 @@ def start(folder: Path, file: Path, epoch: str | None = None, time: str | None =
 
 
 def _with_pairs(stated: dict[str, Any]) -> TableTrajectory:
-    """Return the card of what is stated, an event at each time at which the file has two rows."""
+    """Return the card of the settings, with an event at each time for which the table has two rows."""
     times = pairs(TableTrajectory.model_validate(stated))
     events = {f"pair_{number}": f"{time!r} s" for number, time in enumerate(times)}
     return TableTrajectory.model_validate(stated | {"events": events})
 
 
 def _with_liftoff(found: list[guesses.Guess], card: TableTrajectory) -> list[guesses.Guess]:
-    """Return the guesses, that of time with what the column shows at lift-off where that is not zero."""
+    """Return the guesses with the value of the time column at lift-off, unless it is zero."""
     rows = read_rows(card)
-    left = rest_end(rows)
-    shown = float(rows.t[0]) if left is None else left
-    time = next(one for one in found if one.part == "time")
-    if abs(shown) <= _SAME or (left is None and not guesses.is_clock(time.content["column"])):
+    end_of_rest = rest_end(rows)
+    t_liftoff = float(rows.t[0]) if end_of_rest is None else end_of_rest
+    time = next(guess for guess in found if guess.part == "time")
+    if abs(t_liftoff) <= _SAME or (end_of_rest is None and not guesses.is_clock(time.content["column"])):
         return found
-    liftoff = {"liftoff": float(f"{shown / si(card.time.unit, 's'):.12g}")}
-    why = "the first row, assumed" if left is None else "the vehicle rests until then"
+    liftoff = {"liftoff": float(f"{t_liftoff / si(card.time.unit, 's'):.12g}")}
+    why = "the first row, assumed" if end_of_rest is None else "the vehicle rests until then"
     changed = time._replace(content=time.content | liftoff, why=f"{time.why}; lift-off: {why}")
-    return [changed if one is time else one for one in found]
+    return [changed if guess is time else guess for guess in found]
 
 
 def _with_axes(guess: guesses.Guess, card: TableTrajectory) -> guesses.Guess:
-    """Return a guess of inertial axes with those in which the first row rests, of date or of J2000."""
+    """Return a guess of inertial axes (of date or J2000) corrected so that the vehicle rests in the first row."""
     if guess.part not in ("position", "velocity") or guess.content["frame"] != "eci":
         return guess
     if not axes_remark(card, read_rows(card)):
@@ -117,7 +134,11 @@ def _with_axes(guess: guesses.Guess, card: TableTrajectory) -> guesses.Guess:
 
 
 def _that_fits(guess: guesses.Guess, stated: dict[str, Any]) -> list[guesses.Guess]:
-    """Return a guess; of an attitude the reading in which the body's x axis lies nearest to the forces, or none."""
+    """Return a list of one guess, or an empty list for an attitude without a valid interpretation.
+
+    Of all interpretations of attitude columns the one is chosen in which the body x axis is closest to the specific
+    force, because a launch vehicle thrusts along its x axis.
+    """
     if guess.part != "attitude":
         return [guess]
     fitting: list[tuple[float, dict[str, Any]]] = []
@@ -127,13 +148,13 @@ def _that_fits(guess: guesses.Guess, stated: dict[str, Any]) -> list[guesses.Gue
             fitting.append((float(flight.facts["force_off_roll_axis_median_rad"]), content))
     if not fitting:
         return []
-    angle, content = min(fitting, key=lambda one: one[0])
+    angle, content = min(fitting, key=lambda entry: entry[0])
     why = f"so the x axis lies {math.degrees(angle):.1f} deg off the forces; frame eci hinges on the epoch"
     return [guess._replace(content=content, why=why)]
 
 
 def _ending(events: dict[str, str]) -> dict[str, str]:
-    """Return the events, the last one named injection where it is the end of a burn."""
+    """Return the events; if the last one is the end of a burn, it is named injection."""
     names = list(events)
     if names and names[-1].endswith("_cutoff"):
         names[-1] = _INJECTION
@@ -149,9 +170,9 @@ def _card(
     events: dict[str, str],
     hold: str,
 ) -> str:
-    """Return the card as text: a line a part, why it was guessed behind it.
+    """Return the card as text, one line per field with the reason of the guess as a comment.
 
-    dated: epoch and why, empty where it was given; left: columns that no part takes.
+    dated: epoch, and its reason, which is empty if the user gave it; left: columns that are not used.
     """
     lines = [
         "# Guessed from the columns of the file: confirm every line, then delete its comment.",

@@ -1,6 +1,7 @@
-"""A study: campaigns of a folder that answer one question together, what its page says, and which figures it shows.
+"""Studies: the campaigns of a folder that answer one question together, with the texts and figures of their report.
 
-A study is data. What it needs beyond that is a script in the same folder (`report.script`), which its user runs.
+A study is described by data, in `study.yaml`. Anything beyond that is a script in the same folder (`report.script`),
+which the user runs.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -30,7 +31,7 @@ FIGURES = (
     "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic", "motion", "singular", "movement",
     "sweep", "turning", "allan", "decisions",
 )  # fmt: skip
-"""Figures that every study can show; a script adds others."""
+"""Figures that every study can show; a script may add others."""
 
 
 class Figure(Card):
@@ -111,7 +112,7 @@ class PrintedTable(Card):
 
 
 class Study(Card):
-    """What a study's page says next to the numbers."""
+    """Texts and layout of the report of a study."""
 
     name: str = ""  # of the study
     title: str  # of the report
@@ -142,12 +143,12 @@ class Study(Card):
 
 
 class Question(NamedTuple):
-    """A campaign of a study with its place on the page.
+    """A campaign of a study with its section of the report.
 
-    part : What study.yaml says of it.
+    part : Section of study.yaml for this campaign.
     campaign : The campaign.
-    written : Where study.yaml says it.
-    path : Of the part in study.yaml.
+    written : Places of the settings in study.yaml.
+    path : Path of the section in study.yaml.
     """
 
     part: Part
@@ -156,39 +157,53 @@ class Question(NamedTuple):
     path: str = ""
 
     def mistake(self, path: str, message: str) -> Mistake:
-        """Return a mistake at a path below the part."""
+        """Return an input error at a path below the section."""
         return self.written.mistake(f"{self.path}.{path}", message)
 
 
 def load_study(
     folder: str | Path, runs: int | None = None, figures: Iterable[str] = ()
 ) -> tuple[Study, tuple[Question, ...]]:
-    """Return a study and its campaigns, every one loaded and checked, with `runs` per case where that is given.
+    """Read a study, and load and check its campaigns.
 
-    folder : A path, or the name of a study that comes with the tool.
-    figures : Names of figures that a script draws.
+    Parameters
+    ----------
+    folder : str or Path
+        Folder of the study, or the name of a study that comes with the tool.
+    runs : int, optional
+        Runs per case; by default the number of each campaign.
+    figures : iterable of str
+        Names of figures that a script draws.
 
-    InputError where there is no such folder, or for every mistake in it.
+    Returns
+    -------
+    Study, tuple of Question
+        The study and its campaigns, in the order of the report.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist, or a file in it has input errors.
     """
     place = study_folder(folder)
-    found = {file.stem: file for file in sorted(place.glob("*.yaml")) if file.name != FILE}
-    if not found:
+    files = {file.stem: file for file in sorted(place.glob("*.yaml")) if file.name != FILE}
+    if not files:
         raise InputError(f"{folder}: no campaigns here")
     written = Written(tree.read_mapping(place / FILE)) if (place / FILE).is_file() else Written()
-    study = _read(place, tuple(found), written.root)
+    study = _read(place, tuple(files), written.root)
     questions = [
-        Question(part, load(found[part.campaign]), written, f"campaigns.{index}")
+        Question(part, load(files[part.campaign]), written, f"campaigns.{index}")
         for index, part in enumerate(study.campaigns)
     ]
     known = (*FIGURES, *figures)
     refuse_all(
         [
-            one.mistake(path, message)
-            for one in questions
-            for path, message in (*_unknown_figures(one.part, known), *of_study(one.part, one.campaign))
+            question.mistake(path, message)
+            for question in questions
+            for path, message in (*_unknown_figures(question.part, known), *of_study(question.part, question.campaign))
         ]
     )
-    return study, tuple(one._replace(campaign=_with_runs(one.campaign, runs)) for one in questions)
+    return study, tuple(question._replace(campaign=_with_runs(question.campaign, runs)) for question in questions)
 
 
 def _unknown_figures(part: Part, known: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -201,7 +216,7 @@ def _unknown_figures(part: Part, known: Sequence[str]) -> Iterator[tuple[str, st
 
 
 def study_folder(name: str | Path) -> Path:
-    """Return the folder of a study: a path, or the name of one that comes with the tool; InputError without it."""
+    """Return the folder of a study, given as a path or as the name of a study of the tool; InputError if missing."""
     for place in (Path(name), Path("campaigns") / name, shipped("campaigns") / name):
         if place.is_dir():
             return place
@@ -209,10 +224,10 @@ def study_folder(name: str | Path) -> Path:
 
 
 def _read(place: Path, names: tuple[str, ...], root: tree.Node | None) -> Study:
-    """Return what stands in the folder's study.yaml; without one its campaigns in the order of their names."""
-    every = tuple(Part(campaign=name) for name in names)
+    """Return the content of study.yaml; without that file all campaigns of the folder in the order of their names."""
+    by_name = tuple(Part(campaign=name) for name in names)
     if root is None:
-        return Study(name=place.name, title=place.resolve().name, description="", campaigns=every)
+        return Study(name=place.name, title=place.resolve().name, description="", campaigns=by_name)
     try:
         study = Study.model_validate(tree.plain(root))
     except ValidationError as error:
@@ -222,7 +237,7 @@ def _read(place: Path, names: tuple[str, ...], root: tree.Node | None) -> Study:
         if part.campaign not in names:
             message = f"no campaign {part.campaign!r} in this folder{tree.hint(part.campaign, names)}"
             raise InputError(records=[tree.mistake_at(root, f"campaigns.{index}.campaign", message)])
-    return study.model_copy(update={"name": place.resolve().name, "campaigns": study.campaigns or every})
+    return study.model_copy(update={"name": place.resolve().name, "campaigns": study.campaigns or by_name})
 
 
 def _unknown_units(study: Study) -> Iterator[tuple[str, str]]:
@@ -237,11 +252,11 @@ def _unknown_units(study: Study) -> Iterator[tuple[str, str]]:
 
 
 def _with_runs(campaign: Campaign, runs: int | None) -> Campaign:
-    """Return the campaign with so many runs per case; one of linear covariance alone as it is."""
+    """Return the campaign with a number of runs per case; a campaign without Monte Carlo is returned unchanged."""
     if runs is None or campaign.monte_carlo is None:
         return campaign
     try:
-        asked = MonteCarlo(runs=runs, block=campaign.monte_carlo.block, stop=None)
+        monte_carlo = MonteCarlo(runs=runs, block=campaign.monte_carlo.block, stop=None)
     except ValidationError as error:
         raise InputError(f"--runs {runs}: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
-    return campaign.model_copy(update={"monte_carlo": asked})
+    return campaign.model_copy(update={"monte_carlo": monte_carlo})

@@ -1,4 +1,4 @@
-"""Check of conditions (faults, sensors, filter tuning) against the trajectories: conditions that are never met."""
+"""Check of conditions (of faults, sensors, filter tuning) against the trajectories: conditions that are never met."""
 
 from collections.abc import Iterator, Mapping
 
@@ -15,22 +15,22 @@ from lvnav_trade.world.faults import periods
 from lvnav_trade.world.sensors.units import excludes_units
 
 _BRIEF = 5.0
-"""Time (s) that a fault of an IMU lasts at most for `filter.integrity` to correct it as a brief failure."""
+"""Longest duration (s) of an IMU fault that `filter.integrity` corrects as a brief failure."""
 Found = Iterator[tuple[str, str]]
-"""Field and message of each mistake."""
+"""Field and message of each input error."""
 
 
 def of_sensor(card: SensorCard, scenario: Scenario, events: Mapping[str, float]) -> Found:
-    """Yield the conditions of a sensor that name no event of the flight or hold at no time of it; events: times (s)."""
+    """Yield the conditions of a sensor that name an unknown event or are never met; events: times (s) by name."""
     course = _course(card, scenario, events)
-    found = list(_never(card, course))
-    yield from found
-    if not found and type(card).available is not SensorCard.available:
+    errors = list(_never(card, course))
+    yield from errors
+    if not errors and type(card).available is not SensorCard.available:
         yield from _unable(card, scenario)
 
 
 def _unable(card: SensorCard, scenario: Scenario) -> Found:
-    """Yield what keeps a sensor from measuring at any time of the flight at which its conditions hold."""
+    """Yield the setting that prevents a sensor from measuring whenever its conditions are met."""
     flight = trajectory_of(scenario)
     t = np.arange(flight.start, flight.end, 1.0 / (card.rate or scenario.filter.update_rate))
     if not np.any(inside(flight.course.holding(card), t) & card.available(view_of(flight, t))):
@@ -38,7 +38,7 @@ def _unable(card: SensorCard, scenario: Scenario) -> Found:
 
 
 def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Found:
-    """Yield the times and conditions by which a fault holds at no time of the flight; events: times (s)."""
+    """Yield the times and conditions by which a fault is never active; events: times (s) by name."""
     course = _course(fault, scenario, events)
     conditions = list(_never(fault, course))
     yield from conditions
@@ -62,7 +62,10 @@ def of_imu(scenario: Scenario, events: Mapping[str, float]) -> Found:
 
 
 def unprotected(scenario: Scenario) -> str:
-    """Say that tests of innovations meet a persistent fault of an IMU that nothing excludes; empty if they do not."""
+    """Return a warning if the filter tests innovations and an IMU fault persists without exclusion; else empty.
+
+    Such tests attribute a brief IMU fault correctly. A persistent fault makes the attitude drift.
+    """
     if scenario.filter.integrity is None or excludes_units(scenario.imu):
         return ""
     course = trajectory_of(scenario).course
@@ -85,8 +88,13 @@ def unprotected(scenario: Scenario) -> str:
 
 
 def unreceived(scenario: Scenario) -> Iterator[tuple[int, str, bool]]:
-    """Yield number (from 0) of each fault that names satellites, each name, and whether the satellite is received at no
-    time of the flight while the fault holds.
+    """Yield, for each satellite named by a fault, whether the fault never affects it.
+
+    Yields
+    ------
+    int, str, bool
+        Number of the fault (from 0), name of the satellite, and whether the receiver never tracks the satellite while
+        the fault is active.
     """
     naming = [(number, fault) for number, fault in enumerate(scenario.faults) if getattr(fault, "satellites", ())]
     if not naming:
@@ -95,16 +103,16 @@ def unreceived(scenario: Scenario) -> Iterator[tuple[int, str, bool]]:
     t = np.arange(flight.start, flight.end, 1.0 / scenario.filter.update_rate)
     seen = seen_in(scenario, flight, t, flight.start)
     for number, fault in naming:
-        found = periods(number, fault, flight.course)
-        within = inside(found, t)
-        if isinstance(fault, Jump):
-            within[[min(int(np.searchsorted(t, start)), t.size - 1) for start, _ in found]] = True
+        active = periods(number, fault, flight.course)
+        within = inside(active, t)
+        if isinstance(fault, Jump):  # it has no duration: it acts at the first epoch at or after its time
+            within[[min(int(np.searchsorted(t, start)), t.size - 1) for start, _ in active]] = True
         for name in getattr(fault, "satellites", ()):
             yield number, name, not np.any(seen.tracked[within, seen.names.index(name)])
 
 
 def of_filter(scenario: Scenario, events: Mapping[str, float]) -> Found:
-    """Yield the conditions of a filter's tuning that hold at no time of the flight; events: times (s)."""
+    """Yield the conditions of a filter's tuning that are never met; events: times (s) by name."""
     for name in ("underweighting", "region_noise"):
         for number, card in enumerate(getattr(scenario.filter, name)):
             for field, message in _never(card, _course(card, scenario, events)):
@@ -112,7 +120,10 @@ def of_filter(scenario: Scenario, events: Mapping[str, float]) -> Found:
 
 
 def _course(conditions: Conditions, scenario: Scenario, events: Mapping[str, float]) -> Course:
-    """Return a flight as conditions see it: its trajectory where they need one, else its events."""
+    """Return the course for evaluating conditions: from the trajectory if they need it, otherwise from the events.
+
+    Building the trajectory takes time, and most conditions refer to events alone.
+    """
     if any(name in BOUNDS for name in conditions.stated):
         return trajectory_of(scenario).course
     card = scenario.trajectory
@@ -122,11 +133,11 @@ def _course(conditions: Conditions, scenario: Scenario, events: Mapping[str, flo
 
 def _never(conditions: Conditions, course: Course) -> Found:
     try:
-        found = never(conditions, course)
+        unmet = never(conditions, course)
     except InputError as error:
-        found = error.records[0]
-    if found is not None:
-        yield found.path, found.message
+        unmet = error.records[0]
+    if unmet is not None:
+        yield unmet.path, unmet.message
 
 
 def _timed(fault: AnyFault, text: str, course: Course) -> Found:

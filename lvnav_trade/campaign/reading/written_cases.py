@@ -1,4 +1,4 @@
-"""The cases of a campaign as they are written in its files, and the scenarios that they make."""
+"""Cases of a campaign as YAML trees, and the scenarios that result from them."""
 
 from collections.abc import Sequence
 
@@ -9,16 +9,18 @@ from lvnav_trade.scenario import Scenario
 
 
 class WrittenCases:
-    """The cases of a campaign as they are written, and the scenarios that they make.
+    """Cases of a campaign as YAML trees, and the scenarios that result from them.
 
     Parameters
     ----------
-    base
-        The base with all cards in place.
-    axes, levels
-        The axes, and the tree of each of their levels with its cards in place.
-    valid
-        The base's scenario; None where it has mistakes.
+    base : Node
+        Tree of the base with all cards expanded.
+    axes : sequence of Varied
+        The axes.
+    levels : sequence of sequence of Node
+        For each axis the trees of its levels, with all cards expanded.
+    valid : Scenario or None
+        Scenario of the base; None if the base has input errors.
     """
 
     def __init__(
@@ -29,7 +31,7 @@ class WrittenCases:
         self.scenarios = design.Scenarios([varied.axis.steps[0] for varied in axes], valid, tree.plain)
 
     def node(self, chosen: design.Chosen) -> tree.Node:
-        """Return the tree of the case with these levels; InputError where the base with the others has no such item."""
+        """Return the tree of the case with these levels; InputError if a level refers to a missing item of a list."""
         node = self.base
         for varied, values, index in zip(self.axes, self.levels, chosen, strict=True):
             if index is not None:
@@ -37,19 +39,19 @@ class WrittenCases:
         return node
 
     def scenario(self, chosen: design.Chosen) -> Scenario:
-        """Return the scenario of the case with these levels; ValidationError as pydantic's, InputError as of `node`."""
+        """Return the scenario of the case with these levels; raises pydantic's ValidationError, and as `node`."""
         return self.scenarios.known(chosen) or self.scenarios.validated(chosen, self.node(chosen).value)
 
 
 def first_cases(kind: str, axes: Sequence[Varied], sizes: Sequence[int]) -> dict[tuple[int, int], design.Chosen]:
-    """Return the first case of a design that has a level, by axis and level; none where a later axis changes it."""
-    found: dict[tuple[int, int], design.Chosen] = {}
-    steps = [varied.axis.steps for varied in axes]
-    changed = [any(one[: len(mine)] == mine for one in steps[k + 1 :]) for k, mine in enumerate(steps)]
+    """Return the first case with each level, by axis and level; axes that a later axis changes are omitted."""
+    first: dict[tuple[int, int], design.Chosen] = {}
+    paths = [varied.axis.steps for varied in axes]
+    changed = [any(later[: len(path)] == path for later in paths[k + 1 :]) for k, path in enumerate(paths)]
     crossed = [place for place, varied in enumerate(axes) if varied.axis.crossed]
     is_whole = all(sizes) and (kind != "zip" or len(set(sizes)) == 1)
     for chosen in design.levels(kind, sizes, crossed) if is_whole else ():
         for place, index in enumerate(chosen):
             if index is not None and not changed[place]:
-                found.setdefault((place, index), chosen)
-    return found
+                first.setdefault((place, index), chosen)
+    return first

@@ -1,4 +1,4 @@
-"""Results of one case for the metrics, from the arrays of the engines, before they are stored."""
+"""Results of one case for the metrics, directly from the arrays of the engines, before they are stored."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from lvnav_trade.records import ORBIT, OUTCOMES, Bools, CovHistory, Floats, Inje
 if TYPE_CHECKING:
     from lvnav_trade.metrics.mechanics.mission import Law, State
 
-# Quantities whose covariance is kept at events
+# Quantities whose covariance is stored at events
 _KEPT = (*NAVIGATION_UNITS, *(f"{BACKUP}{quantity}" for quantity in NAVIGATION_UNITS))
 
 
 class CaseArrays(CaseResults):
-    """One case in memory: the same numbers as `CaseTables` of what `store` writes of it.
+    """Results of one case in memory; the numbers are those that `CaseTables` reads from the stored tables.
 
     prepared : The prepared scenario.
     covariance : Its linear covariance.
-    summary : Statistics of some of its runs; None without runs.
+    summary : Statistics of some or all of its runs; None without runs.
     """
 
     def __init__(self, prepared: Any, covariance: CovHistory, summary: BlockSummary | None = None) -> None:
@@ -44,41 +44,41 @@ class CaseArrays(CaseResults):
         self._columns = columns(prepared.outputs)
 
     def output(self, quantity: str, axis: str) -> Output | None:
-        """Return unit and label of an error."""
-        return next((one for one in self._columns if (one.quantity, one.axis) == (quantity, axis)), None)
+        """Return the output (name, axis, units) of an error; None if the case does not have it."""
+        return next((output for output in self._columns if (output.quantity, output.axis) == (quantity, axis)), None)
 
     def axes(self, quantity: str) -> list[str]:
         """Return the axes of a quantity."""
-        return [one.axis for one in self.prepared.outputs if one.quantity == quantity]
+        return [output.axis for output in self.prepared.outputs if output.quantity == quantity]
 
     def events(self) -> dict[str, float]:
         """Return the times (s) of the events."""
-        stated = self.prepared.trajectory.events
-        return {name: float(stated[name]) for name in sorted(stated, key=lambda name: (stated[name], name))}
+        events = self.prepared.trajectory.events
+        return {name: float(events[name]) for name in sorted(events, key=lambda name: (events[name], name))}
 
     def phase(self, text: str) -> tuple[float, float]:
-        """Return first and last time (s) of a phase."""
+        """Return the first and last time (s) of a phase."""
         t = self.covariance.t if self.summary is None else self.summary.t_bound
         return phase_in(text, self.events(), (float(t[0]), float(t[-1])))
 
     def failed(self, event: str) -> Bools:
-        """Return which runs failed, at an event."""
-        known = self.summary is not None and event in self.summary.events
-        return self.failed_runs() if known else np.zeros(0, dtype=bool)
+        """Return whether each run failed (n_run,); empty if the runs have no such event."""
+        is_known = self.summary is not None and event in self.summary.events
+        return self.failed_runs() if is_known else np.zeros(0, dtype=bool)
 
     def failed_runs(self) -> Bools:
-        """Return which runs failed."""
+        """Return whether each run failed (n_run,)."""
         return np.zeros(0, dtype=bool) if self.summary is None else self.summary.failed != 0
 
     def errors(self, event: str, quantity: str) -> Floats:
-        """Return the errors (n_run, n_axis) at an event."""
+        """Return the errors (n_run, n_axis) at an event, SI, reporting axes."""
         at = self._axes_of(quantity)
         if self.summary is None or event not in self.summary.events:
             return np.empty((0, len(at)))
         return self.summary.event_error[:, self.summary.events.index(event), at]
 
     def sizes(self, event: str, quantity: str, axis: str) -> Floats:
-        """Return |error| (n_run,) at an event."""
+        """Return |error| (n_run,) at an event, SI; infinite for runs that failed."""
         column = self._column(quantity, axis)
         if self.summary is None or event not in self.summary.events or column is None:
             return np.empty(0)
@@ -86,7 +86,7 @@ class CaseArrays(CaseResults):
         return finite_sizes(error, self.failed_runs())
 
     def largest(self, quantity: str, axis: str, first: float, last: float) -> Floats:
-        """Return the largest |error| (n_run,) of a phase."""
+        """Return the largest |error| (n_run,) between two times (s), SI; infinite for runs that failed."""
         column = self._column(quantity, axis)
         if self.summary is None or column is None:
             return np.empty(0)
@@ -98,7 +98,7 @@ class CaseArrays(CaseResults):
         return finite_sizes(self.summary.worst[:, spans, column], self.failed_runs()[:, None]).max(axis=1)
 
     def history(self, quantity: str, axis: str) -> History:
-        """Return an error over the flight by linear covariance."""
+        """Return true sigma and mean of an error over the flight, by linear covariance."""
         column = self._column(quantity, axis)
         if column is None:
             return History(np.empty(0), np.empty(0), np.empty(0))
@@ -109,7 +109,7 @@ class CaseArrays(CaseResults):
         return History(self.covariance.t, true, mean)
 
     def gaussian(self, event: str, quantity: str, axis: str) -> Gaussian | None:
-        """Return the Gaussian of an error at an event, without its sources."""
+        """Return the Gaussian distribution of an error at an event by linear covariance, without its error budget."""
         at, axes = self._place(event, quantity), self.axes(quantity)
         chosen = range(len(axes)) if axis == "3d" else [k for k, name in enumerate(axes) if name == axis]
         if at is None or not len(chosen):
@@ -119,21 +119,21 @@ class CaseArrays(CaseResults):
         return Gaussian(self.covariance.mean[at, whole][index], covariance[np.ix_(index, index)], {})
 
     def formal(self, event: str, quantity: str) -> Floats | None:
-        """Return the filter's own covariance (3, 3) at an event."""
+        """Return the formal covariance (3, 3) of the filter at an event, SI, reporting axes."""
         at, whole = self._place(event, quantity), self._axes_of(quantity)
         return None if at is None else symmetric(self.covariance.formal_cov[at][np.ix_(whole, whole)])
 
     def state(self, event: str) -> State | None:
         """Return the true state at an event."""
-        return next((one for one in self._states[0] if one.event == event and event), None)
+        return next((state for state in self._states[0] if state.event == event and event), None)
 
     def joint(self, event: str) -> Law:
-        """Return linear covariance of velocity and position at an event."""
+        """Return the joint distribution of velocity and position at an event, by linear covariance."""
         states, laws = self._states
         return laws[[state.event for state in states].index(event)]
 
     def injections(self, quantity: str) -> Injections | None:
-        """Return what guided ascents achieve of a number of the orbit."""
+        """Return one element of the orbits that guided runs achieve; None without guided runs."""
         if self.summary is None or not len(self.summary.injections):
             return None
         rows, at, n = self.summary.injections, 3 + ORBIT.index(quantity), len(ORBIT)
@@ -141,15 +141,15 @@ class CaseArrays(CaseResults):
         return Injections(outcome, *rows[:, :3].T[1:], *(rows[:, at + part * n] for part in range(2)))
 
     def injection_law(self) -> InjectionLaw | None:
-        """Return linear covariance of the injection of a guided ascent."""
+        """Return the distribution of the injection of a guided ascent by linear covariance."""
         return self.covariance.injection
 
     def protection_level(self, quantity: str, at: str, during: str) -> float:
-        """Return NaN: the levels are among the diagnostics, which come after the runs."""
+        """Return NaN: protection levels are part of the diagnostics, which are computed after the runs."""
         return float("nan")
 
     def largest_tilt(self) -> tuple[float, float]:
-        """Return the largest sigma of attitude (rad) of an axis at or before lift-off, and its time (s)."""
+        """Return the largest attitude sigma (rad) of any axis at or before lift-off, and its time (s)."""
         early = self.covariance.t <= SAME_TIME
         sigma = self.covariance.true_sigma[early][:, self._axes_of("attitude")]
         if not sigma.size:
@@ -159,8 +159,10 @@ class CaseArrays(CaseResults):
 
     @cached_property
     def _states(self) -> tuple[list[State], list[Law]]:
-        """The true states at events and linear covariance there, through the columns that would be stored: so that
-        they have the bits that verdicts on stored results have.
+        """True states and joint distributions at the events.
+
+        They are computed through the columns of the stored tables. So a verdict before storing has exactly the same
+        numbers as a verdict on stored results.
         """
         from lvnav_trade.metrics.mechanics.mission import State, laws_in
         from lvnav_trade.store.flight import state_columns
@@ -178,13 +180,14 @@ class CaseArrays(CaseResults):
         return [State(*part) for part in parts], laws_in(joint["mean_si"], joint["true_si2"], joint["formal_si2"])
 
     def _column(self, quantity: str, axis: str) -> int | None:
-        return next((k for k, one in enumerate(self._columns) if (one.quantity, one.axis) == (quantity, axis)), None)
+        columns = enumerate(self._columns)
+        return next((k for k, output in columns if (output.quantity, output.axis) == (quantity, axis)), None)
 
     def _axes_of(self, quantity: str) -> list[int]:
-        return [k for k, one in enumerate(self.prepared.outputs) if one.quantity == quantity]
+        return [k for k, output in enumerate(self.prepared.outputs) if output.quantity == quantity]
 
     def _place(self, event: str, quantity: str) -> int | None:
-        """Return the history time of an event, of a quantity whose covariance is kept."""
+        """Return the index of an event in the history; None for a quantity whose covariance is not stored."""
         t = self.prepared.trajectory.events.get(event)
         kept = quantity in _KEPT and len(self._axes_of(quantity)) == 3
         return int(np.argmin(np.abs(self.covariance.t - t))) if kept and t is not None else None

@@ -1,4 +1,4 @@
-"""What is looked for before anything is computed: flights that cannot be, settings that no case reads."""
+"""Checks before anything is computed: invalid trajectories, and settings without effect on any case."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,34 +14,57 @@ from lvnav_trade.errors import InputError, refuse_all
 
 
 class Checked(NamedTuple):
-    """Event times (s) by case digest, and what is to be said of the cases, by kind as `flights.remarks`."""
+    """Result of the checks of a campaign's trajectories."""
 
-    events: dict[str, dict[str, float]]
-    remarks: dict[str, list[str]]
+    events: dict[str, dict[str, float]]  # event times (s) by digest of the case
+    remarks: dict[str, list[str]]  # remarks by kind, see `flights.remarks`
 
 
 def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine, jobs: int) -> Checked:
-    """Build every distinct trajectory; refuse what cannot fly, and faults and requirements that do not fit a flight."""
+    """Build every distinct trajectory of a campaign and check the campaign against them.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    found : sequence of Case
+        Cases to check.
+    engine : Engine
+        Functions that compute.
+    jobs : int
+        Worker processes.
+
+    Returns
+    -------
+    Checked
+        Event times and remarks.
+
+    Raises
+    ------
+    InputError
+        A trajectory is invalid, or a fault or requirement does not fit its trajectory.
+    """
     distinct: dict[str, Case] = {}
     for case in found:
         distinct.setdefault(_flight_of(case), case)
     results = each(jobs, work.flown, [(engine, case) for case in distinct.values()], ordered=True)
     flown = dict(zip(distinct, results, strict=True))
-    found_wrong = [
+    errors = [
         record
         for key, case in distinct.items()
         if isinstance(flown[key], InputError)
         for record in flights.located(campaign, case, flown[key].records)
     ]
-    refuse_all(list(dict.fromkeys(found_wrong)))  # cases that differ in their IMU share what is wrong with the flight
+    refuse_all(list(dict.fromkeys(errors)))  # cases that differ in their IMU alone have the same errors
     times = {case.id: flown[_flight_of(case)].events for case in found}
     refuse_all([*flights.mistakes(campaign, found, times), *Effects(campaign, found).mistakes({})])
-    return Checked(times, flights.remarks(found, [one for flight in flown.values() for one in flight.remarks]))
+    return Checked(times, flights.remarks(found, [remark for flight in flown.values() for remark in flight.remarks]))
 
 
 def check_effect(campaign: Campaign, found: Sequence[Case], engine: work.Engine) -> None:
-    """Refuse what the campaign states and no case reads: as many cases are put together as it takes to see that each
-    statement is read in one of them.
+    """Refuse settings that the campaign gives and no case reads.
+
+    Cases are prepared one after the other until every setting has been read in at least one of them.
     """
     effects = Effects(campaign, found)
     known: dict[str, Used | None] = {}
@@ -54,7 +77,8 @@ def check_effect(campaign: Campaign, found: Sequence[Case], engine: work.Engine)
 
 
 def _flight_of(case: Case) -> str:
-    """Return what a case's events depend on, and whether it can be flown."""
+    """Return the settings on which the events and the validity of a case's trajectory depend, as text."""
     scenario = case.scenario
-    checked_against = scenario.imu.model_dump_json() if scenario.trajectory.kind == "table" else ""  # see its residual
+    # the residual of a tabulated trajectory is compared with the noise of the IMU
+    checked_against = scenario.imu.model_dump_json() if scenario.trajectory.kind == "table" else ""
     return scenario.trajectory.model_dump_json() + scenario.constellation.model_dump_json() + checked_against

@@ -5,5 +5,5 @@ import time
 
 
 def stamped(line: str) -> str:
-    """Return a line for standard error: with the time of day (local) before it where that is no terminal."""
+    """Return a line for standard error, with the local time of day in front if standard error is not a terminal."""
     return line if sys.stderr.isatty() else f"{time.strftime('%H:%M:%S')} {line}"

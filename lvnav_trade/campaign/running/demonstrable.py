@@ -9,25 +9,37 @@ from lvnav_trade.metrics.requirements.requirements import further_runs
 
 
 def needed(probability: float, confidence: float, block: int) -> tuple[int, int]:
-    """Return how many runs, all of them good, show a probability of success at a confidence: at a single look after the
-    last run, and with a look after every block (``stop: decided``).
+    """Return the number of runs that demonstrate a probability of success if none of them fails.
+
+    Parameters
+    ----------
+    probability : float
+        Probability of success to demonstrate.
+    confidence : float
+        Confidence of the demonstration.
+    block : int
+        Runs per block.
+
+    Returns
+    -------
+    tuple of int
+        Runs with a single test after the last run, and with a test after every block (``stop: decided``).
     """
     return runs_needed(0, probability, confidence), further_runs([], probability, confidence, block)
 
 
 def undemonstrable(campaign: Campaign) -> Iterator[Mistake]:
-    """Yield the requirements, and the corridor, that even runs without a failure would leave undecided, at their place.
+    """Yield an input error for each requirement, and the corridor, that stays undecided even if no run fails.
 
-    None of a campaign without runs: it asks linear covariance alone.
+    A campaign without Monte Carlo yields none: linear covariance decides its requirements.
     """
     card = campaign.monte_carlo
     if card is None:
         return
-    stated = [(f"requirements.{k}", one.name, one) for k, one in enumerate(campaign.requirements)]
-    asked = [(path, name, one.probability, one.confidence) for path, name, one in stated]
+    tested = [(f"requirements.{k}", r.name, r.probability, r.confidence) for k, r in enumerate(campaign.requirements)]
     if campaign.corridor is not None:
-        asked.append(("corridor", "corridor", campaign.corridor.probability, campaign.corridor.confidence))
-    for path, name, probability, confidence in asked:
+        tested.append(("corridor", "corridor", campaign.corridor.probability, campaign.corridor.confidence))
+    for path, name, probability, confidence in tested:
         fixed, in_order = needed(probability, confidence, card.block)
         stops = card.stop is not None and path != "corridor"
         if card.runs < (in_order if stops else fixed):

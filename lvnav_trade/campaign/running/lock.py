@@ -1,4 +1,4 @@
-"""One process at a time works on a folder of results."""
+"""Lock of a folder of results, so that only one process at a time works on it."""
 
 import errno
 import os
@@ -19,17 +19,17 @@ from lvnav_trade.store.files import replace_file
 _NAME, _HOLDER = ".lock", ".lock-holder"
 _LONGEST = 300
 _CONTENT = re.compile(rb"(\d+ on [^\n]*)?")  # earlier versions wrote the holder into the lock itself
-# A link is not followed, and a pipe that nobody writes to is not waited for
+# Links are not followed, and opening a pipe does not block
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-_GLANCE_S = 0.1  # longer than `holder` looks
+_GLANCE_S = 0.1  # s, longer than `holder` keeps the lock to test it
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the folder's lock; InputError where another process holds it or the folder cannot be written.
+    """Lock a folder of results within a ``with`` block; InputError if another process has the lock.
 
-    The operating system gives a killed process's lock back. Who holds it stands in a file beside the lock, for the lock
-    itself may not be read on every system while it is held.
+    The operating system releases the lock of a killed process. A second file names the process that has the lock, since
+    some systems do not permit reading a locked file. A folder that cannot be written raises an InputError as well.
     """
     with writing(folder, "cannot be written", resumes=True):
         folder.mkdir(parents=True, exist_ok=True)
@@ -54,7 +54,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _is_own(path: Path) -> bool:
-    """Whether a file is missing, or was written here: neither a link nor a file of the user's own."""
+    """Whether a file is missing or was written by this tool: no link, no file of the user."""
     try:
         handle = os.open(path, os.O_RDONLY | _NO_LINK)
     except FileNotFoundError:
@@ -71,7 +71,7 @@ def _is_own(path: Path) -> bool:
 
 
 def holder(folder: Path) -> str:
-    """Return who works on a folder of results, such as "process 12 on host"; empty where nobody does."""
+    """Return the process that works on a folder of results, such as "process 12 on host"; empty if there is none."""
     if not (folder / _NAME).is_file():
         return ""
     lock = FileLock(folder / _NAME)

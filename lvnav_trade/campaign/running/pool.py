@@ -1,4 +1,4 @@
-"""Worker processes: work items are given to them one by one, results are taken as they come."""
+"""Worker processes: they receive work items one at a time, and results are collected in order of completion."""
 
 import threading
 import time
@@ -17,50 +17,50 @@ from lvnav_trade.interrupts import raise_if_interrupted
 
 
 class WorkList:
-    """The units of a stage, taken one by one, each open until its result is in."""
+    """Work items of a stage; an item is open from its start until its result arrives."""
 
-    def __init__(self, units: Iterable[tuple[Any, ...]]) -> None:
-        self._coming = enumerate(units)
+    def __init__(self, items: Iterable[tuple[Any, ...]]) -> None:
+        self._items = enumerate(items)
         self._open: dict[int, tuple[Any, ...]] = {}
-        self._taking = threading.Lock()  # a pool that ends may still take units while the next one does
+        self._lock = threading.Lock()  # a pool that is ending may still take items while the next pool takes them
         self._ended = False
 
     def open(self) -> Iterator[tuple[int, tuple[Any, ...]]]:
-        """Yield (number, unit): first those that were taken and never done, then new ones."""
+        """Yield number and arguments of items: first those started without a result, then new items."""
         yield from list(self._open.items())
         while True:
-            with self._taking:
-                taken = next(self._coming, None)
-                if taken is None:
+            with self._lock:
+                item = next(self._items, None)
+                if item is None:
                     self._ended = True
                     return
-                self._open[taken[0]] = taken[1]
-            yield taken
+                self._open[item[0]] = item[1]
+            yield item
 
     def close(self, number: int) -> None:
-        """Take the result of a unit as in."""
+        """Record that the result of an item has arrived."""
         self._open.pop(number, None)
 
     def is_done(self) -> bool:
-        """Whether all results are in."""
+        """Whether the results of all items have arrived."""
         return self._ended and not self._open
 
 
-def numbered(function: Callable[..., Any], number: int, unit: tuple[Any, ...]) -> tuple[int, Any]:
+def numbered(function: Callable[..., Any], number: int, item: tuple[Any, ...]) -> tuple[int, Any]:
     """Return the number of a work item, and its result."""
-    return number, function(*unit)
+    return number, function(*item)
 
 
-_LONGEST_END = 20.0  # s for workers to end
+_LONGEST_END = 20.0  # s, longest wait for workers to end
 _UNORDERED = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
-# What loky says where it replaces a worker whose memory has grown by 300 MB, as with compiled code and tables of a case
+# Warning of loky when it replaces a worker whose memory has grown by 300 MB, which compiled code and tables may need
 _REPLACED = "A worker stopped while some jobs were given to the executor"
-_on_cluster: list[type[Exception]] = []  # while a cluster does the work: what it raises where its workers die
+_on_cluster: list[type[Exception]] = []  # not empty while a cluster is in use: its exception for workers that die
 
 
 @contextmanager
 def on_dask(client: Any) -> Iterator[None]:
-    """Let `each` hand its units to the workers of a cluster, through a client of Dask."""
+    """Make `each` use the workers of a Dask cluster, within a ``with`` block."""
     from distributed import KilledWorker
 
     with parallel_config(backend="dask", client=client):
@@ -72,52 +72,69 @@ def on_dask(client: Any) -> Iterator[None]:
 
 
 def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]], ordered: bool = False) -> Any:
-    """Return function(*unit) of all units in their order, else a generator of them in the order in which the workers
-    finish; in this process for one job, unless a cluster does the work.
+    """Call a function for every work item, by worker processes or a cluster.
+
+    With one job and no cluster the calls are made in this process.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of worker processes.
+    function : callable
+        Function to call.
+    units : iterable of tuple
+        Arguments of each call.
+    ordered : bool
+        Wait for all results and return them in the order of the items.
+
+    Returns
+    -------
+    list or iterator
+        Results in the order of the items if `ordered`, otherwise an iterator in the order of completion.
     """
     if jobs == 1 and not _on_cluster:
-        return _one_by_one(function, units)
+        return _in_this_process(function, units)
     warnings.filterwarnings("ignore", _REPLACED, UserWarning)
-    # Arrays are sent as they are: of the files that joblib makes of large ones, some outlive a worker that is killed
-    how: dict[str, Any] = {} if _on_cluster else {"initializer": work.begin_worker, "max_nbytes": None}
-    found = Parallel(n_jobs=jobs, **how, **({} if ordered else _UNORDERED))(
-        delayed(_worked)(function, *unit) for unit in units
+    # Arrays are sent directly: joblib would write large ones to files, of which some remain when a worker is killed
+    options: dict[str, Any] = {} if _on_cluster else {"initializer": work.begin_worker, "max_nbytes": None}
+    results = Parallel(n_jobs=jobs, **options, **({} if ordered else _UNORDERED))(
+        delayed(_call)(function, *item) for item in units
     )
-    return _watched(found) if _on_cluster and not ordered else found
+    return _from_cluster(results) if _on_cluster and not ordered else results
 
 
-def _one_by_one(function: Callable[..., Any], units: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-    for unit in units:
-        found = function(*unit)
+def _in_this_process(function: Callable[..., Any], items: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+    for item in items:
+        result = function(*item)
         raise_if_interrupted()
-        yield found
+        yield result
 
 
-def _watched(found: Any) -> Iterator[Any]:
-    """Yield results; where a cluster gives a unit up, its workers having died, it is as with those of this machine."""
+def _from_cluster(results: Any) -> Iterator[Any]:
+    """Yield results; dead workers of a cluster raise the same exception as dead workers of this machine."""
     try:
-        yield from found
+        yield from results
     except tuple(_on_cluster) as error:
         raise TerminatedWorkerError(str(error)) from error
 
 
-def _worked(function: Callable[..., Any], *unit: Any) -> Any:
+def _call(function: Callable[..., Any], *item: Any) -> Any:
     work.begin_worker()
-    return function(*unit)
+    return function(*item)
 
 
 def end_workers(jobs: int) -> None:
-    """End the worker processes of this machine at once; what they have stored is whole."""
+    """End the worker processes of this machine at once; files that they have stored are complete."""
     if jobs > 1 and not _on_cluster and (executor := reusable_executor._executor) is not None:
-        reusable_executor._executor = None  # the next pool waits for nothing of this one
+        reusable_executor._executor = None  # so that the next pool does not wait for this one
         _end(executor)
 
 
 def _end(executor: Any) -> None:
     """End an executor within twice `_LONGEST_END`.
 
-    The thread that manages its workers waits for ever where one of them died with the lock that they share. The workers
-    are then killed here, and the lock is given back: nobody is left who could.
+    If a worker died while it had the lock shared by all workers, the thread that manages them waits forever. In this
+    case the workers are killed and the lock is released here, because no other process can release it.
     """
     manager, workers = executor._executor_manager_thread, list((executor._processes or {}).values())
     ending = threading.Thread(target=executor.shutdown, kwargs={"wait": False, "kill_workers": True}, daemon=True)
@@ -129,9 +146,9 @@ def _end(executor: Any) -> None:
     manager.join(max(0.0, until - time.monotonic()))
     if manager.is_alive():
         for worker in workers:
-            with suppress(OSError):  # gone already
+            with suppress(OSError):  # it has ended meanwhile
                 kill_process_tree(worker)
-        with suppress(ValueError):  # nobody has it
+        with suppress(ValueError):  # no process has the lock
             manager.processes_management_lock.release()
         manager.join(_LONGEST_END)
-    process_executor._threads_wakeups.pop(manager, None)  # what would wait for it when this process ends
+    process_executor._threads_wakeups.pop(manager, None)  # otherwise loky waits for this thread when the process ends

@@ -13,45 +13,45 @@ from lvnav_trade.errors import visible
 
 
 class Progress:
-    """What execution reports to whoever watches; this one says nothing."""
+    """Receiver of the progress of a campaign; this base class shows nothing."""
 
     def stage(self, name: str, total: int, alike: bool = True) -> None:
-        """Begin a stage of `total` work items; alike: all take as long, but for the first, which may compile."""
+        """Begin a stage of `total` work items; alike: all take equally long, except the first, which may compile."""
 
     def advance(self, count: int) -> None:
         """Count work items as done."""
 
     def note(self, line: str) -> None:
-        """Say one line at once, such as a run that failed."""
+        """Print one line immediately, such as a failed run."""
 
     def close(self) -> None:
-        """End, whatever happened."""
+        """End the display, after an error as well."""
 
 
 class Plain(Progress):
     """One line per tenth of a stage, for logs."""
 
     def stage(self, name: str, total: int, alike: bool = True) -> None:
-        """Begin a stage and say so."""
+        """Begin a stage and print its name."""
         self.start = self.begun = time.monotonic()
         self.name, self.total, self.done, self.tenth, self.first, self.apart = name, total, 0, 0, 0, alike
         self.note(f"{name}: {total}")
 
     def advance(self, count: int) -> None:
-        """Count, and say every tenth with the time left."""
-        if self.apart:  # it compiled or loaded kernels: the time left is that of those after it
+        """Count work items, and print every tenth of the stage with the remaining time."""
+        if self.apart:  # the first item compiles or loads kernels, so it is not part of the estimate
             self.first, self.begun, self.apart = count, time.monotonic(), False
         self.done += count
         tenth = 10 * self.done // max(self.total, 1)
         if tenth > self.tenth:
             self.tenth = tenth
             later = self.done - self.first
-            spent, units = (time.monotonic() - self.begun, later) if later else (self.begun - self.start, self.first)
-            left = spent * (self.total - self.done) / max(units, 1)
-            self.note(f"{self.name}: {self.done}/{self.total}, {left:.0f} s left")
+            spent, items = (time.monotonic() - self.begun, later) if later else (self.begun - self.start, self.first)
+            remaining = spent * (self.total - self.done) / max(items, 1)
+            self.note(f"{self.name}: {self.done}/{self.total}, {remaining:.0f} s left")
 
     def note(self, line: str) -> None:
-        """Say a line."""
+        """Print a line."""
         sys.stderr.write(f"{stamped(visible(line))}\n")
         sys.stderr.flush()
 
@@ -77,24 +77,25 @@ class Bar(Progress):
         self.bar.add_task(name, total=total)
 
     def advance(self, count: int) -> None:
-        """Move the bar."""
+        """Advance the bar."""
         for task in self.bar.task_ids:
             self.bar.advance(task, count)
 
     def note(self, line: str) -> None:
-        """Say a line above the bar."""
+        """Print a line above the bar."""
         self.bar.console.print(visible(line), highlight=False, markup=False)
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         self.bar.stop()
 
 
 @contextmanager
 def staged(watch: Progress | None, name: str, total: int = 1) -> Iterator[Callable[[], None]]:
-    """Tell of work that is a stage of its own while it is done; what it yields counts a step, the end is one too.
+    """Report the work within a ``with`` block as one stage of `total` steps.
 
-    Its steps are unlike each other: the time left is estimated from all of them, the first too.
+    The function that it yields counts one step; the end of the block is the last step. The steps take different times,
+    so the remaining time is estimated from all of them.
     """
     if watch is None:
         yield lambda: None
@@ -108,5 +109,5 @@ def staged(watch: Progress | None, name: str, total: int = 1) -> Iterator[Callab
 
 
 def choose(quiet: bool) -> Progress:
-    """Return what suits where the messages go."""
+    """Return the display for standard error: none if quiet, a bar on a terminal, lines otherwise."""
     return Progress() if quiet else Bar() if sys.stderr.isatty() and not os.environ.get("CI") else Plain()

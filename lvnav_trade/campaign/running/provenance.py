@@ -1,4 +1,4 @@
-"""Provenance for the manifest: the request, without folders and machine name unless these are wanted."""
+"""Provenance for the manifest: the request, without folders and the name of the machine unless these are wanted."""
 
 import os
 import platform
@@ -16,22 +16,22 @@ from lvnav_trade.errors import without_credentials
 RECORD_HOST = "LVNAV_TRADE_RECORD_HOST"
 _PATH = re.compile(
     r"[\w+.-]+://[^\s'\"]*|(?<![^\s='\"(\[{,:])(?:/|~[\w.-]*/|[A-Za-z]:\\)[^\s'\",;:)\]}]*"
-)  # an address, which stays as it is, or an absolute path
+)  # an address, which is kept as it is, or an absolute path
 
 
 def manifest(campaign: Campaign, asked: Sequence[Case]) -> dict[str, Any]:
-    """Return what the results should say of how they were asked for; the store adds what computed them."""
+    """Return the part of the manifest that describes the request; the store adds the versions that computed it."""
     runs, block = (campaign.monte_carlo.runs, campaign.monte_carlo.block) if campaign.monte_carlo else (0, 1)
     cases = {case.id: case.label for case in asked}
-    found = {"seed": campaign.seed, **asked_by(), "asked_cases": cases, "asked_runs": runs, "asked_block": block}
+    content = {"seed": campaign.seed, **asked_by(), "asked_cases": cases, "asked_runs": runs, "asked_block": block}
     card = campaign.monte_carlo
     if card is None or not card.selected:
-        return found
-    return found | {"asked_runs_of": {case.id: card.runs_of(case.axes) for case in asked}}
+        return content
+    return content | {"asked_runs_of": {case.id: card.runs_of(case.axes) for case in asked}}
 
 
 def asked_by() -> dict[str, Any]:
-    """Return the arguments of the command line for the manifest; the host and absolute paths where they are wanted."""
+    """Return the arguments of the command line for the manifest; host and absolute paths only if they are wanted."""
     if os.environ.get(RECORD_HOST):
         return {
             "command": [*map(without_credentials, sys.argv[1:])],
@@ -42,8 +42,9 @@ def asked_by() -> dict[str, Any]:
 
 
 def without_folders(text: str) -> str:
-    """Return a text with every absolute path cut to the name of its file, unless the folders are wanted; an address
-    stays, without credentials.
+    """Return a text with absolute paths shortened to the file name, unless folders are wanted.
+
+    Addresses remain, without credentials.
     """
     text = without_credentials(text)
     return text if os.environ.get(RECORD_HOST) else _PATH.sub(_short, text)
@@ -54,7 +55,7 @@ def _short(found: re.Match[str]) -> str:
 
 
 def _argument(text: str) -> str:
-    """Return an argument with absolute paths cut, such as ``--out=/a/b`` or ``almanac=/a/b``, spaces in them too."""
+    """Return an argument with absolute paths shortened, as in ``--out=/a/b`` or ``almanac=/a/b``, also with spaces."""
     text = without_credentials(text)
     name, equals, value = text.partition("=")
     if name.startswith("/"):

@@ -1,4 +1,4 @@
-"""One run again, bit for bit, with every covariance step recorded."""
+"""Replay of one run, bit for bit, with every covariance step recorded."""
 
 from __future__ import annotations
 
@@ -21,31 +21,27 @@ if TYPE_CHECKING:
 
 
 class Replay(NamedTuple):
-    """A run flown again.
+    """A replayed run."""
 
-    trace: one row per covariance step, errors and the filter's own sigmas in SI, the unit at the end of each column's
-    name; at_events: (event, t in s, {quantity: size of the error}, {quantity: unit}) in time order; failure: empty, or
-    why the run failed.
-    """
-
-    trace: pd.DataFrame
+    trace: pd.DataFrame  # one row per covariance step: errors and formal sigmas, SI, units at the end of column names
     at_events: tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]
-    failure: str
+    # in order of time: event, time (s), magnitude of the error by quantity, display unit by quantity
+    failure: str  # reason why the run failed; empty if it succeeded
 
 
-def find(found: Sequence[Case], wanted: str) -> Case:
-    """Return the case of a digest (or its beginning) or of a label; InputError where there is none or several."""
-    fitting = [case for case in found if case.label == wanted or case.id.startswith(wanted)]
+def find(cases: Sequence[Case], wanted: str) -> Case:
+    """Return the case with a label, a digest or the first digits of a digest; InputError if none or several fit."""
+    fitting = [case for case in cases if case.label == wanted or case.id.startswith(wanted)]
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
         raise InputError(f"{wanted!r} fits several cases, give more of one: {', '.join(case.id for case in fitting)}")
-    known = [name for case in found for name in (case.id, case.label)]
-    raise InputError(f"no case {wanted!r}{hint(wanted, known)}; the cases are {', '.join(case.id for case in found)}")
+    known = [name for case in cases for name in (case.id, case.label)]
+    raise InputError(f"no case {wanted!r}{hint(wanted, known)}; the cases are {', '.join(case.id for case in cases)}")
 
 
 def replay(campaign: Campaign, case: Case, run: int) -> Replay:
-    """Fly run number `run` (from 0) of a case again."""
+    """Repeat run number `run` (from 0) of a case; InputError if the number is negative."""
     from lvnav_trade.engines.setup.prepare import prepare
     from lvnav_trade.engines.simulate import montecarlo
 
@@ -58,7 +54,7 @@ def replay(campaign: Campaign, case: Case, run: int) -> Replay:
 
 
 def trace(job: Job, case: Case, runs: Sequence[int]) -> Done:
-    """Fly runs of a case again and leave their errors over time among its tables; every worker does one case."""
+    """Repeat runs of a case and write their errors over time to its tables, as one work item."""
     try:
         prepared = prepared_of(job, case)
         blocks = (job.engine.run_block(prepared, job.seed, run, 1) for run in runs)
@@ -68,8 +64,8 @@ def trace(job: Job, case: Case, runs: Sequence[int]) -> Done:
         return Done(case.id, 0, 0, error=message_of(error))
 
 
-def write_trace(found: Replay, folder: Path, case: Case, run: int) -> Path:
-    """Write the trace as Parquet into `folder`/traces and return its path."""
+def write_trace(replayed: Replay, folder: Path, case: Case, run: int) -> Path:
+    """Write the trace of a replayed run as Parquet into `folder`/traces; return its path."""
     place = folder / "traces"
     path = place / f"{case.id}-{run}.parquet"
     with writing(path, "cannot be written", resumes=True):
@@ -77,12 +73,12 @@ def write_trace(found: Replay, folder: Path, case: Case, run: int) -> Path:
             raise InputError(f"{path}: was not written by lvnav-trade; move it, or give another folder")
         place.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary:
-            found.trace.to_parquet(temporary, compression="zstd", index=False)
+            replayed.trace.to_parquet(temporary, compression="zstd", index=False)
     return path
 
 
 def _is_trace(path: Path) -> bool:
-    """Whether a regular file is a trace of a run."""
+    """Whether a file is regular and has the columns of a trace."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,4 +1,4 @@
-"""Check every distinct case of a campaign by itself: definitions, Jacobians, propagation, innovations, draws."""
+"""Self-check of the distinct cases of a campaign: error definitions, Jacobians, propagation, innovations, draws."""
 
 import os
 from typing import NamedTuple
@@ -12,33 +12,36 @@ from lvnav_trade.engines.analysis.selfcheck.check import Check, bounded
 
 
 class Checked(NamedTuple):
-    """A check, and the labels of the cases that it is of: what is the same in several is found once."""
+    """A check and the cases to which it applies; equal checks of several cases are combined."""
 
     check: Check
-    cases: tuple[str, ...]
+    cases: tuple[str, ...]  # labels
 
 
-def _one(number: int, case: Case, seed: int, history: float) -> tuple[int, list[Check]]:
+def _check_case(number: int, case: Case, seed: int, history: float) -> tuple[int, list[Check]]:
     return number, check_scenario(case.scenario, seed, history)
 
 
 def selfcheck(campaign: Campaign, jobs: int = -1, progress: Progress | None = None) -> list[Checked]:
-    """Return the checks of all cases, in the order of the cases, with bounds for all statistics of the campaign."""
-    found, watch = cases(campaign), progress or Progress()
-    by_case: list[list[Check]] = [[] for _ in found]
-    jobs = min(len(found), jobs if jobs > 0 else os.cpu_count() or 1)
-    watch.stage("self-check", len(found))
+    """Return the checks of all cases, in the order of the cases.
+
+    The bounds of the statistical checks take into account how many there are in the whole campaign.
+    """
+    all_cases, watch = cases(campaign), progress or Progress()
+    by_case: list[list[Check]] = [[] for _ in all_cases]
+    jobs = min(len(all_cases), jobs if jobs > 0 else os.cpu_count() or 1)
+    watch.stage("self-check", len(all_cases))
     try:
-        units = ((k, case, campaign.seed, campaign.keep.history) for k, case in enumerate(found))
-        for number, checks in each(jobs, _one, units):
+        items = ((k, case, campaign.seed, campaign.keep.history) for k, case in enumerate(all_cases))
+        for number, checks in each(jobs, _check_case, items):
             by_case[number] = checks
             watch.advance(1)
     finally:
         watch.close()
-    same: dict[tuple[object, ...], tuple[Check, list[str]]] = {}
-    for case, checks in zip(found, by_case, strict=True):
+    combined: dict[tuple[object, ...], tuple[Check, list[str]]] = {}
+    for case, checks in zip(all_cases, by_case, strict=True):
         for check in checks:
             key = (check.kind, check.what, repr(check.figure), check.where, check.reason)
-            same.setdefault(key, (check, []))[1].append(case.label)
-    whole = bounded(check for check, _ in same.values())
-    return [Checked(check, tuple(labels)) for check, (_, labels) in zip(whole, same.values(), strict=True)]
+            combined.setdefault(key, (check, []))[1].append(case.label)
+    with_bounds = bounded(check for check, _ in combined.values())
+    return [Checked(check, tuple(labels)) for check, (_, labels) in zip(with_bounds, combined.values(), strict=True)]

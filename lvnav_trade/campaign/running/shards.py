@@ -1,4 +1,4 @@
-"""Campaigns in shards: each computes some of the blocks in its own folder; merged they are the whole campaign."""
+"""Campaigns in shards: each shard computes some of the blocks in its own folder; merging gives the whole campaign."""
 
 import json
 import re
@@ -14,56 +14,69 @@ from lvnav_trade.store.write import difference
 
 _ASKED = re.compile(r"([0-9]+)/([0-9]+)")
 _FOLDER = re.compile(r"shard-([0-9]+)-of-([0-9]+)")
-_SAME = ("asked_runs", "asked_block", "seed")  # beside the digest, which does not hold the number of runs
+_SAME = ("asked_runs", "asked_block", "seed")  # compared in addition to the digest, which does not cover them
 _Unit = TypeVar("_Unit")
 
 
 class Shard(NamedTuple):
-    """Part `number` (from 1) of `total`."""
+    """A shard of a campaign."""
 
-    number: int
-    total: int
+    number: int  # from 1
+    total: int  # number of shards
 
     @property
     def folder(self) -> str:
-        """Name of its folder."""
+        """Name of the folder of the shard."""
         return f"shard-{self.number}-of-{self.total}"
 
     def of(self, units: Sequence[_Unit]) -> Sequence[_Unit]:
-        """Return its share of work items: adjacent ones, for those of one case share what is computed of it."""
+        """Return the work items of this shard: adjacent items, since items of one case share its preparation."""
         first, last = ((self.number - less) * len(units) // self.total for less in (1, 0))
         return units[first:last]
 
 
 def parse(text: str) -> Shard:
     """Return the shard of a text such as ``2/8``."""
-    asked = _ASKED.fullmatch(text)
-    found = Shard(*map(int, asked.groups())) if asked else Shard(0, 0)
-    if not 1 <= found.number <= found.total:
+    match = _ASKED.fullmatch(text)
+    shard = Shard(*map(int, match.groups())) if match else Shard(0, 0)
+    if not 1 <= shard.number <= shard.total:
         raise InputError(f"--shard {text}: should be NUMBER/TOTAL, such as 1/4, with a number from 1 to the total")
-    return found
+    return shard
 
 
 def complete(place: Path) -> list[Path]:
-    """Return the folders of all shards of a campaign in `place`, in their order.
+    """Return the folders of all shards of a campaign, in order.
 
-    InputError where one is missing, not finished, of another campaign or of another code than this one.
+    Parameters
+    ----------
+    place : Path
+        Folder that contains the folders of the shards.
+
+    Returns
+    -------
+    list of Path
+        One folder per shard.
+
+    Raises
+    ------
+    InputError
+        A shard is missing, unfinished, of another campaign, or computed by another version of the code.
     """
     names = [(_FOLDER.fullmatch(path.name), path) for path in sorted(place.glob("shard-*")) if path.is_dir()]
-    found = {Shard(*map(int, name.groups())): path for name, path in names if name}
-    counts = sorted({shard.total for shard in found})
+    folders = {Shard(*map(int, name.groups())): path for name, path in names if name}
+    counts = sorted({shard.total for shard in folders})
     if not counts:
         raise InputError(f"{place}: no shards here (no folder {Shard(1, 2).folder} or the like)")
     if len(counts) > 1:
         raise InputError(f"{place}: holds shards of {' and of '.join(map(str, counts))}; keep those of one division")
-    every = [Shard(number, counts[0]) for number in range(1, counts[0] + 1)]
-    missing = [str(shard.number) for shard in every if shard not in found]
+    shards = [Shard(number, counts[0]) for number in range(1, counts[0] + 1)]
+    missing = [str(shard.number) for shard in shards if shard not in folders]
     if missing:
         raise InputError(f"{place}: of {counts[0]} shards these are missing: {', '.join(missing)}")
-    manifests = [_manifest(shard, found[shard]) for shard in every]
-    for shard, manifest in zip(every, manifests, strict=True):
-        _refuse_other(found[shard], manifest, found[every[0]], manifests[0])
-    return [found[shard] for shard in every]
+    manifests = [_manifest(shard, folders[shard]) for shard in shards]
+    for shard, manifest in zip(shards, manifests, strict=True):
+        _refuse_other(folders[shard], manifest, folders[shards[0]], manifests[0])
+    return [folders[shard] for shard in shards]
 
 
 def _manifest(shard: Shard, folder: Path) -> dict[str, Any]:
@@ -77,8 +90,8 @@ def _manifest(shard: Shard, folder: Path) -> dict[str, Any]:
     if content.get("shard") != [*shard]:
         raise InputError(f"{folder}: does not hold shard {shard.number} of {shard.total}")
     if not content.get("shard_finished"):
-        again = f"lvnav-trade run with --shard {shard.number}/{shard.total}"
-        raise InputError(f"{folder}: not finished; the same {again} goes on with it")
+        command = f"lvnav-trade run with --shard {shard.number}/{shard.total}"
+        raise InputError(f"{folder}: not finished; the same {command} goes on with it")
     return content
 
 

@@ -18,13 +18,13 @@ from lvnav_trade.store.write import difference, identity_of
 
 
 class CaseStatus(NamedTuple):
-    """Runs of a case: asked for (the most, where it stops once decided), stored in sound blocks, failed among them."""
+    """Progress of one case."""
 
-    id: str
+    id: str  # digest
     label: str
-    asked: int
-    stored: int
-    failed: int
+    asked: int  # runs required; the largest number if the case stops early
+    stored: int  # runs stored in undamaged blocks
+    failed: int  # stored runs that failed
 
 
 class Status(NamedTuple):
@@ -40,7 +40,7 @@ class Status(NamedTuple):
     damaged : One line per damaged file.
     lost : One line per work item that an error ended.
     workers_died : Number of workers that died.
-    resumable : Empty, or why this version of the tool cannot resume it.
+    resumable : Reason why this version of the tool cannot resume the campaign; empty if it can.
     """
 
     folder: str
@@ -57,7 +57,7 @@ class Status(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The same for people; the first line is the answer."""
+        """The progress as text for printing; the first line is the summary."""
         what = {
             "running": f"running, {self.holder}",
             "unfinished": self.resumable or "unfinished; the same command resumes",
@@ -73,9 +73,9 @@ class Status(NamedTuple):
 
 
 def status(folder: Path) -> Status:
-    """Return where the campaign of a folder of results stands; InputError where there is none.
+    """Return the progress of a campaign; InputError if the folder has no results.
 
-    Every block is read and its checksum held against its content; so is every table of a finished campaign.
+    Every block of runs is read and its checksum verified, and so is every table of a finished campaign.
     """
     path = folder / MANIFEST
     refuse_irregular(folder)
@@ -86,12 +86,12 @@ def status(folder: Path) -> Status:
         raise InputError(f"{folder}: is a kept base, which has no blocks; give a folder of results")
     who, damaged = holder(folder), list[str]()
     is_finished = "finished" in manifest and not who
-    flown = _flown(folder) if is_finished else {}
-    asked = manifest.get("asked_runs_of", {}) | {case: count for case, (count, _) in flown.items()}
+    finished = _finished_runs(folder) if is_finished else {}
+    asked = manifest.get("asked_runs_of", {}) | {case: count for case, (count, _) in finished.items()}
     is_merged = is_finished and bool(manifest.get("blocks_removed"))
     cases = tuple(
-        CaseStatus(case, label, flown[case][0], *flown[case])
-        if is_merged and case in flown
+        CaseStatus(case, label, finished[case][0], *finished[case])
+        if is_merged and case in finished
         else _case(folder, manifest, case, label, asked.get(case, manifest.get("asked_runs", 0)), damaged)
         for case, label in manifest.get("asked_cases", {}).items()
     )
@@ -111,8 +111,9 @@ def status(folder: Path) -> Status:
 def _case(
     folder: Path, manifest: Mapping[str, Any], case: str, label: str, asked: int, damaged: list[str]
 ) -> CaseStatus:
-    """Count the blocks that the campaign goes on with: not the incomplete last one of an earlier one of fewer runs,
-    nor what was flown ahead of a decision.
+    """Count the runs in the blocks that a resumed campaign uses.
+
+    Not counted are an incomplete last block of an earlier campaign with fewer runs, and runs beyond a decision.
     """
     stored = failed = 0
     block, identity = manifest.get("asked_block", 1), identity_of(manifest, case)
@@ -132,9 +133,10 @@ def _case(
     return CaseStatus(case, label, asked, stored, failed)
 
 
-def _flown(folder: Path) -> Mapping[str, tuple[int, int]]:
-    """Return the runs of each case of a finished campaign, and how many of them failed: fewer than asked for where its
-    verdict came earlier.
+def _finished_runs(folder: Path) -> Mapping[str, tuple[int, int]]:
+    """Return the number of runs and of failed runs of each case of a finished campaign, by digest.
+
+    A case that was decided early has fewer runs than required.
     """
     try:
         cases = read_table(folder / "cases.parquet")

@@ -1,4 +1,4 @@
-"""Sequential stopping of a case: once every requirement is decided, by its runs in order and nothing else."""
+"""Sequential stopping: a case ends once its runs, taken in order, decide every requirement."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -10,15 +10,16 @@ from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.metrics.basics.case import number_in
 from lvnav_trade.metrics.registry import metric_of
 
-# Runs of a block beyond each requirement's bound; None where the case does not hold its metric
+# Number of runs of a block that violate each requirement; None if the case does not have the metric
 Counts = tuple[int | None, ...]
 
 
 class Stopping:
-    """Follows the blocks of every case and says which are still wanted: all of them, unless a campaign may end early.
+    """Decides which blocks of runs are still needed: all of them, unless the campaign may stop early.
 
-    A look is taken after each block, in the order of the runs and however the blocks came in, so that the number of
-    workers, or a campaign that was interrupted, changes nothing: blocks flown ahead of a decision are not counted.
+    The requirements are tested after each block in the order of the runs, not in the order in which blocks arrive. So
+    neither the number of workers nor an interruption changes the result. Blocks computed beyond the decision are not
+    counted.
     """
 
     def __init__(self, campaign: Campaign) -> None:
@@ -32,7 +33,7 @@ class Stopping:
             self._runs = {case.id: card.runs_of(case.axes) for case in cases(campaign)}
 
     def note(self, case: str, first_run: int, n_run: int, counts: Counts) -> None:
-        """Take in the runs of a block beyond each bound; a block that is not whole is not looked at."""
+        """Record the violating runs of a block; an incomplete block is ignored."""
         if self.is_early and n_run == self.block and case not in self._runs:
             self._counts.setdefault(case, {})[first_run] = counts
             if (decided := self._decided(case)) is not None:
@@ -43,26 +44,30 @@ class Stopping:
         return first_run < self.runs(case)
 
     def runs(self, case: str) -> int:
-        """Return after how many runs a case ends, as far as is known."""
+        """Return the number of runs after which a case ends, as far as it is decided yet."""
         return self._runs.get(case, self.most)
 
     def _decided(self, case: str) -> int | None:
-        """Return after how many runs all requirements are decided; None while one is not."""
-        known = self._counts[case]
-        ordered = [known[first] for first in itertools.takewhile(known.__contains__, itertools.count(step=self.block))]
-        found = [_decided(k, requirement, ordered, self.block) for k, requirement in enumerate(self.requirements)]
-        runs = [one for one in found if one is not None]
-        return min(max(runs), self.most) if runs and len(runs) == len(found) else None
+        """Return the number of runs after which all requirements are decided; None if one is still undecided."""
+        counts = self._counts[case]
+        # only blocks without a gap before them count
+        ordered = [
+            counts[first] for first in itertools.takewhile(counts.__contains__, itertools.count(step=self.block))
+        ]
+        ends = [_decided(k, requirement, ordered, self.block) for k, requirement in enumerate(self.requirements)]
+        decided = [runs for runs in ends if runs is not None]
+        return min(max(decided), self.most) if decided and len(decided) == len(ends) else None
 
 
 def _decided(k: int, requirement: Requirement, blocks: Sequence[Counts], block: int) -> int | None:
+    """Return the number of runs after which requirement `k` is decided; None if it is undecided or has no metric."""
     from lvnav_trade.metrics.requirements.requirements import decide
 
     beyond = [counts[k] for counts in blocks]
-    known = [count for count in beyond if count is not None]
-    if len(known) < len(beyond):
+    violating = [count for count in beyond if count is not None]
+    if len(violating) < len(beyond):
         return None
-    counts = list(itertools.accumulate(known))
+    counts = list(itertools.accumulate(violating))
     verdict, runs = decide(counts, requirement.probability, requirement.confidence, block)
     return None if verdict == "undecided" else runs
 
@@ -70,11 +75,11 @@ def _decided(k: int, requirement: Requirement, blocks: Sequence[Counts], block: 
 def beyond(
     requirements: Sequence[Mapping[str, Any]], case: str, prepared: Any, covariance: Any, summary: Any
 ) -> Counts:
-    """Return how many runs of a block are beyond each requirement's bound, as the verdicts will count them."""
+    """Return the number of runs of a block that violate each requirement, counted as the verdicts count them."""
     results = CaseArrays(prepared, covariance, summary)
     return tuple(_beyond(results, requirement) for requirement in requirements)
 
 
 def _beyond(results: CaseArrays, requirement: Mapping[str, Any]) -> int | None:
-    found = metric_of(str(requirement["metric"])).errors(results, requirement)
-    return None if found is None else int((found.size >= number_in(requirement["below"], found.unit)).sum())
+    errors = metric_of(str(requirement["metric"])).errors(results, requirement)
+    return None if errors is None else int((errors.size >= number_in(requirement["below"], errors.unit)).sum())

@@ -1,4 +1,4 @@
-"""A case without runs, computed as one work item; only what a resumed campaign reads is written to disk."""
+"""A case without runs as one work item; only files that a resumed campaign reads are written to disk."""
 
 from typing import NamedTuple
 
@@ -8,28 +8,29 @@ from lvnav_trade.store import scratch
 
 
 class Finished(NamedTuple):
-    """The answer of a case whose tables are written, and their names and sizes (bytes)."""
+    """Record of a finished case."""
 
-    answer: work.Answer
-    tables: tuple[tuple[str, int], ...]
+    answer: work.Answer  # result of linear covariance
+    tables: tuple[tuple[str, int], ...]  # names and sizes (bytes) of its tables
 
 
 def whole(job: work.Job, case: Case) -> work.Answer:
-    """Answer a case without runs, with diagnostics and tables; what fails of these is reported by their stage.
+    """Compute linear covariance, diagnostics and tables of a case without runs.
 
-    A case that is finished, with the tables that it left, is not done again.
+    A finished case whose tables are unchanged is not computed again. If the diagnostics or the tables fail, the case is
+    left to the stages of a campaign with runs, which repeat the failure and report it.
     """
     file, identity = work.explained_file(job, case)
     file = file.with_suffix(".whole")
     if scratch.is_sound(file, Finished, identity):
-        before: Finished = scratch.read(file, Finished, identity)
-        if before.tables == job.results.sizes(case.id):
-            return before.answer
-    found = work.answer(job, case, scratch.hold)
-    if found.error or found.mistakes:
-        return found
-    if work.explain(job, case, scratch.hold).error or work.close(job, case, 0).error:
-        return work.answer(job, case)  # on disk, for the stage that reports it
-    found = found._replace(is_whole=True)
-    scratch.write(file, Finished(found, job.results.sizes(case.id)), identity)
-    return found
+        earlier: Finished = scratch.read(file, Finished, identity)
+        if earlier.tables == job.results.sizes(case.id):
+            return earlier.answer
+    answer = work.answer(job, case, scratch.cache)
+    if answer.error or answer.mistakes:
+        return answer
+    if work.explain(job, case, scratch.cache).error or work.close(job, case, 0).error:
+        return work.answer(job, case)  # again on disk, for the stage that reports the failure
+    answer = answer._replace(is_whole=True)
+    scratch.write(file, Finished(answer, job.results.sizes(case.id)), identity)
+    return answer

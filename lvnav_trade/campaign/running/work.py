@@ -1,4 +1,4 @@
-"""Work items, each done by one worker: linear covariance of a case, a block of runs, a case's tables."""
+"""Work items of a campaign, each computed by one worker: linear covariance of a case, a block of runs, tables."""
 
 import gc
 import hashlib
@@ -43,12 +43,12 @@ from lvnav_trade.world.sky.satellites import satellites
 from lvnav_trade.world.truth import Remark
 from lvnav_trade.world.user_file.error_table import refuse_short
 
-Leave = Callable[[Path, Any, str], None]  # see `scratch.leave`, `scratch.hold`
+Save = Callable[[Path, Any, str], None]  # `scratch.save` or `scratch.cache`
 WHY = {1: "is not finite", 2: "diverged"}
 
 
 class Engine(NamedTuple):
-    """Functions that compute; tests replace them."""
+    """Functions that compute the work items; tests replace them."""
 
     events: Callable[[Scenario], dict[str, float]]  # (scenario): event names and times (s)
     prepare: Callable[[Scenario, float], Any]  # (scenario, history step)
@@ -65,14 +65,14 @@ class Engine(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """Times (s) of a flight's events, and what is to be said of it."""
+    """Events and remarks of a trajectory."""
 
-    events: dict[str, float]
-    remarks: tuple[Remark, ...] = ()
+    events: dict[str, float]  # times (s) by name
+    remarks: tuple[Remark, ...] = ()  # notes for the user, such as a quantity outside validated limits
 
 
 def _events(scenario: Scenario) -> dict[str, float]:
-    """Return the event times of a flight; InputError where it, the satellites or a recording cannot be."""
+    """Return the event times (s) of a trajectory; InputError if it, the satellites or a recorded table is invalid."""
     with _about("base.trajectory"):
         flight = trajectory_of(scenario)
     with _about("base.constellation"):
@@ -85,14 +85,14 @@ def _events(scenario: Scenario) -> dict[str, float]:
 
 
 def _remarks(scenario: Scenario) -> tuple[Remark, ...]:
-    """Return the remarks on a flight that `_events` has accepted, with the name of its trajectory."""
+    """Return the remarks on a trajectory that `_events` has accepted, each with the name of the trajectory."""
     name = scenario.trajectory.name
-    return tuple(one._replace(text=f"{name}: {one.text}") for one in trajectory_of(scenario).remarks)
+    return tuple(remark._replace(text=f"{name}: {remark.text}") for remark in trajectory_of(scenario).remarks)
 
 
 @contextmanager
 def _about(path: str) -> Iterator[None]:
-    """Let a mistake that is found within say which field it is about."""
+    """Add the path of a field to input errors raised within the block."""
     try:
         yield
     except InputError as error:
@@ -100,7 +100,7 @@ def _about(path: str) -> Iterator[None]:
 
 
 def _compile_kernels(prepared: Prepared, asked: Asked) -> None:
-    if asked.adjoint:  # first: another worker wants it after the forward pass, the flight later
+    if asked.adjoint:  # first: another worker needs it right after the forward pass, the runs begin later
         lincov.compile_backward(prepared)
     montecarlo.compile_kernels(prepared)
 
@@ -122,77 +122,71 @@ ENGINE = Engine(
 
 
 class Job(NamedTuple):
-    """What all work items of a campaign share. asked: what linear covariance leaves of each case; requirements: the
-    requirements that decide when it stops.
-    """
+    """Data that all work items of a campaign have in common."""
 
     engine: Engine
-    results: Any
-    seed: int
-    history: float
-    asked: Asked
-    scratch: Path
-    requirements: tuple[dict[str, Any], ...] = ()
+    results: Any  # writer of the results
+    seed: int  # of all random draws
+    history: float  # step of the stored histories, s
+    asked: Asked  # results required of linear covariance
+    scratch: Path  # folder of scratch files
+    requirements: tuple[dict[str, Any], ...] = ()  # requirements that decide when the runs of a case stop
 
 
 def job_of(campaign: Campaign, engine: Engine, folder: Path) -> Job:
-    """Return the job of a campaign, without results yet; requirements: those of a campaign that stops by them."""
+    """Return the job of a campaign, without results; it has the requirements only if they decide when runs stop."""
     is_early = campaign.monte_carlo is not None and campaign.monte_carlo.stop is not None
-    tested = tuple(one.model_dump(mode="json") for one in campaign.requirements if is_early)
+    tested = tuple(requirement.model_dump(mode="json") for requirement in campaign.requirements if is_early)
     return Job(engine, None, campaign.seed, campaign.keep.history, asked_of(campaign), folder / scratch.FOLDER, tested)
 
 
 def asked_of(campaign: Campaign) -> Asked:
-    """Return what a campaign asks of linear covariance."""
+    """Return the results that a campaign requires of linear covariance."""
     card = campaign.covariance
     events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
     protection = None if card.protection is None else Protecting(**card.protection.model_dump())
-    given = card.model_dump() | {"at": card.at or "", "window": card.window or 0.0, "protection": protection}
-    return Asked(events=events, seed=campaign.seed, allan=campaign.keep.allan or 0.0, **given)
+    settings = card.model_dump() | {"at": card.at or "", "window": card.window or 0.0, "protection": protection}
+    return Asked(events=events, seed=campaign.seed, allan=campaign.keep.allan or 0.0, **settings)
 
 
 class Answer(NamedTuple):
-    """Linear covariance's answer for a case at an event: norms of the true error (root mean square, so with its mean)
-    and of what the filter assumes (one sigma); or why there is none.
-    """
+    """Result of linear covariance for a case at one event: RMS of the true error (with its mean) and formal sigma."""
 
-    case: str
-    event: str
+    case: str  # digest
+    event: str  # name of the event
     rows: tuple[tuple[str, float, float, str], ...] = ()  # quantity, true, formal, unit
-    error: str = ""
-    mistakes: tuple[Mistake, ...] = ()  # of the user's, that show only when the case is put together
-    used: effect.Used | None = None  # what of the scenario has an effect; None where that is not known
-    is_whole: bool = False  # diagnostics and tables of the case are done too
+    error: str = ""  # reason why there is no result
+    mistakes: tuple[Mistake, ...] = ()  # input errors that appear only when the case is prepared
+    used: effect.Used | None = None  # settings of the scenario that have an effect; None if not determined
+    is_whole: bool = False  # whether diagnostics and tables of the case are finished too
 
 
 class Done(NamedTuple):
-    """A work item that is done: failed runs as (run, why), or the error that lost the whole item; the runs beyond
-    each requirement where they decide when a case stops.
-    """
+    """Outcome of a work item."""
 
-    case: str
+    case: str  # digest
     first_run: int
     n_run: int
-    failures: tuple[tuple[int, str], ...] = ()
-    error: str = ""
-    beyond: stopping.Counts = ()
+    failures: tuple[tuple[int, str], ...] = ()  # failed runs: number and reason
+    error: str = ""  # error that lost the whole item
+    beyond: stopping.Counts = ()  # runs that violate each requirement, if these decide when a case stops
 
 
 def flown(engine: Engine, case: Case) -> Flown | InputError:
-    """Return events and remarks of a case's trajectory, or why it cannot be flown."""
+    """Return events and remarks of a case's trajectory, or the input error that makes it invalid."""
     try:
         return Flown(engine.events(case.scenario), engine.remarks(case.scenario))
     except InputError as error:
         return error
 
 
-def answer(job: Job, case: Case, leave: Leave = scratch.leave) -> Answer:
-    """Compute a case's linear covariance and leave it for those that need it: on the scratch disk for all workers."""
+def answer(job: Job, case: Case, save: Save = scratch.save) -> Answer:
+    """Compute a case's linear covariance and save it: by default to a scratch file that all workers can read."""
     try:
         prepared, used = _whole(job, case)
         file, identity = _scratch_file(job, case), _identity(job, case)
         if not scratch.is_sound(file, CovHistory, identity):
-            leave(file, job.engine.covariance(prepared), identity)
+            save(file, job.engine.covariance(prepared), identity)
         return _answer(case, prepared, _covariance(job, case))._replace(used=used)
     except InputError as error:
         return Answer(case.id, "", mistakes=error.records)
@@ -201,7 +195,7 @@ def answer(job: Job, case: Case, leave: Leave = scratch.leave) -> Answer:
 
 
 def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | None) -> Answer | None:
-    """Answer a case, or do `ahead` of its stage, which reports a failure, and return None: workers compile together."""
+    """Return the result of a case, or None after `ahead`, such as compiling; the case's own stage reports failures."""
     if ahead is None:
         return answer(job, case)
     try:
@@ -212,29 +206,29 @@ def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | No
 
 
 def compile_kernels(job: Job, case: Case) -> None:
-    """Compile the backward pass of a case and what will fly it."""
+    """Compile the kernels of a case's backward pass and of its runs."""
     job.engine.compile_kernels(prepared_of(job, case), job.asked)
 
 
 def compile_sums(_job: Job, _case: Case) -> None:
-    """Compile what adds up blocks of runs."""
+    """Compile the statistics of blocks of runs."""
     statistics.compile_kernels()
 
 
-def explain(job: Job, case: Case, leave: Leave = scratch.leave) -> Done:
-    """Compute and store the diagnostics of a case's linear covariance, as `answer` does."""
+def explain(job: Job, case: Case, save: Save = scratch.save) -> Done:
+    """Compute the diagnostics of a case's linear covariance and save them, as `answer` saves its result."""
     try:
         file, identity = explained_file(job, case)
         if not scratch.is_sound(file, explained.Explanation, identity):
             covariance, prepared = _covariance(job, case), prepared_of(job, case)
-            leave(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
+            save(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
         return Done(case.id, 0, 0)
     except Exception as error:
         return Done(case.id, 0, 0, error=message_of(error))
 
 
 def fly(job: Job, block: Block) -> Done:
-    """Fly a block of runs and store its statistics."""
+    """Simulate a block of runs and store its statistics."""
     what = (block.case.id, block.first_run, block.n_run)
     try:
         prepared, covariance = prepared_of(job, block.case), _covariance(job, block.case)
@@ -252,7 +246,7 @@ def fly(job: Job, block: Block) -> Done:
 
 
 def tally(job: Job, case: Case) -> list[Done]:
-    """Hold the blocks that are stored of a case against the requirements, one at a time."""
+    """Count the runs beyond each requirement in the stored blocks of a case, one block in memory at a time."""
     of_case = (job.requirements, case.id, prepared_of(job, case), _covariance(job, case))
     return [
         Done(case.id, part.first_run, part.n_run, beyond=job.engine.beyond(*of_case, part))
@@ -270,11 +264,11 @@ def close(job: Job, case: Case, runs: int) -> Done:
             )
         parts = job.results.parts(case.id, runs) if runs else None
         file, identity = explained_file(job, case)
-        behind = scratch.left(file, explained.Explanation, identity) if scratch.is_left(file, identity) else None
-        covariance = with_nominal_alarms(covariance, prepared, None if behind is None else behind.protected)
+        diagnostics = scratch.load(file, explained.Explanation, identity) if scratch.exists(file, identity) else None
+        covariance = with_nominal_alarms(covariance, prepared, None if diagnostics is None else diagnostics.protected)
         draws = job.engine.starts(prepared, job.seed, runs) if runs else None
         control = job.engine.control(case.scenario, job.seed, runs) if runs else None
-        job.results.write_case(case, prepared, covariance, parts, behind, draws, control)
+        job.results.write_case(case, prepared, covariance, parts, diagnostics, draws, control)
         return Done(case.id, 0, runs)
     except Exception as error:
         return Done(case.id, 0, runs, error=message_of(error))
@@ -284,12 +278,12 @@ _kept: dict[tuple[Any, str, float], tuple[Any, effect.Used | None]] = {}
 
 
 def prepared_of(job: Job, case: Case) -> Any:
-    """Return a case made ready for the engines."""
+    """Return a case prepared for the engines."""
     return _whole(job, case)[0]
 
 
 def _whole(job: Job, case: Case) -> tuple[Any, effect.Used | None]:
-    """Return the prepared case and what has an effect on it; a worker keeps the last two: blocks come case by case."""
+    """Return the prepared case and its effective settings; the last two cases are cached, as blocks come in order."""
     if (key := (job.engine.prepare, case.id, job.history)) not in _kept:
         while len(_kept) >= 2:
             del _kept[next(iter(_kept))]
@@ -298,7 +292,7 @@ def _whole(job: Job, case: Case) -> tuple[Any, effect.Used | None]:
 
 
 def prepared_with(engine: Engine, case: Case, history: float) -> tuple[Any, effect.Used | None]:
-    """Return a case made ready, with the step (s) of its history, and what of its scenario has an effect on it."""
+    """Return a prepared case and the settings with an effect on it; `history` is the step of its history (s)."""
     reads = Reads(case.scenario)
     prepared = engine.prepare(reads.card, history)
     return prepared, engine.used(prepared, frozenset(reads.paths))
@@ -314,20 +308,20 @@ def _scratch_file(job: Job, case: Case) -> Path:
 
 
 def explained_file(job: Job, case: Case) -> tuple[Path, str]:
-    """Return where a case's explanation is left (another question, another file), and its identity."""
-    asked = repr((job.asked, job.history))
-    question = hashlib.sha256(asked.encode()).hexdigest()[:8]
-    return job.scratch / f"{case.id}.{question}.explained", _identity(job, case, asked)
+    """Return the scratch file of a case's diagnostics and its identity; other required results have another file."""
+    required = repr((job.asked, job.history))
+    digest = hashlib.sha256(required.encode()).hexdigest()[:8]
+    return job.scratch / f"{case.id}.{digest}.explained", _identity(job, case, required)
 
 
-def _identity(job: Job, case: Case, question: str = "") -> str:
-    """Return what a scratch file is computed from: campaign, case, code, time step of the history, what was asked."""
-    return f"{job.results.identity_of_case(case.id)} history={job.history!r} {question}"
+def _identity(job: Job, case: Case, required: str = "") -> str:
+    """Return the origin of a scratch file: campaign, case, code, step of the history, required results."""
+    return f"{job.results.identity_of_case(case.id)} history={job.history!r} {required}"
 
 
 def _covariance(job: Job, case: Case) -> CovHistory:
-    found: CovHistory = scratch.left(_scratch_file(job, case), CovHistory, _identity(job, case))
-    return found
+    history: CovHistory = scratch.load(_scratch_file(job, case), CovHistory, _identity(job, case))
+    return history
 
 
 def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:
@@ -343,7 +337,7 @@ def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:
 
 
 def navigation(outputs: Sequence[Output]) -> Iterator[tuple[Output, list[int]]]:
-    """Yield for position, velocity and attitude the first of their outputs, and where all of them stand."""
+    """Yield for position, velocity and attitude the first of their outputs, and the indices of all of them."""
     for quantity in ("position", "velocity", "attitude"):
         index = [i for i, output in enumerate(outputs) if output.quantity == quantity]
         if index:
@@ -368,19 +362,20 @@ def message_of(error: Exception) -> str:
     return f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else 'no message'}"
 
 
-_begun = itertools.count()  # work items that this process has begun
+_begun = itertools.count()  # number of work items that this process has begun
 
 
 def begin_worker() -> None:
-    """Let a worker process leave Ctrl-C to its parent, which ends the work in order, and end where that was killed.
+    """Prepare a worker process for its next work item.
 
-    What it has loaded (200,000 objects, most of them numba's) is no longer searched for garbage once a second, which
-    took a tenth of the time. Loading goes on in the first units, so this is repeated, more and more seldom.
+    It ignores Ctrl-C, which the parent handles, and ends when the parent is killed. Loaded objects (200,000, most of
+    them of numba) are excluded from garbage collection, which took a tenth of the time. The first work items still
+    load objects, so the exclusion is repeated at increasing intervals.
     """
     parent = multiprocessing.parent_process()
     if parent is not None and parent.pid is not None:
-        if threading.current_thread() is threading.main_thread():  # a cluster's workers work in others
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to all
+        if threading.current_thread() is threading.main_thread():  # Dask workers run work items in other threads
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends the signal to all processes
         _follow(parent.pid)
         begun = next(_begun)
         if begun & (begun - 1) == 0:  # 0, 1, 2, 4, 8, ...
@@ -390,7 +385,7 @@ def begin_worker() -> None:
 
 @lru_cache(maxsize=1)
 def _follow(parent: int) -> None:
-    """Let this process end when its parent was killed: it would go on for minutes, and write beside a new campaign."""
+    """End this process when its parent is killed: otherwise it would go on and interfere with the next campaign."""
 
     def wait() -> None:
         while os.getppid() == parent:

@@ -1,4 +1,16 @@
-"""Global sensitivity of an error to the sigmas of its sources: frozen in closed form, re-tuned by a fit."""
+"""Global sensitivity of an error to the sigmas of its sources: closed form (frozen filter) and fit (re-tuned).
+
+The sigma of source k is multiplied by f_k, with log f_k uniform between -log F and log F.
+
+Frozen filter: the mean square is c + sum_k s_k f_k^2, with the variances s_k of the error budget. First-order and
+total index are therefore equal, s_k^2 / sum_j s_j^2.
+
+Re-tuned filter: the logarithm of the mean square is computed by linear covariance at `samples` Sobol points, where
+`matched` filter models follow the sigmas, and fitted by Legendre polynomials. The indices are those of the fit
+(`fitted_indices`). The half-widths are the 95 % intervals over fits to `RESAMPLED` bootstrap samples.
+
+local: derivative of the logarithm of the RMS error by the logarithm of sigma, with frozen gains: s_k / total.
+"""
 
 import time
 from typing import NamedTuple
@@ -37,29 +49,39 @@ RESAMPLED = 100
 
 
 class Indexed(NamedTuple):
-    """Indices of the largest sources (`COLUMNS`), the case and error that they are of, the part of the mean square
-    that these sources make, how well the fit predicts left-out designs (1: exactly), designs, seconds, and a remark
-    where linear covariance does not describe the case.
-    """
+    """Sensitivity indices of an error."""
 
-    indices: pd.DataFrame
-    case: str
-    error: str
-    covered: float
-    predicted: float
-    samples: int
-    seconds: float
-    remark: str = ""
+    indices: pd.DataFrame  # indices of the largest sources, columns `COLUMNS`
+    case: str  # label of the case
+    error: str  # metric and event
+    covered: float  # share of these sources in the mean square of the error
+    predicted: float  # coefficient of determination of the fit for designs excluded from it; 1 for an exact fit
+    samples: int  # number of designs
+    seconds: float  # wall time, s
+    remark: str = ""  # reason why linear covariance does not describe the case; empty if it does
 
 
 def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
-    """Return the sensitivity indices of the mean square of a requirement's error in the first case of a campaign.
+    """Return the sensitivity indices of the mean square of a requirement's error in the first case; see the module.
 
-    The sigma of each source is times f, log f even between -log F and log F. Frozen: the mean square is c + sum s_k
-    f_k^2 (s_k by the budget), so first-order and total index are both s_k^2 / sum s_j^2. Re-tuned: linear covariance of
-    `samples` designs (Sobol's points), in each of which a `matched` filter follows; the logarithm of the mean square is
-    fitted by Legendre polynomials, and indices are those of the fit (`fitted_indices`), half-widths the 95 % of fits to
-    `RESAMPLED` draws from the designs. local: derivative of log RMS by log sigma, gains frozen.
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    asked : Indices
+        Requirement, number of sources, range of their sigmas, number of samples.
+    jobs : int
+        Worker processes.
+
+    Returns
+    -------
+    Indexed
+        Indices and quality of the fit.
+
+    Raises
+    ------
+    InputError
+        There is no such requirement, linear covariance does not give its error, or there are too few samples.
     """
     begun = time.monotonic()
     requirement = _requirement(campaign, asked.requirement)
@@ -75,13 +97,13 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
     if asked.samples < 2 * (terms := len(basis(d))):
         raise InputError(f"indices.samples: {asked.samples} are too few for {terms} polynomials; give {2 * terms}")
     u = 2.0 * points("sobol", d, 1 << (asked.samples - 1).bit_length(), campaign.seed)[: asked.samples] - 1.0
-    units = [(case.scenario, sources, asked.factor**one, float(history.t[at]), columns) for one in u]
-    value = np.array(list(each(jobs, mean_square, units, ordered=True)))
+    items = [(case.scenario, sources, asked.factor**sample, float(history.t[at]), columns) for sample in u]
+    value = np.array(list(each(jobs, mean_square, items, ordered=True)))
     rng = np.random.default_rng(campaign.seed)
     picks = [np.arange(len(u)), *rng.integers(0, len(u), (RESAMPLED, len(u)))]
-    found = fitted_indices(np.array([fitted(u[pick], value[pick]) for pick in picks]), d)
-    first, whole = found[:, 0]
-    widths = 0.5 * np.ptp(np.quantile(found[:, 1:], (0.025, 0.975), axis=1), axis=0)
+    by_fit = fitted_indices(np.array([fitted(u[pick], value[pick]) for pick in picks]), d)
+    first, whole = by_fit[:, 0]  # of all designs; the others are of bootstrap samples
+    widths = 0.5 * np.ptp(np.quantile(by_fit[:, 1:], (0.025, 0.975), axis=1), axis=0)
     frozen = s**2 / np.sum(s**2)
     rows = zip(sources, s / total, s / total, frozen, frozen, first, widths[0], whole, widths[1], strict=True)
     return Indexed(
@@ -92,26 +114,26 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
         predicted(u, value),
         asked.samples,
         time.monotonic() - begun,
-        not_described(one.outside for one in look(campaign, case.scenario, [requirement.name]).values()),
+        not_described(result.outside for result in look(campaign, case.scenario, [requirement.name]).values()),
     )
 
 
 def _requirement(campaign: Campaign, name: str) -> Requirement:
-    found = [one for one in campaign.requirements if not name or one.name == name]
-    if not found or found[0].during is not None or not isinstance(metric_of(found[0].metric), StateError):
+    named = [requirement for requirement in campaign.requirements if not name or requirement.name == name]
+    if not named or named[0].during is not None or not isinstance(metric_of(named[0].metric), StateError):
         raise InputError(
             f"indices.requirement: no requirement {quoted(name)} on an error of the navigation at an event"
         )
-    return found[0]
+    return named[0]
 
 
 def _place(prepared: Prepared, history: CovHistory, asked: Requirement, case: Case) -> tuple[int, list[int]]:
-    """Return the history time and the columns of a requirement's error."""
+    """Return the index in the history of a requirement's event, and the columns of its error."""
     metric, events = metric_of(asked.metric), flown_events(prepared)
     columns = [
         k
-        for k, one in enumerate(prepared.outputs)
-        if isinstance(metric, StateError) and one.quantity == metric.quantity and metric.axis in (NORM, one.axis)
+        for k, output in enumerate(prepared.outputs)
+        if isinstance(metric, StateError) and output.quantity == metric.quantity and metric.axis in (NORM, output.axis)
     ]
     if asked.at not in events or not columns:
         raise InputError(f"{case.label}: linear covariance does not hold {asked.metric} at {asked.at}")
@@ -123,7 +145,26 @@ def _is_scaled(scenario: Scenario, source: str) -> bool:
 
 
 def mean_square(scenario: Scenario, sources: list[str], factors: Floats, t: float, columns: list[int]) -> float:
-    """Return the true mean square of an error at a time, with the sigma of each source times a factor."""
+    """Return the true mean square of an error at a time, with the sigmas of its sources scaled.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario; `matched` filter models follow the scaled sigmas.
+    sources : list of str
+        Names of the error sources.
+    factors : (n_source,) array
+        Factor of each sigma.
+    t : float
+        Time (s).
+    columns : list of int
+        Outputs whose mean squares are added.
+
+    Returns
+    -------
+    float
+        Mean square (SI).
+    """
     for source, factor in zip(sources, factors, strict=True):
         scenario = scaled(scenario, source, float(factor))
     history = covariance(prepare(scenario, HISTORY))

@@ -1,4 +1,4 @@
-"""Discrete search: the case of a campaign that meets the requirements with the smallest total, such as mass."""
+"""Search for the case of a campaign that meets the requirements with the smallest total, such as mass."""
 
 import time
 from typing import Any, NamedTuple
@@ -19,28 +19,47 @@ CONFIRMED = ["case", "requirement", "runs", "beyond", "expected", "verdict", "ag
 
 
 class Chosen(NamedTuple):
-    """Tables of the cases (`COLUMNS`, smallest total first) and of runs (`CONFIRMED`), the total, seconds."""
+    """Result of the search."""
 
-    answers: pd.DataFrame
-    confirmed: pd.DataFrame
-    least: str
-    seconds: float
+    answers: pd.DataFrame  # table of the cases, columns `COLUMNS`, smallest total first
+    confirmed: pd.DataFrame  # confirmation by runs, columns `CONFIRMED`
+    least: str  # column of the minimised total
+    seconds: float  # wall time, s
 
 
 def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> Chosen:
-    """Return which case meets the requirements by linear covariance with the least of a total; with `monte_carlo`, runs
-    of that case and of the next smaller one, which does not suffice.
+    """Return the case that meets the requirements, by linear covariance, with the smallest total.
 
-    InputError where a requirement is unknown, or a case states no such total.
+    If the campaign has Monte Carlo, runs check this case, and the case with the next smaller total, which does not meet
+    the requirements.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    asked : Solve
+        Definition of the problem.
+    jobs : int
+        Worker processes.
+
+    Returns
+    -------
+    Chosen
+        Tables of the cases and of the confirmation.
+
+    Raises
+    ------
+    InputError
+        A requirement is unknown, or the devices of a case do not give the total.
     """
     begun = time.monotonic()
     check_names(campaign, asked.meet)
-    column, found = PREFERRED[str(asked.least)], cases(campaign)
-    totals = [total_of(case.scenario.model_dump(mode="json")) for case in found]
-    for case, total in zip(found, totals, strict=True):
+    column, all_cases = PREFERRED[str(asked.least)], cases(campaign)
+    totals = [total_of(case.scenario.model_dump(mode="json")) for case in all_cases]
+    for case, total in zip(all_cases, totals, strict=True):
         if not np.isfinite(total.get(column, np.nan)):
             raise InputError(f"solve.least: {asked.least}: no device of the case {case.label} states it (resources)")
-    looks = list(each(jobs, _ratio, [(campaign, case, asked) for case in found], ordered=True))
+    looks = list(each(jobs, _ratio, [(campaign, case, asked) for case in all_cases], ordered=True))
     rows = [
         {
             "case": case.label,
@@ -51,14 +70,14 @@ def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> Chosen:
             "meets": ratio <= 1.0,
             "remark": why,
         }
-        for case, total, (ratio, name, why) in zip(found, totals, looks, strict=True)
+        for case, total, (ratio, name, why) in zip(all_cases, totals, looks, strict=True)
     ]
     frame = pd.DataFrame(rows, columns=COLUMNS).sort_values(column, kind="stable")
     best = frame.index[frame.meets][:1]
     frame.loc[best, "chosen"] = True
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
     smaller = frame.index[: frame.index.get_loc(best[0])][-1:] if len(best) else frame.index[:0]
-    flights = [(campaign, found[at], asked, runs) for at in [*smaller, *best] if runs]
+    flights = [(campaign, all_cases[at], asked, runs) for at in [*smaller, *best] if runs]
     confirmed = [row for rows in each(jobs, _confirm, flights, ordered=True) for row in rows]
     return Chosen(
         frame.reset_index(drop=True), pd.DataFrame(confirmed, columns=CONFIRMED), column, time.monotonic() - begun
@@ -66,14 +85,14 @@ def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> Chosen:
 
 
 def _ratio(campaign: Campaign, case: Case, asked: Solve) -> tuple[float, str, str]:
-    """Return the largest error over its limit, the requirement that has it, and a remark."""
-    found = look(campaign, case.scenario, asked.meet)
-    why = "; ".join(f"{name}: {one.why}" for name, one in found.items() if one.why)
+    """Return the largest ratio of an error to its limit, the limiting requirement, and a remark."""
+    results = look(campaign, case.scenario, asked.meet)
+    why = "; ".join(f"{name}: {result.why}" for name, result in results.items() if result.why)
     if why:
         return float("nan"), "", why
-    name = max(found, key=lambda one: found[one].ratio)
-    return found[name].ratio, name, not_described(one.outside for one in found.values())
+    name = max(results, key=lambda requirement: results[requirement].ratio)
+    return results[name].ratio, name, not_described(result.outside for result in results.values())
 
 
 def _confirm(campaign: Campaign, case: Case, asked: Solve, runs: int) -> list[tuple[Any, ...]]:
-    return [(case.label, *one) for one in confirm(campaign, case.scenario, asked.meet, runs)]
+    return [(case.label, *row) for row in confirm(campaign, case.scenario, asked.meet, runs)]

@@ -1,4 +1,4 @@
-"""One design evaluated by linear covariance: errors of its requirements over their limits; the same by runs."""
+"""Evaluation of one design: its requirements by linear covariance and by Monte Carlo runs."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
@@ -27,56 +27,69 @@ from lvnav_trade.records import CovHistory
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.units import parse
 
-HISTORY = 60.0  # s between history times, beside events, where nothing between events is asked
+HISTORY = 60.0  # s between history times if only events matter, which are history times too
 RETUNED, FROZEN = "re-tuned", "frozen"
-ALPHA = 0.01  # runs disagree with linear covariance where so many beyond the limit are less likely
+ALPHA = 0.01  # significance level of a disagreement between runs and linear covariance
 
 
 class Looked(NamedTuple):
-    """What linear covariance says of a requirement: the error that the asked fraction of flights stays below and its
-    limit (in `unit`), the probability that the limit is kept. why: why it says nothing; the numbers are NaN then.
-    outside: why it does not describe the case at every epoch; empty where it does.
-    """
+    """A requirement evaluated by linear covariance."""
 
-    estimate: float
-    limit: float
-    probability: float
-    unit: str
-    why: str = ""
-    outside: str = ""
+    estimate: float  # P-quantile of the error, P the required probability, in `unit`; NaN if not available
+    limit: float  # limit of the requirement, in `unit`; NaN if not available
+    probability: float  # probability that the error is below the limit; NaN if not available
+    unit: str  # display unit
+    why: str = ""  # reason why the numbers are not available
+    outside: str = ""  # reason why linear covariance does not describe the case at every epoch; empty if it does
 
     @property
     def ratio(self) -> float:
-        """The estimate over the limit: at most 1 where the requirement is met."""
+        """Ratio of the estimate to the limit: at most 1 if the requirement is met."""
         return self.estimate / self.limit
 
 
 def look(campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()) -> dict[str, Looked]:
-    """Return what linear covariance says of the requirements of a campaign (those named, or all) in a scenario."""
+    """Evaluate requirements in a scenario by linear covariance.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Campaign with the requirements.
+    scenario : Scenario
+        The scenario.
+    names : sequence of str
+        Names of the requirements; all if empty.
+
+    Returns
+    -------
+    dict of str to Looked
+        Result by name of the requirement.
+    """
     return looked(campaign, scenario, names)[0]
 
 
 def looked(
     campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()
 ) -> tuple[dict[str, Looked], CovHistory, int]:
-    """Return the same, the linear covariance behind it, and the degrees of freedom of its NEES."""
-    wanted = [one for one in campaign.requirements if not names or one.name in names]
-    prepared = prepare(scenario, campaign.keep.history if any(one.during for one in wanted) else HISTORY)
+    """As `look`; return also the linear covariance, and the number of estimated states (degrees of freedom of NEES)."""
+    wanted = [requirement for requirement in campaign.requirements if not names or requirement.name in names]
+    has_phase = any(requirement.during for requirement in wanted)
+    prepared = prepare(scenario, campaign.keep.history if has_phase else HISTORY)
     history = covariance(prepared)
     results = CaseArrays(prepared, history)
-    found, outside = {}, _outside(prepared, results)
-    for one in wanted:
-        law = asked_of(results, one.model_dump(mode="json"))
+    evaluated, outside = {}, _outside(prepared, results)
+    for requirement in wanted:
+        law = asked_of(results, requirement.model_dump(mode="json"))
         if isinstance(law, str):
-            found[one.name] = Looked(np.nan, np.nan, np.nan, "", law)
+            evaluated[requirement.name] = Looked(np.nan, np.nan, np.nan, "", law)
         else:
             sizes = (law.quantile(law.probability) * law.factor, law.bound * law.factor)
-            found[one.name] = Looked(*sizes, law.kept(), law.unit, outside=outside)
-    return found, history, int(prepared.layout.n_estimated)
+            evaluated[requirement.name] = Looked(*sizes, law.kept(), law.unit, outside=outside)
+    return evaluated, history, int(prepared.layout.n_estimated)
 
 
 def _outside(prepared: Prepared, results: CaseArrays) -> str:
-    """Say why linear covariance does not describe a scenario at every epoch; empty where it does."""
+    """Return the reason why linear covariance does not describe a scenario at every epoch; empty if it does."""
     history = results.covariance
     return why_outside(
         prepared.options.rules is not None, results.largest_tilt(), history.t_epoch, history.false_rejection
@@ -84,13 +97,13 @@ def _outside(prepared: Prepared, results: CaseArrays) -> str:
 
 
 def not_described(reasons: Iterable[str]) -> str:
-    """Return the remark on results that linear covariance does not describe, each reason once; empty without any."""
-    found = "; ".join(dict.fromkeys(one for one in reasons if one))
-    return f"{NOT_APPLICABLE}, confirm by runs: {found}" if found else ""
+    """Return the remark on cases that linear covariance does not describe, each reason once; empty without reasons."""
+    text = "; ".join(dict.fromkeys(reason for reason in reasons if reason))
+    return f"{NOT_APPLICABLE}, confirm by runs: {text}" if text else ""
 
 
 def changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """Return a scenario with other values at dotted paths, as a campaign states them; InputError where it cannot be."""
+    """Return a scenario with other values at dotted paths, written as in a campaign; InputError if it is not valid."""
     data = scenario.model_dump(mode="json")
     try:
         return Scenario.model_validate(
@@ -108,7 +121,7 @@ def _said(values: Mapping[str, Any]) -> str:
 
 
 def number_at(scenario: Scenario, path: str, unit: str) -> float:
-    """Return the number at a dotted path of a scenario, in a unit; NaN where there is none."""
+    """Return the number at a dotted path of a scenario, in a unit; NaN if the value is not a number."""
     value = get(scenario.model_dump(mode="json"), path.removeprefix("base.").split("."))
     if value is None or isinstance(value, bool | dict | list):
         return float("nan")
@@ -120,72 +133,87 @@ def number_at(scenario: Scenario, path: str, unit: str) -> float:
 
 
 def frozen(start: Scenario) -> FilterCard:
-    """Return the filter of a scenario with its models as numbers: what was `matched` no longer follows the truth.
+    """Return the filter of a scenario with all its models as numbers, so that `matched` models do not follow the truth.
 
-    With the same measurements and rates it has the gains of that scenario. A receiver that solves for itself still
-    reports the covariance of its solutions.
+    In a scenario with the same measurements and rates it has the gains of the given scenario. A receiver with a
+    computed navigation solution still reports the covariance of each solution.
     """
     imu, receiver, initial = filter_models(start)
     update: dict[str, Any] = {"imu": imu, "initial": initial}
     if isinstance(start.filter.receiver, str) and not solves(start):
-        known = {name: getattr(receiver, name) for name in ReceiverModel.model_fields}
-        update["receiver"] = ReceiverModel.model_construct(**known)
+        numbers = {name: getattr(receiver, name) for name in ReceiverModel.model_fields}
+        update["receiver"] = ReceiverModel.model_construct(**numbers)
     models = {card.measurement: sensor_model(start, card) for card in sensors_used(start).values()}
     update["sensor_models"] = start.filter.sensor_models.model_copy(update=models)
     return start.filter.model_copy(update=update)
 
 
 class Flown(NamedTuple):
-    """Runs beyond a requirement's limit, runs, the verdict of these, and the part that linear covariance expects."""
+    """A requirement evaluated by Monte Carlo runs."""
 
-    beyond: int
-    runs: int
-    verdict: str
-    expected: float
+    beyond: int  # number of runs beyond the limit
+    runs: int  # number of runs
+    verdict: str  # verdict of these runs
+    expected: float  # fraction of runs beyond the limit by linear covariance
 
 
 def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, Flown]:
-    """Return what runs say of the requirements in a scenario, beside linear covariance."""
+    """Evaluate all requirements of a campaign in a scenario by a number of runs; return the results by name."""
     prepared = prepare(scenario, campaign.keep.history)
     history = covariance(prepared)
-    stated = [one.model_dump(mode="json") for one in campaign.requirements]
+    requirements = [requirement.model_dump(mode="json") for requirement in campaign.requirements]
     size = campaign.monte_carlo.block if campaign.monte_carlo else 40
     events = flown_events(prepared)
-    counts = np.zeros(len(stated), dtype=int)
+    counts = np.zeros(len(requirements), dtype=int)
     for first in range(0, runs, size):
         block = work.ENGINE.run_block(prepared, campaign.seed, first, min(size, runs - first))
         summary = summarise(block, events, history.true_sigma, prepared.outputs)
-        counts += [one or 0 for one in stopping.beyond(stated, "", prepared, history, summary)]
+        counts += [count or 0 for count in stopping.beyond(requirements, "", prepared, history, summary)]
     expected = look(campaign, scenario)
     return {
-        one.name: Flown(
+        requirement.name: Flown(
             int(count),
             runs,
-            success_verdict(runs, int(count), one.probability, one.confidence),
-            1.0 - expected[one.name].probability,
+            success_verdict(runs, int(count), requirement.probability, requirement.confidence),
+            1.0 - expected[requirement.name].probability,
         )
-        for one, count in zip(campaign.requirements, counts, strict=True)
+        for requirement, count in zip(campaign.requirements, counts, strict=True)
     }
 
 
 def confirm(
     campaign: Campaign, scenario: Scenario, names: Sequence[str], runs: int
 ) -> list[tuple[str, int, int, float, str, bool]]:
-    """Return for each requirement (of these names, or all) its name, runs, runs beyond its limit, the part that linear
-    covariance expects beyond, the verdict of the runs, and whether they agree with linear covariance: unless as many
-    beyond the limit, or as few, have a chance of less than `ALPHA`.
+    """Compare runs with linear covariance, requirement by requirement.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Campaign with the requirements.
+    scenario : Scenario
+        The scenario.
+    names : sequence of str
+        Names of the requirements; all if empty.
+    runs : int
+        Number of runs.
+
+    Returns
+    -------
+    list of tuple
+        Name, runs, runs beyond the limit, fraction beyond it by linear covariance, verdict of the runs, and whether
+        they agree: by a binomial test with the significance level `ALPHA`.
     """
-    found = []
-    for name, one in fly(campaign, scenario, runs).items():
+    rows = []
+    for name, result in fly(campaign, scenario, runs).items():
         if not names or name in names:
-            chance = float(stats.binomtest(one.beyond, one.runs, min(1.0, max(0.0, one.expected))).pvalue)
-            found.append((name, one.runs, one.beyond, one.expected, one.verdict, chance >= ALPHA))
-    return found
+            p_value = float(stats.binomtest(result.beyond, result.runs, min(1.0, max(0.0, result.expected))).pvalue)
+            rows.append((name, result.runs, result.beyond, result.expected, result.verdict, p_value >= ALPHA))
+    return rows
 
 
 def check_names(campaign: Campaign, names: Sequence[str]) -> None:
-    """InputError where a campaign states no requirement, or none of a name."""
-    known = [one.name for one in campaign.requirements]
+    """Raise an InputError if a campaign has no requirement, or none with one of the names."""
+    known = [requirement.name for requirement in campaign.requirements]
     for name in names:
         if name not in known:
             raise InputError(f"solve: no requirement {quoted(name)}{hint(name, known)}")
@@ -194,5 +222,5 @@ def check_names(campaign: Campaign, names: Sequence[str]) -> None:
 
 
 def with_filter(scenario: Scenario, card: FilterCard) -> Scenario:
-    """Return a scenario with a filter of which some models are numbers that no card states."""
+    """Return a scenario with another filter, without validation: frozen models may violate the rules of cards."""
     return scenario.model_copy(update={"filter": card})

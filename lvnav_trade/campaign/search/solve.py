@@ -1,4 +1,4 @@
-"""Inverse questions: the largest value of a field that still meets the requirements."""
+"""Inverse problems: the largest value of a field with which a case meets its requirements."""
 
 import math
 import time
@@ -30,7 +30,7 @@ from lvnav_trade.campaign.search.point import (
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.records import Floats
 
-_CLOSE = 1e-3  # of a value: crossings are found so closely
+_CLOSE = 1e-3  # relative tolerance of the crossings
 ANSWERS = [
     "case",
     "tuning",
@@ -63,23 +63,33 @@ CONFIRMED = ["case", "tuning", "value", "unit", "requirement", "runs", "beyond",
 
 
 class Found(NamedTuple):
-    """Where a function of one variable is at most 1: the intervals in which it is, the largest value there (NaN: none),
-    what binds at its upper end (empty: nothing does up to the last value), whether it is met below the answer only.
-    """
+    """Values of a variable at which a function is at most 1."""
 
-    intervals: tuple[tuple[float, float], ...]
-    answer: float
-    binding: str
-    monotone: bool
+    intervals: tuple[tuple[float, float], ...]  # intervals in which it is
+    answer: float  # largest value in the intervals; NaN if there is none
+    binding: str  # name of the limiting ratio at the upper end; empty if there is no limit up to the last value
+    monotone: bool  # whether the function is at most 1 for all values below the answer
 
 
 def search(ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: bool, refine: bool = True) -> Found:
-    """Return where the largest of several ratios is at most 1.
+    """Find the values of a variable at which the largest of several ratios is at most 1.
 
-    ratio : ratios by name at a value; NaN where a value is not possible
-    grid : (n,) values of the first look, growing; between neighbours of which one is met and the other not, the
-        crossing is searched (`refine`) by Brent's method
-    log : in the logarithm of the value
+    Parameters
+    ----------
+    ratio : callable
+        Returns the ratios by name for a value; NaN if the value is not possible.
+    grid : (n,) array
+        Increasing values to evaluate first. Between neighbours on different sides of 1, Brent's method finds the
+        crossing.
+    log : bool
+        Search in the logarithm of the value.
+    refine : bool
+        Find the crossings; if not, the last grid value that is met is the end of an interval.
+
+    Returns
+    -------
+    Found
+        Intervals, largest value, limiting ratio.
     """
     known: dict[float, Mapping[str, float]] = {}
 
@@ -89,8 +99,8 @@ def search(ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: boo
         return known[value]
 
     def excess(value: float) -> float:
-        found = list(at(value).values())
-        return math.log(max(found)) if found and not np.isnan(found).any() and max(found) > 0.0 else math.nan
+        ratios = list(at(value).values())
+        return math.log(max(ratios)) if ratios and not np.isnan(ratios).any() and max(ratios) > 0.0 else math.nan
 
     marks = [(float(x), excess(float(x))) for x in grid]
     marks = [(x, y) for x, y in marks if not math.isnan(y)]
@@ -131,32 +141,51 @@ def _largest(ratios: Mapping[str, float]) -> str:
 
 
 class Solved(NamedTuple):
-    """Tables `ANSWERS`, `INTERVALS`, `SCANNED`, `CONFIRMED`, what was varied (name and unit of each), and seconds."""
+    """Solution of an inverse problem."""
 
-    answers: pd.DataFrame
-    intervals: pd.DataFrame
-    scanned: pd.DataFrame
-    confirmed: pd.DataFrame
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    seconds: float
+    answers: pd.DataFrame  # largest values, columns `ANSWERS`
+    intervals: pd.DataFrame  # intervals in which the requirements are met, columns `INTERVALS`
+    scanned: pd.DataFrame  # all evaluations, columns `SCANNED`
+    confirmed: pd.DataFrame  # confirmation by runs, columns `CONFIRMED`
+    names: tuple[str, ...]  # paths of the varied fields
+    units: tuple[str, ...]  # their units
+    seconds: float  # wall time, s
 
 
 def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
-    """Answer an inverse question for every case of a campaign, by linear covariance, with the filter re-tuned to each
-    value and with its models as they are at the start; with `monte_carlo`, runs on both sides of each answer follow.
+    """Solve an inverse problem for every case of a campaign, by linear covariance.
 
-    InputError where a requirement or field is unknown, or no value of a field is possible.
+    Each problem is solved with the filter re-tuned to every value, and with its models frozen at those of the case. If
+    the campaign has Monte Carlo, runs on both sides of each solution confirm it.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    asked : Solve
+        Definition of the problem.
+    jobs : int
+        Worker processes.
+
+    Returns
+    -------
+    Solved
+        Tables of the solutions.
+
+    Raises
+    ------
+    InputError
+        A requirement or field is unknown, or no value of a field is possible.
     """
     start = time.monotonic()
     check_names(campaign, asked.meet)
-    found_cases = cases(campaign)
-    asked = asked.model_copy(update={"vary": tuple(_counted(one, found_cases[0]) for one in asked.vary)})
+    all_cases = cases(campaign)
+    asked = asked.model_copy(update={"vary": tuple(_counted(vary, all_cases[0]) for vary in asked.vary)})
     spans = [span(vary) for vary in asked.vary]
     along = [spans[1][0].text(float(x)) for x in spans[1][1]] if len(spans) > 1 else [None]
     ways = [RETUNED] if asked.vary[0].path.startswith("filter.") else [RETUNED, FROZEN]
-    units = [(campaign, asked, case, way, second) for case in found_cases for way in ways for second in along]
-    parts = list(each(jobs, _one, units, ordered=True))
+    items = [(campaign, asked, case, way, second) for case in all_cases for way in ways for second in along]
+    parts = list(each(jobs, _solve_case, items, ordered=True))
     answers = pd.DataFrame([part[0] for part in parts], columns=ANSWERS)
     intervals = pd.DataFrame([row for part in parts for row in part[1]], columns=INTERVALS)
     scanned = pd.DataFrame([row for part in parts for row in part[2]], columns=SCANNED)
@@ -164,7 +193,7 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
     flights = [
         (campaign, asked, case, row.tuning, value, runs)
         for row in answers.itertuples()
-        for case in found_cases
+        for case in all_cases
         if case.label == row.case and runs and np.isfinite(row.answer) and row.binding
         for value in _sides(row.answer, asked)
     ]
@@ -181,7 +210,7 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
 
 
 def _counted(vary: Vary, case: Case) -> Vary:
-    """Return a field of whole numbers as a list of them; any other as it is."""
+    """Return the variation of an integer field as a list of whole numbers; any other variation unchanged."""
     value = get(case.scenario.model_dump(mode="json"), vary.path.removeprefix("base.").split("."))
     if vary.between is None or not isinstance(value, int) or isinstance(value, bool):
         return vary
@@ -192,11 +221,11 @@ def _counted(vary: Vary, case: Case) -> Vary:
 
 
 def span(vary: Vary) -> tuple[Ends, Floats]:
-    """Return unit and values of the first look; InputError where they are no numbers of one unit."""
+    """Return the ends and the grid values (n,) of a variation; InputError unless all have the same unit."""
     try:
         if vary.values is not None:
-            pairs = [ends_of((vary.values[0], one)) for one in vary.values[1:]]
-            return pairs[0], np.array([pairs[0].first, *(one.last for one in pairs)])
+            pairs = [ends_of((vary.values[0], value)) for value in vary.values[1:]]
+            return pairs[0], np.array([pairs[0].first, *(pair.last for pair in pairs)])
         ends = ends_of(vary.between or ())
         part = np.linspace(0.0, 1.0, vary.points)
         if not vary.log:
@@ -217,20 +246,19 @@ def _scenario(asked: Solve, case: Case, way: str, second: Any, value: float) -> 
     values = {asked.vary[0].path: span(asked.vary[0])[0].text(value)}
     if second is not None:
         values[asked.vary[1].path] = second
-    found = changed(case.scenario, values)
-    return (
-        with_filter(found, frozen(case.scenario)) if way == FROZEN and len(values) and not _of_filter(asked) else found
-    )
+    scenario = changed(case.scenario, values)
+    is_frozen = way == FROZEN and len(values) and not _of_filter(asked)
+    return with_filter(scenario, frozen(case.scenario)) if is_frozen else scenario
 
 
 def _of_filter(asked: Solve) -> bool:
     return any(vary.path.startswith("filter.") for vary in asked.vary)
 
 
-def _one(
+def _solve_case(
     campaign: Campaign, asked: Solve, case: Case, way: str, second: Any
 ) -> tuple[tuple[Any, ...], list[Any], list[Any]]:
-    """Return the answer of one case, with one filter, at one value of the second field, its intervals, all looks."""
+    """Return the rows of `ANSWERS`, `INTERVALS` and `SCANNED` for a case, a filter and a value of the second field."""
     ends, grid = span(asked.vary[0])
     seen: dict[float, Any] = {}
     impossible: list[str] = []
@@ -241,7 +269,7 @@ def _one(
         except (InputError, ValueError) as error:
             impossible.append(str(error).splitlines()[0])
             return {"": math.nan}
-        return {name: one.ratio for name, one in seen[value].items()}
+        return {name: result.ratio for name, result in seen[value].items()}
 
     found = search(ratio, grid, asked.vary[0].log, asked.vary[0].values is None)
     if not seen:
@@ -250,17 +278,17 @@ def _one(
     along = float(str(second).partition(" ")[0]) if second is not None else math.nan
     place = (case.label, way, along, along_unit)
     rows = [
-        (*place, value, ends.unit, name, *one[:2], one.unit, one.ratio, one.probability)
+        (*place, value, ends.unit, name, *result[:2], result.unit, result.ratio, result.probability)
         for value, looked in sorted(seen.items())
-        for name, one in looked.items()
+        for name, result in looked.items()
     ]
-    unknown = [f"{name}: {one.why}" for name, one in next(iter(seen.values())).items() if one.why]
+    unknown = [f"{name}: {result.why}" for name, result in next(iter(seen.values())).items() if result.why]
     remark = "; ".join([*unknown, *(impossible[:1])])
     if not unknown and not found.intervals:
         remark = "met by no value; " + remark
     elif found.intervals and not found.binding:
         remark = "met up to the largest value; " + remark
-    outside = not_described(one.outside for looked in seen.values() for one in looked.values())
+    outside = not_described(result.outside for looked in seen.values() for result in looked.values())
     remark = "; ".join(part for part in (remark.removesuffix("; "), outside) if part)
     base = number_at(case.scenario, asked.vary[0].path, ends.unit)
     row = (
@@ -277,17 +305,37 @@ def _one(
 
 
 def _confirm(campaign: Campaign, asked: Solve, case: Case, way: str, value: float, runs: int) -> list[tuple[Any, ...]]:
-    """Return the rows of `CONFIRMED`: what runs beside an answer say of each requirement."""
+    """Return the rows of `CONFIRMED`: verdicts of runs at a value close to a solution."""
     unit = span(asked.vary[0])[0].unit
-    found = confirm(campaign, _scenario(asked, case, way, None, value), asked.meet, runs)
-    return [(case.label, way, value, unit, *one) for one in found]
+    rows = confirm(campaign, _scenario(asked, case, way, None, value), asked.meet, runs)
+    return [(case.label, way, value, unit, *row) for row in rows]
 
 
 def from_words(varied: Sequence[str], log: bool, meet: Sequence[str], least: str = "") -> Solve:
-    """Return the question of ``initial.heading=0.01 deg:2 deg`` (one or two), or of the least of a total, as the
-    command line states it.
+    """Return the inverse problem given on the command line.
+
+    Parameters
+    ----------
+    varied : sequence of str
+        One or two fields with their ranges, such as ``initial.heading=0.01 deg:2 deg``.
+    log : bool
+        Search in the logarithm.
+    meet : sequence of str
+        Names of the requirements; all if empty.
+    least : str
+        Total to minimise, in place of fields to vary.
+
+    Returns
+    -------
+    Solve
+        The problem.
+
+    Raises
+    ------
+    InputError
+        A text is not valid, or the arguments do not fit together.
     """
-    found = []
+    ranges = []
     for text in varied:
         path, equals, limits = text.partition("=")
         low, colon, high = limits.partition(":")
@@ -295,11 +343,11 @@ def from_words(varied: Sequence[str], log: bool, meet: Sequence[str], least: str
             raise InputError(
                 f"--vary {quoted(text)}: should be PATH=LEAST:LARGEST, such as 'initial.heading=0.01 deg:2 deg'"
             )
-        found.append(Vary(path=path.strip(), between=(low.strip(), high.strip()), log=log))
-    if len(found) > 2:
+        ranges.append(Vary(path=path.strip(), between=(low.strip(), high.strip()), log=log))
+    if len(ranges) > 2:
         raise InputError("--vary: one or two fields")
     if least not in ("", *get_args(Total)):
         raise InputError(f"--least {quoted(least)}: should be one of {', '.join(get_args(Total))}")
-    if bool(found) == bool(least) or (least and log):
+    if bool(ranges) == bool(least) or (least and log):
         raise InputError("--vary or --least: one of them, and --log with --vary")
-    return Solve(vary=tuple(found), meet=tuple(meet), least=least or None)
+    return Solve(vary=tuple(ranges), meet=tuple(meet), least=least or None)

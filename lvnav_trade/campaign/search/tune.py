@@ -1,4 +1,10 @@
-"""Filter tuning by linear covariance over several cases at once, evaluated in cases that were withheld."""
+"""Filter tuning by linear covariance over several cases at once, validated in other cases.
+
+The Nelder-Mead simplex searches the logarithms of the variables within their bounds. It starts from the present
+settings of the filter, or from the middle of the bounds if a setting is not a number. The goal is the logarithm of
+the largest (or mean) ratio of the error to its limit. If the expected NEES exceeds its bounds by a factor, ten
+times the logarithm of this factor is added.
+"""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -32,47 +38,53 @@ CASES = [
     "verdict",
     "remark",
 ]
-_OUTSIDE = 10.0  # weight of a NEES beyond its bounds, in the logarithm
+_OUTSIDE = 10.0  # weight of the logarithm of the factor by which NEES exceeds its bounds
 
 
 class Point(NamedTuple):
-    """A case with a filter: error over its limit, and the expected normalised error squared per state at the event,
-    and why linear covariance does not describe the case.
-    """
+    """A case evaluated with one filter."""
 
-    ratio: float
-    nees: float
-    outside: str = ""
+    ratio: float  # error of the requirement over its limit
+    nees: float  # expected normalised estimation error squared at the event, per state
+    outside: str = ""  # reason why linear covariance does not describe the case; empty if it does
 
 
 class Tuned(NamedTuple):
-    """Tables `VALUES` and `CASES`, the filter card with its provenance, looks taken, and seconds of wall time."""
+    """Result of a filter tuning."""
 
-    values: pd.DataFrame
-    cases: pd.DataFrame
-    card: FilterCard
-    evaluations: int
-    seconds: float
+    values: pd.DataFrame  # tuned settings, columns `VALUES`
+    cases: pd.DataFrame  # cases before and after, columns `CASES`
+    card: FilterCard  # tuned filter with its provenance
+    evaluations: int  # number of evaluations of the goal
+    seconds: float  # wall time, s
 
 
 def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> Tuned:
-    """Return the filter whose numbers make a requirement's error small over the cases that are not held out.
+    """Tune the settings of a filter to minimise a requirement's error over all cases except the validation cases.
 
-    Nelder and Mead's simplex in the logarithms of the variables within their bounds, from the filter's own numbers (the
-    middle where it has none there). The goal is the logarithm of the largest, or the mean, error over its limit; an
-    expected NEES beyond its bounds adds ten times the logarithm of how far.
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    asked : Tune
+        Variables with their bounds, requirement, validation cases, largest number of evaluations.
+    jobs : int
+        Worker processes.
 
-    InputError where a case or requirement is unknown, or a variable is no number of the filter.
+    Raises
+    ------
+    InputError
+        A case or requirement is unknown, or a variable is not a number of the filter.
     """
     begun = time.monotonic()
     name = _name(campaign, asked)
-    every = cases(campaign)
-    unknown = [label for label in asked.hold_out if label not in {case.label for case in every}]
+    all_cases = cases(campaign)
+    unknown = [label for label in asked.hold_out if label not in {case.label for case in all_cases}]
     if unknown:
         raise InputError(f"tune.hold_out: no case {quoted(unknown[0])}")
-    used = [case for case in every if case.label not in asked.hold_out]
-    spans = [_span(one.path, one.between) for one in asked.variables]
-    paths = [one.path for one in asked.variables]
+    used = [case for case in all_cases if case.label not in asked.hold_out]
+    spans = [_span(variable.path, variable.between) for variable in asked.variables]
+    paths = [variable.path for variable in asked.variables]
     starts = [number_at(used[0].scenario, path, ends.unit) for path, ends in zip(paths, spans, strict=True)]
     known: dict[tuple[float, ...], float] = {}
 
@@ -86,8 +98,8 @@ def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> Tuned:
         key = tuple(np.round(np.clip(x, 0.0, 1.0), 9))
         if key not in known:
             values = values_at(x)
-            found = list(each(jobs, point, [(campaign, case, name, values) for case in used], ordered=True))
-            known[key] = score(found, asked)
+            evaluated = list(each(jobs, point, [(campaign, case, name, values) for case in used], ordered=True))
+            known[key] = score(evaluated, asked)
         return known[key]
 
     x0 = [_part(start, ends) for start, ends in zip(starts, spans, strict=True)]
@@ -102,18 +114,18 @@ def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> Tuned:
         (path, start, number_at(changed(used[0].scenario, chosen), path, ends.unit), ends.unit, ends.first, ends.last)
         for path, start, ends in zip(paths, starts, spans, strict=True)
     ]
-    shown = pd.DataFrame(_before_and_after(campaign, asked, every, name, chosen, jobs), columns=CASES)
+    shown = pd.DataFrame(_before_and_after(campaign, asked, all_cases, name, chosen, jobs), columns=CASES)
     return Tuned(pd.DataFrame(table, columns=VALUES), shown, card, len(known), time.monotonic() - begun)
 
 
 def _before_and_after(
-    campaign: Campaign, asked: Tune, every: Sequence[Case], name: str, chosen: Mapping[str, Any], jobs: int
+    campaign: Campaign, asked: Tune, all_cases: Sequence[Case], name: str, chosen: Mapping[str, Any], jobs: int
 ) -> list[tuple[Any, ...]]:
-    """Return the rows of `CASES`."""
-    units = [(campaign, case, name, values) for case in every for values in ({}, chosen)]
-    looks = list(each(jobs, point, units, ordered=True))
+    """Return the rows of `CASES`: all cases with the original and with the tuned filter."""
+    items = [(campaign, case, name, values) for case in all_cases for values in ({}, chosen)]
+    looks = list(each(jobs, point, items, ordered=True))
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
-    flights = list(each(jobs, _fly, [(campaign, case, chosen, runs, name) for case in every], ordered=True))
+    flights = list(each(jobs, _fly, [(campaign, case, chosen, runs, name) for case in all_cases], ordered=True))
     return [
         (
             case.label,
@@ -125,22 +137,23 @@ def _before_and_after(
             *flight,
             not_described([before.outside, after.outside]),
         )
-        for case, before, after, flight in zip(every, looks[::2], looks[1::2], flights, strict=True)
+        for case, before, after, flight in zip(all_cases, looks[::2], looks[1::2], flights, strict=True)
     ]
 
 
 def _fly(campaign: Campaign, case: Case, values: Mapping[str, Any], runs: int, name: str) -> tuple[int, int, str]:
     if not runs:
         return 0, 0, ""
-    found = fly(campaign, changed(case.scenario, values), runs)[name]
-    return found.runs, found.beyond, found.verdict
+    result = fly(campaign, changed(case.scenario, values), runs)[name]
+    return result.runs, result.beyond, result.verdict
 
 
 def _name(campaign: Campaign, asked: Tune) -> str:
-    found = [one.name for one in campaign.requirements if not asked.requirement or one.name == asked.requirement]
-    if not found:
+    names = [requirement.name for requirement in campaign.requirements]
+    fitting = [name for name in names if asked.requirement in ("", name)]
+    if not fitting:
         raise InputError(f"tune.requirement: no requirement {quoted(asked.requirement)}")
-    return found[0]
+    return fitting[0]
 
 
 def _span(path: str, between: Sequence[Any]) -> Ends:
@@ -154,39 +167,39 @@ def _span(path: str, between: Sequence[Any]) -> Ends:
 
 
 def _part(start: float, ends: Ends) -> float:
-    """Return where between the ends a start lies, in the logarithm; the middle where it has no number there."""
+    """Return the position of a start value between the ends, in the logarithm, 0 to 1; 0.5 if it is not a number."""
     if not start > 0.0:
         return 0.5
     return float(np.clip(np.log(start / ends.first) / np.log(ends.last / ends.first), 0.0, 1.0))
 
 
 def point(campaign: Campaign, case: Case, name: str, values: Mapping[str, Any]) -> Point:
-    """Return what linear covariance says of a case with other numbers in its filter."""
+    """Evaluate a case by linear covariance with other settings of its filter; `name`: the requirement."""
     scenario = changed(case.scenario, values)
-    found, history, freedom = looked(campaign, scenario, [name])
-    (asked,) = (one for one in campaign.requirements if one.name == name)
-    t = trajectory_of(scenario).events.get(asked.at or "", history.t[-1])
+    results, history, freedom = looked(campaign, scenario, [name])
+    (requirement,) = (each for each in campaign.requirements if each.name == name)
+    t = trajectory_of(scenario).events.get(requirement.at or "", history.t[-1])
     at = int(np.argmin(np.abs(history.t - t)))
-    return Point(found[name].ratio, float(history.expected_nees[at]) / freedom, found[name].outside)
+    return Point(results[name].ratio, float(history.expected_nees[at]) / freedom, results[name].outside)
 
 
-def score(found: Sequence[Point], asked: Tune) -> float:
-    """Return the goal of a tuning at one point of the search."""
-    ratios = np.array([one.ratio for one in found])
+def score(points: Sequence[Point], asked: Tune) -> float:
+    """Return the goal of a tuning from the evaluated cases; see `tune`."""
+    ratios = np.array([point.ratio for point in points])
     if not np.isfinite(ratios).all():
         return 1e6
     size = ratios.max() if asked.over == "worst" else ratios.mean()
     beyond = 0.0
     if asked.nees is not None:
         low, high = asked.nees
-        beyond = sum(max(0.0, np.log(low / one.nees), np.log(one.nees / high)) for one in found)
+        beyond = sum(max(0.0, np.log(low / point.nees), np.log(point.nees / high)) for point in points)
     return float(np.log(size) + _OUTSIDE * beyond)
 
 
 def _card(
     campaign: Campaign, asked: Tune, used: Sequence[Case], name: str, values: Mapping[str, str], looks: int
 ) -> FilterCard:
-    """Return the tuned filter, whose source says what it was tuned for and by what."""
+    """Return the card of the tuned filter; its source describes the tuning."""
     card = changed(used[0].scenario, values).filter
     words = (
         f"tune of {campaign.name}: {', '.join(f'{path} = {value}' for path, value in values.items())}; {asked.over} of "

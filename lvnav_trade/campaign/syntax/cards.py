@@ -1,4 +1,4 @@
-"""Where cards live: beside the campaign, in its `configs` folder, then those that come with the tool."""
+"""Lookup of cards: next to the campaign, in its folder `configs`, then among the cards of the tool."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def shipped(folder: str) -> Path:
-    """Return the folder (`configs` or `campaigns`) that comes with the tool: in the wheel, else in the checkout."""
+    """Return a folder of the tool (`configs` or `campaigns`): in the installed package, or else in the repository."""
     inside = _PACKAGE / "_data" / folder
     return inside if inside.is_dir() else _PACKAGE.parent / folder
 
@@ -26,13 +26,13 @@ _MANY = 12
 
 
 class Shelf(NamedTuple):
-    """The folders in which a card's name is looked up, after the folder of the file that names it."""
+    """Folders in which cards are looked up by name."""
 
-    folders: tuple[Path, ...]
+    folders: tuple[Path, ...]  # in this order, after the folder of the file that names the card
 
     @classmethod
     def of(cls, campaign_folder: Path) -> Shelf:
-        """Return the shelf of a campaign: its own `configs` folder, then the tool's."""
+        """Return the shelf of a campaign: its own folder `configs`, then that of the tool."""
         return cls((campaign_folder / "configs", shipped("configs")))
 
     def find(self, name: str, folder: Path) -> Path | None:
@@ -48,9 +48,9 @@ class Shelf(NamedTuple):
         return sorted({name for folder in self.folders for name, _ in _cards(folder)})
 
     def read(self, node: tree.Node, path: str, words: Iterable[str] = ()) -> tree.Node:
-        """Return the tree of the card that a scalar node names; InputError offers what is near.
+        """Return the tree of the card named by a scalar node; InputError with similar names if there is none.
 
-        `words` are literals that the field accepts beside cards, for the suggestion only.
+        `words` are literals that the field accepts in addition to cards; they are used for the suggestion only.
         """
         name = str(node.value)
         file = self.find(name, node.place.folder) if name.strip() else None
@@ -58,15 +58,15 @@ class Shelf(NamedTuple):
             candidates = [*self.known(), *_beside(name, node.place.folder), *map(str, words)]
             raise tree.refuse(node.place, path, f"no card {quoted(name)}{_near(name, candidates)}")
         state = file.stat()
-        found = _parsed(file, os.getcwd(), state.st_size, state.st_mtime_ns)
-        if isinstance(found, InputError):
-            raise InputError(records=found.records)
-        return found
+        card = _parsed(file, os.getcwd(), state.st_size, state.st_mtime_ns)
+        if isinstance(card, InputError):
+            raise InputError(records=card.records)
+        return card
 
 
 @lru_cache(maxsize=128)
 def _parsed(file: Path, here: str, size: int, changed: int) -> tree.Node | InputError:
-    """Return the tree of a card's file, or what is wrong with it; a file that changed is read again."""
+    """Return the tree of a card's file, or its input error; size and time of change are arguments of the cache."""
     try:
         return tree.read_mapping(file)
     except InputError as error:
@@ -74,7 +74,7 @@ def _parsed(file: Path, here: str, size: int, changed: int) -> tree.Node | Input
 
 
 def _near(name: str, known: Sequence[str]) -> str:
-    """Return the card that is probably meant; where none is near, those of the folder that is named."""
+    """Return the suggestion of a similar card, or else the cards of the folder in the name."""
     folder, _, last = name.rpartition("/")
     shelf = [card for card in known if card.rpartition("/")[0] == folder]
     if not folder or not shelf:
@@ -86,7 +86,7 @@ def _near(name: str, known: Sequence[str]) -> str:
 
 
 def _beside(name: str, folder: Path) -> list[str]:
-    """Return the names, written as `name` is, of the cards in the folder that a path leads to."""
+    """Return the names of the cards in the folder of the path `name`, written in the same way."""
     place = (folder / name).parent
     if not os.path.exists(place):
         return []
@@ -95,22 +95,22 @@ def _beside(name: str, folder: Path) -> list[str]:
 
 
 def _cards(folder: Path) -> Iterator[tuple[str, Path]]:
-    """Yield name (path below the folder without ending) and file of each card of a folder."""
+    """Yield name (path below the folder without extension) and file of each card of a folder."""
     for file in sorted([*folder.rglob("*.yaml"), *folder.rglob("*.yml")]):
         yield str(file.relative_to(folder).with_suffix("")), file
 
 
 class CardInfo(NamedTuple):
-    """One line of the list of cards."""
+    """Entry in the list of cards."""
 
-    name: str
-    title: str
-    source: str
+    name: str  # by which a campaign names it, such as imu/tactical_fog
+    title: str  # what it describes
+    source: str  # origin of its numbers
     file: str
 
 
 def catalogue(folder: Path) -> list[CardInfo]:
-    """Return the cards that a campaign in `folder` can name; the user's own hide the tool's of the same name."""
+    """Return the cards that a campaign in `folder` can name; a card of the user hides one of the tool."""
     found: dict[str, CardInfo] = {}
     for start in Shelf.of(folder).folders:
         for name, file in _cards(start):
@@ -128,7 +128,7 @@ def _info(name: str, file: Path) -> CardInfo:
 
 
 def card_text(name: str, folder: Path) -> str:
-    """Return the text of the card's file, comments and all."""
+    """Return the text of a card's file with its comments; InputError if there is no such card."""
     shelf = Shelf.of(folder)
     file = shelf.find(name, folder)
     if file is None:
@@ -141,12 +141,12 @@ MARK = "# Written by lvnav-trade"
 
 
 def write_card(file: Path, card: BaseModel) -> None:
-    """Write a card that was computed, without what is at its default; InputError where that cannot be."""
+    """Write a computed card without fields at their default; InputError if the file cannot be written."""
     write_text(file, f"{MARK}\n{tree.dump(card.model_dump(mode='json', exclude_defaults=True))}")
 
 
 def write_text(file: Path, text: str) -> None:
-    """Write the text of a card, which begins with the mark; InputError where a file without it is in the way."""
+    """Write the text of a card, which begins with `MARK`; InputError if a file without the mark exists."""
     with writing(file, "the card cannot be written there"):
         if file.exists() and not file.read_bytes().startswith(MARK.encode()):
             raise InputError(f"{file}: exists and was not written by lvnav-trade; give another name")
@@ -154,7 +154,7 @@ def write_text(file: Path, text: str) -> None:
 
 
 def campaign_file(name: str) -> Path:
-    """Return the campaign file that the user names: a path, else one that comes with the tool."""
+    """Return the campaign file of a name: a path, or else a campaign that comes with the tool."""
     path = Path(name)
     if os.path.exists(path) or path.is_absolute() or not path.name:
         return path

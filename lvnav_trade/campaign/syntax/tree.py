@@ -1,4 +1,4 @@
-"""YAML read with positions: every value knows the file, line and column that wrote it."""
+"""Reading of YAML with positions: every value has the file, line and column where it is written."""
 
 import difflib
 import io
@@ -23,25 +23,25 @@ from lvnav_trade.input_files import read_bytes
 from lvnav_trade.limits import LIST_LENGTH, QUOTED_LENGTH, WORD_LENGTH, YAML_ALIASES, YAML_BYTES, YAML_DEPTH, YAML_NODES
 
 HERE = "--set"
-"""Where values of the command line stand, in place of a file."""
+"""File name in the place of values from the command line."""
 
 
 class Place(NamedTuple):
-    """Where a value stands: the file (or ``--set``), line and column from 1, and the folder of relative paths."""
+    """Position of a value."""
 
-    file: str
-    line: int
-    column: int
-    folder: Path
+    file: str  # file, or ``--set``
+    line: int  # from 1
+    column: int  # from 1
+    folder: Path  # where relative paths start
 
 
 @dataclass(frozen=True)
 class Node:
-    """A value with its place; a mapping also knows the places of its keys. Never changed in place."""
+    """A value of a YAML tree with its position. Nodes are never changed; functions return changed copies."""
 
-    value: Any
+    value: Any  # dict of str to Node, list of Node, or a scalar
     place: Place
-    keys: dict[str, Place] = field(default_factory=dict)
+    keys: dict[str, Place] = field(default_factory=dict)  # places of the keys of a mapping
 
     @property
     def is_map(self) -> bool:
@@ -55,7 +55,7 @@ class Node:
 
 
 class Written:
-    """The tree that settings were read from. Any two are equal: settings are compared by what they say."""
+    """Tree from which settings were read. All instances compare as equal: settings are compared by their content."""
 
     def __init__(
         self,
@@ -63,8 +63,8 @@ class Written:
         levels: Sequence[Sequence[tuple[Node, Place]]] = (),
         filled: Collection[str] = (),
     ) -> None:
-        """levels: of each axis, expanded, and where each was written; filled: paths of the base that it leaves out, at
-        which the first level of an axis stands.
+        """levels: expanded levels of each axis, with their places; filled: paths not given in the base, which have the
+        first level of an axis.
         """
         self.root, self.levels, self.filled = root, levels, frozenset(filled)
 
@@ -74,10 +74,10 @@ class Written:
     __hash__ = None  # type: ignore[assignment]
 
     def mistake(self, path: str, message: str, steps: Iterable[str | int] | None = None) -> Mistake:
-        """Return the mistake at the place where `path` was written; `steps` where it stands elsewhere than it says.
+        """Return an input error with the place where `path` is written; `steps` if the tree has it at another path.
 
-        Settings as a whole stand at their key, because what follows it may come from a card; a field that was not
-        written has the place of the settings above it; without a tree there is none.
+        A group of settings has the place of its key, because its content may come from a card. A field that is not
+        written has the place of the settings above it. Without a tree the error has no place.
         """
         if self.root is None:
             return Mistake(message, path)
@@ -89,7 +89,7 @@ class Written:
 
 
 def nearest(node: Node, steps: Iterable[str | int]) -> Place:
-    """Return the place of the node at a path, or of the nearest one above that is there; a key may have dots."""
+    """Return the place of the node at a path, or of the nearest existing node above it; a key may contain dots."""
     rest = [str(step) for step in steps]
     while rest:
         whole = find(node, [".".join(rest)])
@@ -101,41 +101,41 @@ def nearest(node: Node, steps: Iterable[str | int]) -> Place:
 
 
 def mistake(place: Place, path: str, message: str) -> Mistake:
-    """Return the mistake at `place`."""
+    """Return an input error at `place`."""
     return Mistake(message, path, place.file, place.line, place.column)
 
 
 def mistake_at(root: Node, path: str, message: str, above: str = "") -> Mistake:
-    """Return the mistake at a dotted path of a tree, or the nearest place above it; the tree hangs at path `above`."""
+    """Return an input error at a dotted path of a tree, or at the nearest place above it; `above`: path of the tree."""
     return mistake(nearest(root, path.split(".")), join(above, path), message)
 
 
 def refuse(place: Place, path: str, message: str) -> InputError:
-    """Return the error of one mistake at `place`."""
+    """Return the exception for one input error at `place`."""
     return InputError(records=[mistake(place, path, message)])
 
 
 def hint(word: str, known: Iterable[str]) -> str:
-    """Return `` (did you mean 'this'?)``, by meaning or else by letters, or nothing where no known word is near."""
+    """Return `` (did you mean 'this'?)``, by meaning or by spelling; empty if no known word is similar."""
     if len(word) > QUOTED_LENGTH:
         return ""
     spelled = {str(name).lower(): str(name) for name in known}
     if word.lower() in MEANINGS:
-        found = meant(word, spelled.values())
-        return f" (did you mean {found!r}?)" if found else ""
+        synonym = meant(word, spelled.values())
+        return f" (did you mean {synonym!r}?)" if synonym else ""
     near = difflib.get_close_matches(word.lower(), list(spelled), n=1, cutoff=0.6)
     near = near or [name for name in spelled if len(word) > 2 and name.startswith(f"{word.lower()}_")]
     return f" (did you mean {spelled[near[0]]!r}?)" if near else ""
 
 
 def read(path: Path) -> Node:
-    """Read a YAML file into a tree; InputError says in one line why it cannot be read."""
+    """Read a YAML file into a tree; InputError if it cannot be read."""
     shown = show(path)
     try:
         if path.is_dir():
             raise InputError(f"{shown}: is a folder, not a YAML file")
         if not path.exists():
-            raise InputError(f"{shown}: no such file{hint(path.name, (one.name for one in path.parent.glob('*')))}")
+            raise InputError(f"{shown}: no such file{hint(path.name, (other.name for other in path.parent.glob('*')))}")
     except (OSError, ValueError) as error:  # a name that no file can have
         raise InputError(f"{quoted(shown)}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     try:
@@ -146,7 +146,7 @@ def read(path: Path) -> Node:
 
 
 def parse(text: str, file: str, folder: Path) -> Node:
-    """Parse YAML text of `file` (relative paths in it start from `folder`)."""
+    """Parse YAML text of `file`; relative paths in it start from `folder`."""
     reader = YAML(typ="rt", pure=True)
     reader.Composer = _BoundedComposer
     try:
@@ -174,7 +174,7 @@ def read_mapping(path: Path) -> Node:
 
 
 def show(path: Path) -> str:
-    """Return the path as a reader of the message knows it: relative to the working folder where it is below it."""
+    """Return a path for messages: relative to the working folder if it is below it, otherwise absolute."""
     relative = os.path.relpath(path)
     return str(path) if relative.startswith("..") else relative
 
@@ -192,11 +192,11 @@ def _syntax(error: MarkedYAMLError, text: str, line: int) -> str:
 
 
 class _RefusedError(MarkedYAMLError):
-    """What is YAML and not read: an anchor that is defined twice, or a file beyond a limit."""
+    """Valid YAML that is refused: an anchor that is defined twice, or a file that exceeds a limit."""
 
 
 class _BoundedComposer(Composer):
-    """Composes nodes and stops at the first that is one too many, too deep or too long, or repeats an anchor."""
+    """Composes nodes and stops at the first that exceeds a limit of number, depth or length, or repeats an anchor."""
 
     nodes = deep = aliases = 0
 
@@ -221,12 +221,12 @@ class _BoundedComposer(Composer):
         return node
 
 
-# What a word may be by YAML itself; all but the first five stay text
+# Tags that YAML itself gives to plain words; all but the first five remain text
 _TAGS = ("str", "int", "float", "bool", "null", "timestamp", "merge", "value")
 
 
 class _Conversion:
-    """Turns composed nodes into tree nodes, collecting duplicate keys and whatever else has no meaning here."""
+    """Converts composed nodes into tree nodes; collects duplicate keys and other content that is not permitted."""
 
     def __init__(self, file: str, folder: Path) -> None:
         self.file, self.folder = file, folder
@@ -237,9 +237,9 @@ class _Conversion:
         return Place(self.file, raw.start_mark.line + 1, raw.start_mark.column + 1, self.folder)
 
     def node(self, raw: Any, path: str, above: tuple[int, ...]) -> Node:
-        """Return the tree node of a composed one; `above` are the identities of those that contain it."""
+        """Return the tree node of a composed node; `above` are the identities of the nodes that contain it."""
         place = self.place(raw)
-        self.nodes += 1  # an alias repeats all that it stands for
+        self.nodes += 1  # an alias counts with all its content, which is repeated
         if self.nodes > YAML_NODES:
             raise refuse(place, path, f"with its aliases more than {YAML_NODES} words, lists and mappings")
         if id(raw) in above:
@@ -252,8 +252,8 @@ class _Conversion:
             return Node(items, place)
         if str(raw.tag).rpartition(":")[2] not in _TAGS:
             self.mistakes.append(mistake(place, path, f"the tag {quoted(str(raw.tag))} has no meaning here"))
-        if found := HIDDEN.search(_text(raw)):  # it would change what a terminal or a report shows
-            hidden = f"{quoted(_text(raw))} has the hidden character U+{ord(found[0]):04X}; remove it"
+        if character := HIDDEN.search(_text(raw)):  # it would change what a terminal or a report shows
+            hidden = f"{quoted(_text(raw))} has the hidden character U+{ord(character[0]):04X}; remove it"
             self.mistakes.append(mistake(place, path, hidden))
         return Node(_scalar(raw), place)
 
@@ -272,17 +272,17 @@ class _Conversion:
                 continue
             keys[key] = here
             value = self.node(value_node, join(path, key), above)
-            # An empty value has no place of its own: the parser puts it wherever the next word stands.
+            # The parser gives an empty value the place of the next word; the place of its key is better.
             values[key] = value if value.value is not None else Node(None, here)
         return Node(values, place, keys)
 
 
 def _text(raw: ScalarNode) -> str:
-    return str(raw.value.replace("\a", "") if raw.style == ">" else raw.value)  # the parser's marks of where it folded
+    return str(raw.value.replace("\a", "") if raw.style == ">" else raw.value)  # the parser marks folded lines by \a
 
 
 def _scalar(raw: ScalarNode) -> Any:
-    """Return the value of a plain word by YAML 1.2: dates, ``no`` and ``12:30`` stay text."""
+    """Return the value of a plain word by YAML 1.2: dates, ``no`` and ``12:30`` remain text."""
     kind = str(raw.tag).rpartition(":")[2]
     text = _text(raw)
     if kind in ("int", "float") and not is_plain(text):  # 1_000: a number of YAML 1.1
@@ -314,7 +314,7 @@ def plain(node: Node) -> Any:
 
 
 def from_plain(data: Any, place: Place) -> Node:
-    """Return a tree of `data` (dictionaries, lists, scalars) that all stands at one place."""
+    """Return a tree of `data` (dictionaries, lists, scalars), all nodes with the same place."""
     if isinstance(data, dict):
         values = {str(key): from_plain(child, place) for key, child in data.items()}
         return Node(values, place, dict.fromkeys(values, place))
@@ -324,7 +324,7 @@ def from_plain(data: Any, place: Place) -> Node:
 
 
 def with_child(node: Node, key: str, child: Node, key_place: Place | None = None) -> Node:
-    """Return a copy of a mapping in which `key` holds `child`."""
+    """Return a copy of a mapping in which `key` has the value `child`."""
     return Node({**node.value, key: child}, node.place, {**node.keys, key: key_place or child.place})
 
 
@@ -335,7 +335,7 @@ def without(node: Node, key: str) -> Node:
 
 
 def put(node: Node, path: list[str], child: Node) -> Node:
-    """Return the tree with `child` at `path`; mappings that are missing on the way are made."""
+    """Return the tree with `child` at `path`; missing mappings on the way are created."""
     if not path:
         return child
     if node.is_list:
@@ -352,14 +352,14 @@ def with_item(node: Node, index: int, child: Node) -> Node:
 
 
 def index_of(key: str, items: Sequence[object], place: Place, path: str = "") -> int:
-    """Return the index of an item that a step of a path names; InputError at `place` where there is none."""
+    """Return the index of a list item named by a step of a path; InputError at `place` if there is no such item."""
     if not is_index(key) or int(key) >= len(items):
         raise refuse(place, path, f"{quoted(key)} is not an item of a list of {len(items)} (0 is the first)")
     return int(key)
 
 
 def is_index(word: str) -> bool:
-    """Return whether a step of a path is an index of a list, written in the one way that an index is."""
+    """Whether a step of a path is the index of a list item, without leading zeros."""
     return re.fullmatch(r"0|[1-9][0-9]{0,5}", word) is not None
 
 
@@ -376,9 +376,7 @@ def find(node: Node, path: Iterable[str | int]) -> Node | None:
 
 
 def dump(data: Any) -> str:
-    """Return `data` (dictionaries, lists, scalars) as YAML that `parse` reads back to the same, a list of scalars in a
-    line.
-    """
+    """Return `data` (dictionaries, lists, scalars) as YAML that `parse` reads back; lists of scalars take one line."""
     writer = YAML(typ="rt", pure=True)
     writer.default_flow_style = False
     writer.width = 4096
@@ -388,12 +386,12 @@ def dump(data: Any) -> str:
 
 
 def _lines(data: Any) -> Any:
-    """Return the same, lists of nothing but scalars marked to be written in one line."""
+    """Return the data with lists of scalars marked to be written on one line."""
     if isinstance(data, dict):
         return {key: _lines(value) for key, value in data.items()}
     if not isinstance(data, list | tuple):
         return data
-    found = CommentedSeq(_lines(value) for value in data)
+    sequence = CommentedSeq(_lines(value) for value in data)
     if not any(isinstance(value, dict | list | tuple) for value in data):
-        found.fa.set_flow_style()
-    return found
+        sequence.fa.set_flow_style()
+    return sequence

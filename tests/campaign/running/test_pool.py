@@ -74,7 +74,7 @@ def test_a_cluster_that_gives_a_unit_up_is_a_pool_whose_worker_died(monkeypatch:
         raise GivenUp("b was tried three times")
 
     monkeypatch.setattr(pool, "_on_cluster", [GivenUp])
-    found = pool._watched(units())
+    found = pool._from_cluster(units())
     assert next(found) == 1
     with pytest.raises(TerminatedWorkerError, match="b was tried three times"):
         next(found)

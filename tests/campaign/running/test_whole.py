@@ -20,7 +20,7 @@ from lvnav_trade.store import scratch
 def _forget() -> None:
     """Let no test find what another one prepared."""
     work._kept.clear()
-    scratch.forget()
+    scratch.clear_cache()
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_what_fails_beside_an_answer_is_left_to_its_stage(job, case: Case) -> No
     assert not found.is_whole
     assert not found.error
     assert work.explain(todo, case).error == "ValueError: no diagnostics"
-    scratch.forget()  # as another process: the stage finds the covariance on disk
+    scratch.clear_cache()  # as another process: the stage finds the covariance on disk
     assert work.explain(todo, case).error == "ValueError: no diagnostics"
 
 
@@ -67,7 +67,7 @@ def test_a_finished_case_is_answered_from_disk_and_its_covariance_never_was_ther
     fake, todo = job()
     found = whole(todo, case)
     assert [file.suffix for file in Path("scratch").iterdir()] == [".whole"]
-    scratch.forget()
+    scratch.clear_cache()
     assert whole(todo, case) == found
     assert [call.what for call in fake.calls] == ["covariance", "explain"]
 
@@ -83,6 +83,6 @@ def test_a_case_whose_tables_are_not_those_that_it_left_is_done_again(job, case:
         table.write_bytes(table.read_bytes()[:-1])
     else:
         todo = todo._replace(asked=Asked(at="stage1_cutoff"))
-    scratch.forget()
+    scratch.clear_cache()
     assert whole(todo, case) == found
     assert [call.what for call in fake.calls] == ["covariance", "explain"] * 2

@@ -27,7 +27,7 @@ from lvnav_trade.store import scratch
 def _forget() -> None:
     """Let no test find what another one prepared."""
     work._kept.clear()
-    scratch.forget()
+    scratch.clear_cache()
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def job(study, fakes):
 def test_linear_covariance_is_computed_once_and_left_for_all_workers(job, case: Case) -> None:
     fake, todo = job()
     first = work.answer(todo, case)
-    scratch.forget()  # as another process
+    scratch.clear_cache()  # as another process
     assert work.answer(todo, case) == first
     assert [call.what for call in fake.calls] == ["covariance"]
     assert [file.name for file in Path("scratch").iterdir()] == [f"{case.id}.1.0.covariance"]
