@@ -1,4 +1,4 @@
-"""Metrics, each an object in `registry`; `METRICS`: result tables to tidy frames, each by name.
+"""Metrics of results. Each metric is an object in `registry`; `METRICS` has the computed tables by name.
 
 Read `metric.py` first, then `families/errors.py` and `requirements/requirements.py`.
 """
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Import the frames when they are asked for: worker processes and the reading of campaigns need no pandas."""
+    """Import the tables on first use, because worker processes and the reading of campaigns need no pandas."""
     import importlib
 
     if name in ("CSV", "METRICS"):

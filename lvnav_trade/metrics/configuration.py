@@ -45,9 +45,9 @@ _TERMS = {
 def configuration(tables: Tables) -> pd.DataFrame:
     """Return the key numbers of every case.
 
-    Columns: case, device (IMU, receiver, filter; IMUs of a set are numbered), name of its card, term, value_text in the
-    unit of data sheets, value_si and unit_si where it is one quantity. Terms of the filter are also its coupling and
-    the states whose errors its consistency is assessed by. No rows without a base scenario.
+    Columns: case, device (IMU, receiver, filter; several IMUs are numbered), name of its card, term, value_text in the
+    unit of data sheets, value_si and unit_si for a single quantity. The terms of the filter include its coupling and
+    the number of estimated states. Without a base scenario the table is empty.
     """
     states = tables.cases.set_index("case").nees_dof_count
     rows = [
@@ -84,7 +84,7 @@ def _rows(device: str, kind: str, card: Mapping[str, Any], states: int) -> Itera
 
 
 def _coupling(measurements: Any) -> str:
-    """Return how a filter takes the receiver: by its solution, by its ranges, or not at all."""
+    """Return the coupling with the receiver: loose (solution), tight (ranges), or inertial (none)."""
     taken = set(measurements)
     if taken & {"position", "velocity"}:
         return "loose"

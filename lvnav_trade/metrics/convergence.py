@@ -1,4 +1,4 @@
-"""Time after which the error of a run stays below a limit: a size, or three times that of another case."""
+"""Convergence time: time after which the error of a run stays below a limit, fixed or relative to another case."""
 
 import math
 from collections.abc import Mapping
@@ -23,21 +23,18 @@ from lvnav_trade.store.read import Tables
 
 
 class Converged(NamedTuple):
-    """Times (n_run,) s after the start of a phase, the same of linear covariance's root mean square, and at how many
-    events they are read. A run that is not below the limit at the last event has the length of the phase as its time
-    and is not `done` (n_run,).
-    """
+    """Convergence times in a phase."""
 
-    times: Floats
-    done: NDArray[np.bool_]
-    expected: float
-    expected_done: bool
-    n_event: int
-    length: float
+    times: Floats  # (n_run,) s after the start of the phase; its length for a run that does not converge
+    done: NDArray[np.bool_]  # (n_run,) whether the run converges: it is below the limit at the last event
+    expected: float  # convergence time of the RMS error by linear covariance, s
+    expected_done: bool  # whether this error converges
+    n_event: int  # number of events at which the errors are compared with the limit
+    length: float  # length of the phase, s
 
 
 def multiple_in(text: str) -> tuple[float, str] | None:
-    """Return number and word of a limit such as ``3 sigma`` or ``3 rms``; None where it is a quantity."""
+    """Return number and word of a limit such as ``3 sigma`` or ``3 rms``; None if it is a quantity."""
     number, _, word = text.strip().partition(" ")
     return (float(number), word.strip()) if word.strip() in ("sigma", "rms") else None
 
@@ -45,11 +42,28 @@ def multiple_in(text: str) -> tuple[float, str] | None:
 def converged(
     tables: Tables, case: str, quantity: str, during: tuple[float, float], below: str, other: str = ""
 ) -> Converged | None:
-    """Return after what time the 3-D error of a quantity stays below a limit at the events of a phase (first, last s);
-    None without runs or events there. A failed run is above.
+    """Return the times after which the 3-D error of a quantity stays below a limit, at the events of a phase.
 
-    below: a size, or a multiple of the error of the case `other` by linear covariance at each event: ``rms`` with its
-    mean, ``sigma`` without.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    quantity : str
+        attitude, velocity or position.
+    during : (float, float)
+        First and last time of the phase (s).
+    below : str
+        Limit: a quantity with its unit, or a multiple of the error of the case `other` by linear covariance at each
+        event, ``rms`` (with the mean error) or ``sigma`` (without).
+    other : str
+        Digest of the other case.
+
+    Returns
+    -------
+    Converged or None
+        Times; None without runs, or with fewer than two events in the phase. A failed run is above the limit.
     """
     first, last = during
     events = rows_between(flight_events(tables, case), first, last)
@@ -65,11 +79,12 @@ def converged(
     t = np.append(events.t_s.to_numpy(), last)
 
     def after(below_limit: list[Any]) -> tuple[Floats, NDArray[np.bool_]]:
-        at_end = np.cumprod(np.array(below_limit)[::-1], axis=0).sum(axis=0)  # events at the end at which all is below
+        # number of last events without interruption at which the error is below the limit
+        at_end = np.cumprod(np.array(below_limit)[::-1], axis=0).sum(axis=0)
         return np.asarray(t[len(events) - at_end] - first), np.asarray(at_end > 0)
 
-    (times, done), (own, own_done) = after(small), after(expected)
-    return Converged(times, done, float(own[0]), bool(own_done[0]), len(events), last - first)
+    (times, done), (expected_time, expected_done) = after(small), after(expected)
+    return Converged(times, done, float(expected_time[0]), bool(expected_done[0]), len(events), last - first)
 
 
 def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, below: str, other: str) -> list[float]:
@@ -88,6 +103,6 @@ def _rms(row: Any) -> float:
 
 
 def convergence(tables: Tables, case: str, stated: Mapping[str, Any], other: str = "") -> Converged | None:
-    """Return the same of what is stated of a case: a metric such as position_convergence_time, during, below."""
+    """Return the convergence times of a statement: metric (such as position_convergence_time), `during`, `below`."""
     quantity = str(stated["metric"]).removesuffix("_convergence_time")
     return converged(tables, case, quantity, phase(tables, case, str(stated["during"])), str(stated["below"]), other)

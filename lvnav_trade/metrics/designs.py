@@ -1,4 +1,4 @@
-"""One row per design: levels of its axes as numbers in SI, errors at injection, requirements, cost."""
+"""Table of designs, one row each: levels of the axes in SI, errors at injection, requirements, cost."""
 
 import json
 import re
@@ -51,11 +51,12 @@ _LITRE = 1e-3
 
 
 def designs(tables: Tables) -> pd.DataFrame:
-    """Return one row per case, every number in the SI unit that its column's name ends with.
+    """Return one row per case, with numbers in the SI unit at the end of the column's name.
 
-    Columns: those of `MEANINGS` that the results know; ``axis_NAME`` (text) or ``axis_NAME_UNIT`` (number) of every
-    axis; of every requirement the error that the asked fraction of flights stays below (``NAME_quantile_UNIT``), the
-    probability that linear covariance gives the limit (``NAME_probability_ratio``), and its verdict (``NAME_verdict``).
+    Columns: those of `MEANINGS` that are known; ``axis_NAME`` (text) or ``axis_NAME_UNIT`` (number) of every axis; for
+    every requirement the P-quantile of the error with the required probability P (``NAME_quantile_UNIT``), the
+    probability of keeping the limit by linear covariance (``NAME_probability_ratio``), and the verdict
+    (``NAME_verdict``).
     """
     if tables.has_designs:
         return _of_many(tables)
@@ -65,35 +66,35 @@ def designs(tables: Tables) -> pd.DataFrame:
 
 
 def _of_many(tables: Tables) -> pd.DataFrame:
-    """Return the designs of results that hold one row for each, with texts of JSON objects as columns.
+    """Return the designs of a design space, with JSON objects in texts as columns.
 
-    All numbers and verdicts are those of linear covariance, of the designs that are analysed whole too: what runs say
-    of these is in the other tables.
+    All numbers and verdicts are by linear covariance, also those of designs that are simulated: results of their runs
+    are in the other tables.
     """
     stored = tables.designs
     numbers = [str(name) for name in stored.select_dtypes("number") if name != "design_number"]
     levels = pd.DataFrame([json.loads(text) for text in stored["axes"]])
     numeric = {name.removeprefix(AXIS) for name in numbers if name.startswith(AXIS)}
     texts = {name: slug(str(name)) for name in levels}
-    texts = {name: text for name, text in texts.items() if not any(_is_of(text, one) for one in numeric)}
+    texts = {name: text for name, text in texts.items() if not any(_is_of(text, column) for column in numeric)}
     frame = stored[["design_number", "case", "label"]].copy()
     for name, text in texts.items():
         frame[f"{AXIS}{text}"] = levels[name].to_numpy()
     frame = pd.concat([frame, stored[numbers]], axis=1)
-    stated = tables.campaign.get("requirements") or ()
     words = pd.DataFrame([json.loads(text or "{}") for text in stored.verdicts], index=stored.index)
-    for one in stated:
-        frame[requirement_columns(one)[2]] = words[one["name"]].fillna("") if one["name"] in words else ""
+    for requirement in tables.campaign.get("requirements") or ():
+        name = requirement["name"]
+        frame[requirement_columns(requirement)[2]] = words[name].fillna("") if name in words else ""
     return frame.assign(binding=stored.binding, verdict=stored.verdict, reason=stored.reason)
 
 
 def _is_of(name: str, column: str) -> bool:
-    """Whether a column (without ``axis_``) is the axis of a name with a unit behind it."""
+    """Whether a column (without ``axis_``) is the numeric axis with a name, followed by its unit."""
     return unit_at_end(column)[0] == name
 
 
 def slug(name: str) -> str:
-    """Return a name as a part of a column's name: lower-case letters, digits and underscores."""
+    """Return a name for use in the name of a column: lower-case letters, digits and underscores."""
     return re.sub(r"\W+", "_", name).strip("_").lower()
 
 
@@ -106,15 +107,13 @@ def requirement_columns(requirement: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def at_event(column: str, event: str) -> str:
-    """Return the column that holds at an event what another holds at injection, or where its requirement asks for it:
-    ``velocity_at_staging_m_per_s`` of ``velocity_m_per_s``.
-    """
+    """Return the name of a column for another event: ``velocity_at_staging_m_per_s`` of ``velocity_m_per_s``."""
     name, end = name_and_end(column)
     return f"{name}_at_{slug(event)}{end}"
 
 
 def name_and_end(column: str) -> tuple[str, str]:
-    """Return a column's name without the end that states its unit, and this end, with its underscore."""
+    """Return a column's name without the suffix of its unit, and this suffix with its underscore."""
     ends = [f"_{end}" for end in SUFFIXES if column.endswith(f"_{end}")]
     name = min(column.removesuffix(max(ends, key=len, default="")), unit_at_end(column)[0], key=len)
     return name, column[len(name) :]
@@ -123,17 +122,18 @@ def name_and_end(column: str) -> tuple[str, str]:
 def meanings(frame: pd.DataFrame, requirements: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Return column, unit and meaning of every column of `designs`."""
     known = dict(MEANINGS)
-    for one in requirements:
-        error, probability, verdict = requirement_columns(one)
-        known[error] = f"{one['name']}: error that the fraction of flights asked for stays below"
-        known[probability] = f"{one['name']}: probability by linear covariance that the limit is kept"
-        known[verdict] = f"{one['name']}: verdict"
+    for requirement in requirements:
+        name = requirement["name"]
+        error, probability, verdict = requirement_columns(requirement)
+        known[error] = f"{name}: error that the fraction of flights asked for stays below"
+        known[probability] = f"{name}: probability by linear covariance that the limit is kept"
+        known[verdict] = f"{name}: verdict"
     rows = [(name, unit_of(name), known.get(name) or _meaning(name, known)) for name in map(str, frame.columns)]
     return pd.DataFrame(rows, columns=["column", "unit", "meaning"])
 
 
 def _meaning(column: str, known: Mapping[str, str]) -> str:
-    """Return the meaning of a column of an axis, or of one that holds at an event what a known one holds elsewhere."""
+    """Return the meaning of the column of an axis, or of a known column at another event."""
     name, end = name_and_end(column)
     of, _, event = name.partition("_at_")
     is_elsewhere = bool(event) and not column.startswith(AXIS) and f"{of}{end}" in known
@@ -141,9 +141,9 @@ def _meaning(column: str, known: Mapping[str, str]) -> str:
 
 
 def unit_of(column: str) -> str:
-    """Return the unit that a column's name ends with, in words; empty for text, counts and plain numbers."""
-    found = SUFFIXES.get(name_and_end(column)[1].removeprefix("_")) or unit_at_end(column)[1]
-    return "" if found.startswith(("how many", "a name")) else found
+    """Return the unit at the end of a column's name, in words; empty for text, counts and plain numbers."""
+    unit = SUFFIXES.get(name_and_end(column)[1].removeprefix("_")) or unit_at_end(column)[1]
+    return "" if unit.startswith(("how many", "a name")) else unit
 
 
 def _axes(tables: Tables) -> pd.DataFrame:
@@ -153,7 +153,8 @@ def _axes(tables: Tables) -> pd.DataFrame:
         levels = [of_case[name] for of_case in tables.levels.values()]
         if name in numeric:
             axis = numeric[name]
-            columns[f"{AXIS}{slug(name)}_{unit_suffix(axis.unit)}"] = [axis.values.get(one, np.nan) for one in levels]
+            numbers = [axis.values.get(level, np.nan) for level in levels]
+            columns[f"{AXIS}{slug(name)}_{unit_suffix(axis.unit)}"] = numbers
         else:
             columns[f"{AXIS}{slug(name)}"] = levels
     return pd.DataFrame(columns)
@@ -164,7 +165,7 @@ def _runs(tables: Tables) -> pd.DataFrame:
 
 
 def _navigation(tables: Tables) -> pd.DataFrame:
-    """Return the errors of every case at injection, or else at its last event."""
+    """Return the errors of every case at injection (or its last event)."""
     return pd.DataFrame([_errors_of(tables, case) for case in tables.labels], index=range(len(tables.labels)))
 
 
@@ -189,30 +190,33 @@ def _errors_of(tables: Tables, case: str) -> dict[str, float]:
 
 
 def _requirements(tables: Tables) -> list[pd.DataFrame]:
-    """Return the columns of every requirement, and what they say together."""
-    stated = tables.campaign.get("requirements") or ()
-    if not stated or not tables.labels:
+    """Return the columns of every requirement, and those of all requirements together."""
+    requirements = tables.campaign.get("requirements") or ()
+    if not requirements or not tables.labels:
         return []
-    found, alone = (one.set_index(["requirement", "case"]) for one in (confirmation.verdicts(tables), expected(tables)))
+    by_name = ["requirement", "case"]
+    verdicts, by_covariance = (rows.set_index(by_name) for rows in (confirmation.verdicts(tables), expected(tables)))
     columns: dict[str, Any] = {}
     ratios: dict[str, Any] = {}
     words: dict[str, Any] = {}
-    for one in stated:
-        error, probability, verdict = requirement_columns(one)
-        rows = found.loc[one["name"]].reindex(list(tables.labels.values()))
-        si = metric_of(str(one["metric"])).unit
+    for requirement in requirements:
+        name = requirement["name"]
+        error, probability, verdict = requirement_columns(requirement)
+        rows = verdicts.loc[name].reindex(list(tables.labels.values()))
+        si = metric_of(str(requirement["metric"])).unit
         columns[error] = rows.estimate.to_numpy(dtype=float) * [_in_si(unit, si) for unit in rows.unit]
-        columns[probability] = alone.loc[one["name"]].reindex(rows.index).expected_probability.to_numpy(dtype=float)
-        columns[verdict] = words[one["name"]] = rows.verdict.to_numpy()
-        ratios[one["name"]] = (rows.estimate / rows.limit).to_numpy(dtype=float)
+        expectation = by_covariance.loc[name].reindex(rows.index)
+        columns[probability] = expectation.expected_probability.to_numpy(dtype=float)
+        columns[verdict] = words[name] = rows.verdict.to_numpy()
+        ratios[name] = (rows.estimate / rows.limit).to_numpy(dtype=float)
     return [pd.DataFrame(columns), together(pd.DataFrame(ratios), pd.DataFrame(words))]
 
 
 def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
     """Return `error_ratio`, `binding` and `verdict` of designs.
 
-    ratios : Error over limit, a column for each requirement; NaN where it is not known.
-    verdicts : The verdicts, alike.
+    ratios : error over limit, one row per design, one column per requirement; NaN if not known
+    verdicts : verdicts, with the same rows and columns
     """
     known = ratios.notna().all(axis=1)
     whole = ratios.fillna(-np.inf)
@@ -226,15 +230,15 @@ def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
 
 
 def _in_si(unit: str, si: str) -> float:
-    """Return the SI size of a unit; one of a number that has none."""
+    """Return the factor from a unit to SI; 1 for a number without unit."""
     return 1.0 if unit in ("", "-", si) or si in ("-", "%") else parse(f"1 {unit}", si)
 
 
 def _with_totals(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
-    """Return designs with what their devices cost and need, where a device states it."""
-    found = totals(tables).set_index("case")
+    """Return the designs with cost, mass, power and volume of their devices, as far as these are given."""
+    by_case = totals(tables).set_index("case")
     for name in ("cost", "mass_kg", "power_w", "volume_l"):
-        values = found[name].reindex(frame.label).to_numpy(dtype=float)
+        values = by_case[name].reindex(frame.label).to_numpy(dtype=float)
         if np.isfinite(values).any():
             frame = frame.assign(**({"volume_m3": _LITRE * values} if name == "volume_l" else {name: values}))
     return frame

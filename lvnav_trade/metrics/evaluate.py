@@ -15,36 +15,55 @@ from lvnav_trade.store.read import Tables
 
 
 def metric_in(stated: Mapping[str, Any]) -> Metric:
-    """Return the metric that a statement or requirement names."""
+    """Return the metric named by a statement or requirement."""
     return metric_of(str(stated["metric"]))
 
 
 def name_of(stated: Mapping[str, Any]) -> str:
-    """Return the metric, the statistic where it is not the root mean square, and where it holds."""
+    """Return the label of a statement: statistic, metric, and event or phase; see `Metric.label`."""
     return metric_in(stated).label(stated)
 
 
 def evaluate(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-    """Return the value of what is stated of a case, three times, in a unit ("-": SI)."""
+    """Return the value of a metric in a case by formal sigma, by linear covariance and by the runs.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    stated : mapping
+        Statement: metric, event or phase, statistic and further settings of the metric.
+    unit : str
+        Unit of the value; "-" for the SI unit.
+    """
     return metric_in(stated).value(tables, case, stated, unit)
 
 
 def evaluate_single(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
-    """Return the number that is compared with a published one, in a unit; NaN with the reason where there is none."""
+    """Return the number to compare with a published number; NaN with the reason if it is not available.
+
+    The arguments are those of `evaluate`.
+    """
     return metric_in(stated).single(tables, case, stated, unit)
 
 
 def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | None:
-    """Return the size of a metric's error at an event in every run, in the order of the runs; None where unknown."""
+    """Return the magnitude of an error at an event in every run, in the order of the runs; None if not available."""
     return metric_of(metric).errors(CaseTables(tables, case), {"metric": metric, "at": event})
 
 
 def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-    """Return the root mean square of the difference of two cases' errors at an event, run by run and axis by axis."""
+    """Return the root mean square of the difference between the errors of two cases at an event.
+
+    The difference is taken run by run and axis by axis, since both cases have the same random draws. The arguments are
+    those of `evaluate`; a run that failed in either case has an infinite difference and is not averaged.
+    """
     quantity, axis = split_metric(str(stated["metric"]))
-    both = [errors_by_axis(tables, one, event_of(stated), quantity) for one in (case, other)]
+    both = [errors_by_axis(tables, each, event_of(stated), quantity) for each in (case, other)]
     failed = (both[0].failure != "") | (both[1].failure != "")
-    first, second = (one.drop(columns="failure") for one in both)
+    first, second = (errors.drop(columns="failure") for errors in both)
     chosen = [name for name in first.columns if axis == "3d" or f"_{axis}_" in name]
     si = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0]) if chosen else ""
     scale = scale_of(unit, si)

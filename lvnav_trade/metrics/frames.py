@@ -1,4 +1,4 @@
-"""Result tables to tidy frames, each by name in `METRICS`: what a report shows and what lies with it as CSV."""
+"""Computed tables of results by name (`METRICS`): the tables of a report and its CSV files."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -31,7 +31,7 @@ from lvnav_trade.store.read import Tables, load
 
 
 def _of_results(metric: Callable[[Tables], pd.DataFrame]) -> Callable[[Path | str | Tables], pd.DataFrame]:
-    """Return a metric of tables that takes a results folder too, and is computed once."""
+    """Return a function of a results folder or its tables that computes a table once and caches it."""
     computed = once(metric)
 
     @wraps(metric)
@@ -41,7 +41,7 @@ def _of_results(metric: Callable[[Tables], pd.DataFrame]) -> Callable[[Path | st
     return of_results
 
 
-# The metrics of each module that have the names of their functions
+# Tables of each module whose names are those of their functions
 _NAMED: dict[Any, tuple[str, ...]] = {
     rms: ("rms", "controlled", "ranking"),
     coverage: ("coverage",),
@@ -77,14 +77,14 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     vehicle: ("motion", "nozzle", "turning", "worth"),
     published: ("references",),
 }
-# Every metric by name; each takes a results folder, or its tables, and returns a tidy frame.
+# Every computed table by name; each function takes a results folder, or its tables, and returns a tidy frame.
 METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "requirements": _of_results(confirmation.verdicts),
     "corridor": _of_results(impact.corridor_verdicts),
     **{name: _of_results(getattr(module, name)) for module, names in _NAMED.items() for name in names},
 }
 
-# The metrics that stand beside a report as CSV, with the columns that users and their CI rely on.
+# Tables written as CSV next to a report. Their columns are an interface for users and their automated checks.
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "windows", "filter_verdicts", "budget", "expected",
     "spot_check", "sensitivity", "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity",

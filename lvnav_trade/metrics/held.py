@@ -1,4 +1,4 @@
-"""Published numbers: which of them are evidence, and which are reproduced."""
+"""Published numbers: those that are evidence, and those that the results reproduce."""
 
 from collections.abc import Sequence
 
@@ -9,12 +9,13 @@ from lvnav_trade.metrics.published import MARKS
 from lvnav_trade.metrics.verdicts import HOLDS
 
 EDGES = (1.0, 99.0)
-"""Points (%) of our runs beyond which a published single flight is none of them."""
+"""Percentiles of the runs beyond which a published single flight is unlikely to be one of them."""
 
 
 def evidence(rows: pd.DataFrame) -> pd.Series:
-    """Whether each row of `metrics.published.references` is counted: it is published, no input decides it, it can fail,
-    and it is not the second reading of a row.
+    """Whether each row of `metrics.published.references` is evidence.
+
+    Evidence is published, not determined by an input, able to fail, and not the second reading of another row.
     """
     return ~rows.counts_as.isin(MARKS)
 
@@ -25,23 +26,25 @@ def own(rows: pd.DataFrame) -> pd.Series:
 
 
 def fitted(rows: pd.DataFrame) -> pd.Series:
-    """Whether settings were searched for by each number."""
-    return rows.fitted.eq(True).fillna(False).astype(bool)  # orders and statements have none
+    """Whether settings were fitted to the number of each row."""
+    return rows.fitted.eq(True).fillna(False).astype(bool)  # orders and statements have no value in this column
 
 
 def at_an_edge(rows: pd.DataFrame) -> pd.Series:
-    """Whether the published single flight of each row lies at or beyond the 1 % or 99 % point of our runs."""
+    """Whether the published single flight of each row lies at or beyond the 1st or 99th percentile of the runs."""
     return (rows.percentile <= EDGES[0]) | (rows.percentile >= EDGES[1])
 
 
 def held(rows: pd.DataFrame) -> pd.Series:
-    """Whether each row holds: its number, with the interval of our runs, keeps its band."""
+    """Whether the results reproduce each row: its number with the interval of the runs lies in the band."""
     return rows.verdict == HOLDS
 
 
 def most_important(rows: pd.DataFrame, order: Sequence[str], n: int = 3) -> pd.DataFrame:
-    """Return n rows of different items: for each beginning of an item in `order` the row furthest from its band that
-    begins so, then the furthest of all, as the logarithm of a ratio.
+    """Return the n most important rows, each of a different item.
+
+    For each beginning of an item in `order` this is the row with the largest distance from its band; the remaining rows
+    follow by their distance.
     """
     first = [next((k for k, start in enumerate(order) if item.startswith(start)), len(order)) for item in rows["item"]]
     ranked = rows.assign(place=first, distance=-_distance(rows)).sort_values(["place", "distance"], kind="stable")
@@ -52,8 +55,9 @@ def most_important(rows: pd.DataFrame, order: Sequence[str], n: int = 3) -> pd.D
 
 
 def _distance(rows: pd.DataFrame) -> pd.Series:
-    """Return the logarithm of how many times ours over published lies beyond its band; 0 inside, and infinite where
-    there is none.
+    """Return the distance of each row from its band: the logarithm of the factor by which the ratio exceeds it.
+
+    It is 0 inside the band and infinite without a number.
     """
     ours = rows.ratio.fillna(rows.ours).astype(float)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,6 +1,6 @@
-"""A metric: a number of a case by its name, with unit, meaning, needs, and its value by runs and by linear covariance.
+"""Base class of metrics: named numbers of a case, evaluated by Monte Carlo runs and by linear covariance.
 
-A family of metrics is a subclass; its module in `families` names the members. See `registry` for how they are found.
+A family of metrics is a subclass; its module in `families` lists the members. The `registry` finds them by name.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ if TYPE_CHECKING:
 
 # Blocks of a campaign that can name a metric
 REQUIREMENTS, BOTH, STATEMENTS = "requirements", "requirements, statements", "statements"
-# How numbers of several cases become one number
+# How the numbers of several cases are averaged
 ROOT_MEAN_SQUARE, MEAN, MEDIAN = "root mean square", "mean", "median"
 NUMBERS = ("formal", "true", "monte_carlo")
-SI = "-"  # unit that stands for the SI unit of a metric, whichever it is
+SI = "-"  # unit that represents the SI unit of any metric
 NO_LAW = "linear covariance does not hold this error there"
 # SI unit of the navigation errors
 NAVIGATION_UNITS = {"attitude": "rad", "velocity": "m/s", "position": "m"}
-# What a bound on a number is: on the length of a vector, on a signed error either way, on a number without a sign
+# Kinds of bounds: on the length of a vector, on a signed error in both directions, on a number without a sign
 LENGTH, TWO_SIDED, ONE_SIDED = "norm", "two-sided", "one-sided"
 MISSING, NOT_IN_FLIGHT = "not among our results", "not in our flight"
 
 
 class MetricValue(NamedTuple):
-    """The value of a metric in a case, three times; NaN where there is none.
+    """Value of a metric in a case, computed in three ways; NaN where a value is not available.
 
-    formal : By the filter's own sigma.
-    true : By the true error of linear covariance, sigma and mean together; also what is the same in every run.
+    formal : By the formal sigma of the filter.
+    true : By the true error of linear covariance, sigma and mean combined; also a number that is equal in all runs.
     monte_carlo : By the runs.
-    remark : What should be said of it.
-    runs : (n_run,). What the number of the runs is the mean of, in the order of the runs; empty where not stored.
-    is_root : Whether `runs` are squares, and the number is the root of their mean.
-    is_share : Whether `runs` are one or zero.
-    levels : (n_case,). Mean of each of several cases that are taken together.
+    remark : Remark for the reader of the report; empty for none.
+    runs : (n_run,). Contributions of the runs, whose mean gives `monte_carlo`; empty if not stored.
+    is_root : Whether `runs` are squares, so that `monte_carlo` is the root of their mean.
+    is_share : Whether `runs` are one or zero, so that `monte_carlo` is a fraction.
+    levels : (n_case,). Mean of each case if several cases are pooled.
     """
 
     formal: float = np.nan
@@ -56,11 +56,11 @@ class MetricValue(NamedTuple):
 
 
 class SingleValue(NamedTuple):
-    """The number that is compared with a published one.
+    """Number that is compared with a published number.
 
-    value : In the unit that was asked for; NaN where there is none.
-    remark : What should be said of it.
-    runs : (n_run,), growing. The number of each run by itself; empty where not known.
+    value : In the requested unit; NaN if not available.
+    remark : Remark for the reader of the report; empty for none.
+    runs : (n_run,), ascending. The number of each run by itself; empty if not known.
     """
 
     value: float
@@ -70,25 +70,25 @@ class SingleValue(NamedTuple):
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric. A family overrides what applies to it; one without runs of its own needs `value` alone.
+    """A metric. A family overrides the members that apply to it; at least `value`.
 
     name : Name in campaigns.
-    unit : SI unit; "-" or "%" of a number that has none.
-    meaning : One phrase for the list of metrics.
+    unit : SI unit; "-" or "%" for a number without unit.
+    meaning : Meaning, in one phrase for the list of metrics.
 
     named_by : Blocks of a campaign that can name it.
-    average : How the numbers of several cases become one.
-    is_signed : Whether it has a sign, so that a mean over the runs says something.
+    average : How the numbers of several cases are averaged.
+    is_signed : Whether it has a sign, so that its mean over the runs is meaningful.
     has_least : Whether a statement can ask for its smallest value in a phase.
-    is_of_signals : Whether elevation and altitude choose the signals that count.
+    is_of_signals : Whether elevation and altitude select the signals to evaluate.
     has_epoch : Whether a statement chooses the kind of its elements and their epochs.
     is_of_modes : Whether a statement names a mode of the filter's logic.
-    limit_unit : SI unit of the limit `below` in a statement; empty where it takes none.
+    limit_unit : SI unit of the limit `below` in a statement; empty if there is no limit.
     limit_by_sigma : Whether the limit may be a multiple of the sigma of another case.
-    at_events_only : Why a requirement on it is at an event and of no phase; empty where a phase will do.
-    once_a_run : Whether a run has one value of it, so that nothing can be said of the time around its event.
+    at_events_only : Reason why a requirement must be at an event; empty if a phase is possible.
+    once_a_run : Whether a run has a single value of it, so that there is no time history around an event.
     has_history : Whether it is known between events, so that a requirement can have a window.
-    bounded_as : What a bound on it is: `LENGTH`, `TWO_SIDED` or `ONE_SIDED`.
+    bounded_as : Kind of a bound on it: `LENGTH`, `TWO_SIDED` or `ONE_SIDED`.
     """
 
     name: str
@@ -121,72 +121,95 @@ class Metric:
 
     @property
     def bounded_as(self) -> str:
-        """What a bound on it is: `LENGTH`, `TWO_SIDED` or `ONE_SIDED`."""
+        """Kind of a bound on it: `LENGTH`, `TWO_SIDED` or `ONE_SIDED`."""
         return ONE_SIDED
 
     @property
     def limit_unit(self) -> str:
-        """SI unit of a limit; empty without one."""
+        """SI unit of a limit; empty if there is no limit."""
         return ""
 
-    # --- what it needs -------------------------------------------------------------------------------------------
+    # --- needs ---------------------------------------------------------------------------------------------------
 
     def faults(self, stated: Any) -> Iterator[str]:
-        """Yield what a statement (`published.Measured`) lacks, or names in vain, for this metric."""
+        """Yield an error message for each setting of a statement that is missing or has no effect for this metric.
+
+        stated: `published.Measured`, whose type is above this package.
+        """
         return iter(())
 
     def missing_in(self, campaign: Any) -> str:
-        """Say what a campaign must ask for so that a requirement can name the metric; empty where nothing is missing.
+        """Return the setting that a campaign needs for a requirement on the metric; empty if nothing is missing.
 
         campaign: `schema.Campaign`, whose type is above this package.
         """
         return ""
 
-    # --- its value -----------------------------------------------------------------------------------------------
+    # --- value ---------------------------------------------------------------------------------------------------
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the value of a case in a unit (`SI`: its SI unit), three times, at the place that is stated."""
+        """Return the value of the metric in a case.
+
+        Parameters
+        ----------
+        tables : Tables
+            Tables of the results.
+        case : str
+            Digest of the case.
+        stated : mapping
+            Statement: event or phase, statistic and further settings of the metric.
+        unit : str
+            Unit of the value; `SI` for the SI unit.
+
+        Returns
+        -------
+        MetricValue
+            Value by formal sigma, by linear covariance and by the runs.
+        """
         raise NotImplementedError
 
     def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
-        """Return the number of the statistic that is stated: by the runs, or else by linear covariance."""
-        found = self.value(tables, case, stated, unit)
-        number = found.true if np.isnan(found.monte_carlo) else found.monte_carlo
-        return SingleValue(number, found.remark, np.sort(np.sqrt(found.runs) if found.is_root else found.runs))
+        """Return the value of the requested statistic by the runs, or by linear covariance if there are no runs.
+
+        The arguments are those of `value`.
+        """
+        value = self.value(tables, case, stated, unit)
+        number = value.true if np.isnan(value.monte_carlo) else value.monte_carlo
+        return SingleValue(number, value.remark, np.sort(np.sqrt(value.runs) if value.is_root else value.runs))
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
-        """Return what a requirement bounds in each run, infinite in a failed one; None where the case lacks it."""
+        """Return the quantity bounded by a requirement in each run, infinite in a failed run; None if not available."""
         return None
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
-        """Return the distribution of what a requirement bounds by linear covariance, or why there is none."""
+        """Return the distribution of the bounded quantity by linear covariance, or the reason why there is none."""
         return NO_LAW
 
-    # --- how it is written ---------------------------------------------------------------------------------------
+    # --- text ----------------------------------------------------------------------------------------------------
 
     def label(self, stated: Mapping[str, Any]) -> str:
-        """Return the metric, the statistic where it is not the root mean square, and where it holds."""
+        """Return a label: the statistic unless it is the root mean square, the metric, and its event or phase."""
         words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of ", "mean": "mean "}
         first, during = words.get(stated.get("statistic", "rms"), "linear covariance of "), stated.get("during")
         return f"{first}{self.name}{f', {during}' if during else f' at {event_of(stated)}'}"
 
     def is_mean(self, stated: Mapping[str, Any]) -> bool:
-        """Whether what is stated is a mean over the runs, and no root of one."""
+        """Whether a statement refers to a mean over the runs and not to a root mean square."""
         return self.average == MEAN or stated.get("statistic") == "mean"
 
 
 def event_of(stated: Mapping[str, Any]) -> str:
-    """Return the event that a statement or requirement without a phase is about."""
+    """Return the event of a statement or requirement without a phase; injection by default."""
     return str(stated.get("at") or "injection")
 
 
 def where(stated: Mapping[str, Any]) -> str:
-    """Return where in the flight a statement or requirement holds: its phase, or its event."""
+    """Return the phase or event of a statement or requirement."""
     return str(stated.get("during") or event_of(stated))
 
 
 def scale_of(unit: str, si: str) -> float | None:
-    """Return how many SI units one unit is; None where it is one of another kind."""
+    """Return the factor from a unit to an SI unit; None if their dimensions differ."""
     if unit == SI:
         return 1.0
     try:
@@ -196,5 +219,5 @@ def scale_of(unit: str, si: str) -> float | None:
 
 
 def no_fit(unit: str) -> str:
-    """Say that a unit is one of another kind."""
+    """Return the message for a unit of another dimension."""
     return f"unit {unit} does not fit"

@@ -1,4 +1,4 @@
-"""Protection levels: their size, how long they stay below a limit, how often errors of runs exceed them."""
+"""Protection levels: their magnitude, and how often errors of runs exceed them."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ from lvnav_trade.metrics.basics.select import (
 )
 from lvnav_trade.store.read import Tables
 
-CONFIDENCE = 0.975  # of either bound: both hold with 95 %
+CONFIDENCE = 0.975  # of each one-sided bound; both together 95 %
 COLUMNS = [
     "case",
     "quantity",
@@ -35,13 +35,20 @@ COLUMNS = [
 
 
 def series_of(tables: Tables, case: str, quantity: str) -> pd.DataFrame:
-    """Return the levels of a quantity over the flight, lengths of the box of its three axes, in time order."""
+    """Return the protection level of a quantity over time: the norm of the levels of its three axes."""
     return pick(tables.protection, case=case, quantity=quantity, axis="3d").sort_values("t_s", kind="stable")
 
 
 def beyond(tables: Tables, case: str, quantity: str) -> tuple[int, int]:
-    """Return how many errors of runs at the events there are, and how many exceed their level on any axis without an
-    alarm of separation before, where alarms are looked for; a failed run's do.
+    """Count the errors of runs at events that exceed their protection level.
+
+    An error counts if it exceeds the level on any axis and no alarm of solution separation was raised before. Errors of
+    failed runs count as exceeding.
+
+    Returns
+    -------
+    int, int
+        Number of errors beyond their level, number of all errors.
     """
     rows, count, total = pick(tables.protection, case=case, quantity=quantity), 0, 0
     alarm = pick(tables.integrity, case=case, isolated="separation").groupby("run_number").t_s.min()
@@ -59,9 +66,12 @@ def beyond(tables: Tables, case: str, quantity: str) -> tuple[int, int]:
 
 
 def protection(tables: Tables) -> pd.DataFrame:
-    """Return the levels of every case and quantity, in units for people: the largest of the flight, that at its last
-    event (injection), the same without faults and the filter's sigma there, the satellite that asks for most; how many
-    errors of runs at events there are, how many exceed the level, and the exact interval (95 %) of their share.
+    """Return the protection levels of every case and quantity, in display units.
+
+    largest: largest level of the flight. final, fault_free, sigma: level, level without faults and formal sigma at
+    injection (or the last event). satellite: satellite whose exclusion gives the level there. error_count,
+    beyond_count: number of errors of runs at events, and of those beyond their level. low_ratio, high_ratio: exact 95 %
+    interval of their fraction.
     """
     found: list[tuple[Any, ...]] = []
     for case, label in tables.labels.items():

@@ -1,4 +1,4 @@
-"""Published numbers compared with ours."""
+"""Comparison of published numbers with the results."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -22,47 +22,70 @@ COLUMNS = [
 
 
 def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.DataFrame:
-    """Return published numbers beside ours; `stated` in place of the campaign of these results.
+    """Return published numbers next to the results.
 
-    Ours is in the unit of the publication: the RMS error of the runs (of linear covariance without runs), or the
-    statistic that is stated. A number that these results cannot give keeps its row, with a remark.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    stated : mapping, optional
+        Campaign with the published numbers; by default that of the results.
 
-    Columns: formal, true, monte_carlo: the same by formal sigma, by the true error of linear covariance, and by the
-    runs, whose 95 % interval is low to high. in_band: whether ours / published lies in the band. verdict: whether the
-    number with its interval does. percentile: part of our runs below a published single run, in percent. repeats: the
-    input that decides a row. fitted: whether settings were searched for by it. own: what of it is not published. again:
-    the row of which it is a second reading. verification: why it cannot fail. counts_as: see `marks`.
+    Returns
+    -------
+    pandas.DataFrame
+        One row per number and case. ours: the result in the unit of the publication, by default the RMS error of the
+        runs (of linear covariance without runs). A number that the results do not have keeps its row, with a remark.
+        formal, true, monte_carlo: by formal sigma, by the true error of linear covariance, and by the runs; low, high:
+        95 % interval of the runs. in_band: whether ours / published lies in the band. verdict: whether the number with
+        its interval does. percentile: percentage of the runs below a published single run. repeats: input that
+        determines the number. fitted: whether settings were fitted to it. own: its part that is not published. again:
+        row of which it is a second reading. verification: reason why it cannot fail. counts_as: see `marks`.
     """
     return pd.DataFrame(reference_rows(tables, stated), columns=COLUMNS)
 
 
 def reference_rows(tables: Tables, stated: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
-    """Return the rows of `references`, each as values by column; columns that a row lacks are empty."""
+    """Return the rows of `references`, each as values by column; missing columns are empty."""
     return rows_of(tables, tables.campaign if stated is None else stated, {"references": of_cases(_number)})
 
 
 Rows = Callable[[Tables, Mapping[str, Any]], Iterator[dict[str, Any]]]
-"""Makes the rows of one entry of a list in a file."""
+"""Function that returns the rows of one entry of a list in a file."""
 
 
 def rows_of(tables: Tables, stated: Mapping[str, Any], makers: Mapping[str, Rows]) -> list[dict[str, Any]]:
-    """Return rows of the entries of lists, each list with its maker; an entry without an id gets one from its place."""
+    """Return the rows of all entries of several lists.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    stated : mapping
+        Settings with the lists.
+    makers : mapping
+        For each key of a list the function that returns the rows of an entry.
+
+    Returns
+    -------
+    list of dict
+        Rows; an entry without an id gets one from its place in the list.
+    """
     name = str(stated.get("name") or tables.campaign.get("name") or "")
     return [
-        {**row, "id": one.get("id") or f"{name} {key} {number}"}
+        {**row, "id": entry.get("id") or f"{name} {key} {number}"}
         for key, make in makers.items()
-        for number, one in enumerate(stated.get(key) or (), 1)
-        for row in make(tables, one)
+        for number, entry in enumerate(stated.get(key) or (), 1)
+        for row in make(tables, entry)
     ]
 
 
 def of_cases(make: Callable[..., dict[str, Any]]) -> Rows:
-    """Return what makes a row for each case that a statement names; one without a case where there is none."""
+    """Return a function that returns a row for each case of a statement; one row without a case if there is none."""
 
-    def rows(tables: Tables, one: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-        yield from (
-            make(tables, case, one) for case in cases_of(tables, one.get("case") or {}, axes_of(one)) or (None,)
-        )
+    def rows(tables: Tables, statement: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+        named = cases_of(tables, statement.get("case") or {}, axes_of(statement))
+        yield from (make(tables, case, statement) for case in named or (None,))
 
     return rows
 
@@ -76,7 +99,25 @@ def published_row(
     scale: float = 1.0,
     **cells: Any,
 ) -> dict[str, Any]:
-    """Return a row; found: the value three times, of which that of the statistic must lie in `scale` times the band."""
+    """Return the row of a published statement.
+
+    Parameters
+    ----------
+    stated : mapping
+        The statement.
+    remarks : sequence of str
+        Remarks for the row.
+    band : (float, float)
+        Limits of the tested number.
+    tested : float
+        Tested number, such as the ratio of ours to published.
+    found : Value, optional
+        Result with its interval. The value of the statistic must lie within `scale` times the band.
+    scale : float
+        Factor from the band to the unit of `found`.
+    **cells
+        Further cells by column.
+    """
     ends, word = sorted(scale * end for end in band), HOLDS if band[0] <= tested <= band[1] else FAILS
     if found is not None:
         word = verdict(found, ends[0], ends[1], (_tested(stated, found),))
@@ -96,16 +137,16 @@ def published_row(
 
 
 MARKS = ("repeats", "verification", "own", "again")
-"""Why a row is not counted, the first of them that it has."""
+"""Reasons not to count a row as evidence; the first that a row has applies."""
 
 
 def marks(stated: Mapping[str, Any], kind: str) -> dict[str, str]:
-    """Return what decides whether a row is counted, by column, and what it counts as.
+    """Return the marks of a statement by column, and the column `counts_as`: the first mark, or else its kind.
 
-    kind : number, order or statement; it counts as that unless it has a mark
+    kind : number, order or statement
     """
-    found = {name: str(stated.get(name) or "") for name in MARKS}
-    return {**found, "counts_as": next((name for name in MARKS if found[name]), kind)}
+    by_column = {name: str(stated.get(name) or "") for name in MARKS}
+    return {**by_column, "counts_as": next((name for name in MARKS if by_column[name]), kind)}
 
 
 def band_of(published: Mapping[str, Any]) -> tuple[float, float]:
@@ -168,20 +209,21 @@ def _smaller(tables: Tables, case: str, published: Mapping[str, Any], against: M
     others = cases_of(tables, against, axes_of(published))
     if len(others) != 1:
         return SingleValue(np.nan, f"{len(others)} cases to hold it against")
-    return _part(*(in_own_unit(tables, one, published) for one in (case, others[0])))
+    return _part(*(in_own_unit(tables, each, published) for each in (case, others[0])))
 
 
 def _part(smaller: SingleValue, larger: SingleValue) -> SingleValue:
+    """Return by how many percent the first number is smaller than the second."""
     return SingleValue(100.0 * (1.0 - smaller.value / larger.value), smaller.remark or larger.remark)
 
 
 def in_own_unit(tables: Tables, case: str, stated: Mapping[str, Any]) -> SingleValue:
-    """Return our number in the unit for people, which all cases of a campaign share."""
+    """Return the number of a case in the display unit, which is common to all cases of a campaign."""
     return evaluate_single(tables, case, stated, written_unit(tables, str(stated["metric"])))
 
 
 def written_unit(tables: Tables, name: str) -> str:
-    """Return the unit in which a metric is written: that for people of an error, or else its SI unit."""
+    """Return the display unit of a metric: for an error that of the results, for others the SI unit."""
     metric = metric_of(name)
     if isinstance(metric, StateError):
         return str(tables.people.get((metric.quantity, metric.axis), ("m", 1.0))[0])
@@ -189,7 +231,7 @@ def written_unit(tables: Tables, name: str) -> str:
 
 
 def _three(tables: Tables, case: str | None, published: Mapping[str, Any]) -> Value | None:
-    """Return our number three times; nothing where there is no case."""
+    """Return the number by formal sigma, linear covariance and runs; None if there is no case."""
     than, against = published.get("than"), published.get("against")
     other = cases_of(tables, against, axes_of(published)) if against is not None else [case]
     if case is None or len(other) != 1:
@@ -202,7 +244,7 @@ def _three(tables: Tables, case: str | None, published: Mapping[str, Any]) -> Va
 
 
 def _below_published(published: Mapping[str, Any], found: SingleValue) -> float:
-    """Return the part (%) of our runs below a published single run; NaN where it is not of one."""
+    """Return the percentage of the runs below a published single run; NaN if the number is not of a single run."""
     if not published.get("single") or not len(found.runs):
         return float("nan")
     return 100.0 * float(np.mean(found.runs < float(published["value"])))

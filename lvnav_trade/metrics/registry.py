@@ -1,7 +1,7 @@
-"""The registry: every metric that can be named, from the modules of `families`.
+"""Registry of the metrics that can be named, collected from the modules of `families`.
 
-A module of `families` lists its metrics in ``METRICS``. Nothing else names them: requirements, references, the list of
-metrics, tables and report read this registry.
+A module of `families` lists its metrics in ``METRICS``. No other place lists metrics: requirements, references, the
+list of metrics, tables and the report use this registry.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from lvnav_trade.metrics.metric import STATEMENTS, Metric
 
 @lru_cache(maxsize=1)
 def registry() -> dict[str, Metric]:
-    """Return every metric by name: those that a requirement can name first, family by family."""
+    """Return all metrics by name, family by family; metrics that a requirement can name come first."""
     names = sorted(module.name for module in pkgutil.iter_modules(families.__path__))
     modules = [importlib.import_module(f"{families.__name__}.{name}") for name in names]
     metrics: list[Metric] = [metric for module in modules for metric in module.METRICS]
-    found = {metric.name: metric for metric in sorted(metrics, key=lambda metric: metric.named_by == STATEMENTS)}
-    if len(found) < len(metrics):
+    by_name = {metric.name: metric for metric in sorted(metrics, key=lambda metric: metric.named_by == STATEMENTS)}
+    if len(by_name) < len(metrics):
         raise ValueError("two metrics have the same name")
-    return found
+    return by_name
 
 
 def add_metrics(metrics: Iterable[Metric]) -> None:
-    """Make metrics of a script known by their names, to published numbers and statements that are read from then on.
+    """Register metrics of a script, so that published numbers and statements read afterwards can name them.
 
     Parameters
     ----------
     metrics : iterable of Metric
-        Metrics; those that are known already are left as they are.
+        Metrics to register; registering a metric again has no effect.
 
     Raises
     ------
     ValueError
-        The name of another metric.
+        A name is already used by another metric.
     """
     known = registry()
     for metric in metrics:
@@ -48,18 +48,15 @@ def add_metrics(metrics: Iterable[Metric]) -> None:
 
 
 def find(name: str) -> Metric | None:
-    """Return the metric of a name; None where there is none.
-
-    Errors of attitude, velocity, position and of any other known state are found for every axis.
-    """
+    """Return the metric with a name, including errors of known states on every axis; None if there is none."""
     return registry().get(name) or error_named(name)
 
 
 def metric_of(name: str) -> Metric:
-    """Return the metric of a name that results hold; one that is in no list is the error of a state of their filter."""
+    """Return the metric with a name found in results; a name that is not registered is the error of a filter state."""
     return find(name) or StateError.of(name, "")
 
 
 def names(wanted: Callable[[Metric], bool]) -> tuple[str, ...]:
-    """Return the names of the metrics for which a condition holds."""
+    """Return the names of the metrics that satisfy a condition."""
     return tuple(name for name, metric in registry().items() if wanted(metric))

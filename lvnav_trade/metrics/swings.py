@@ -1,4 +1,4 @@
-"""Tornado of many designs: the error of each requirement between the ends of each axis, by a regression."""
+"""Tornado of a design space: the error of each requirement at the ends of each axis, by regression."""
 
 from __future__ import annotations
 
@@ -37,27 +37,26 @@ SWINGS = [
 
 @once
 def swings(tables: Tables) -> pd.DataFrame:
-    """Return the error of each requirement at both ends of each axis, or at each of its levels, all other axes over
-    their whole ranges: what the bars of a tornado show, without designs flown for it.
+    """Return the error of each requirement at both ends (or at each level) of each axis, for the bars of a tornado.
 
-    error_si: the error, a geometric mean over the designs, by a regression of its logarithm on all axes at once
-    (polynomials of third degree or less along numeric axes). low_si, high_si: its 95 % interval over `mean_si`, the
-    geometric mean of all designs, by the regression's robust covariance (HC3), of designs that are drawn at random. No
-    rows of results without many designs, or with too few for the regression.
+    All other axes vary over their whole ranges; no additional designs are evaluated.
+
+    error_si: geometric mean of the error over the designs, by a regression of its logarithm on all axes at once
+    (polynomials up to third degree along numeric axes). mean_si: geometric mean of all designs. low_si, high_si: 95 %
+    interval of the error for randomly drawn designs, by the heteroscedasticity-robust covariance HC3. The table is
+    empty for results without a design space, or with too few designs for the regression.
     """
     rows: list[tuple[Any, ...]] = []
     if tables.has_designs:
         frame = possible(tables)
         for name, column in errors_of(tables, frame).items():
             rows += [(name, *row[:-1], unit_at_end(column)[1], row[-1]) for row in _swings(frame, column)]
-    found = pd.DataFrame(rows, columns=SWINGS)
-    return found if tables.is_sampled else found.assign(low_si=np.nan, high_si=np.nan)
+    frame = pd.DataFrame(rows, columns=SWINGS)
+    return frame if tables.is_sampled else frame.assign(low_si=np.nan, high_si=np.nan)
 
 
 def _swings(frame: pd.DataFrame, column: str) -> Iterator[tuple[Any, ...]]:
-    """Yield axis, end, level, value and its unit, error and interval, geometric mean, designs of both ends of each
-    axis, or of each of its levels.
-    """
+    """Yield the rows of `swings` for one requirement; `column`: its error in the table of designs."""
     error = frame[column].to_numpy(dtype=float)
     known = np.isfinite(error) & (error > 0.0) & frame[axes_of(frame)].notna().all(axis=1).to_numpy()
     designs, log = frame[known], np.log(error[known])
@@ -78,24 +77,25 @@ def _swings(frame: pd.DataFrame, column: str) -> Iterator[tuple[Any, ...]]:
 
 
 class _End(NamedTuple):
-    """An end of an axis, or a level: its name, the level or the value, and the row of a design that has it."""
+    """An end of an axis, or a level."""
 
-    name: str
-    level: str
-    value: float
-    row: int
+    name: str  # low or high; the level of an axis of levels
+    level: str  # empty for a numeric axis
+    value: float  # NaN for an axis of levels
+    row: int  # index of a design that has it
 
 
 class _Term(NamedTuple):
-    """What stands for an axis in a regression: columns (n, k) with mean zero, and the ends that it is read at."""
+    """Term of a regression for one axis."""
 
-    columns: Floats
-    ends: Sequence[_End]
+    columns: Floats  # (n, k) regressors with mean zero
+    ends: Sequence[_End]  # where the fit is evaluated
 
 
 def _terms_of(axes: Mapping[str, pd.Series], count: int) -> dict[str, _Term]:
-    """Return the terms of axes with polynomials of the largest degree that leaves four designs or more to a term; none
-    where there is no such degree.
+    """Return the terms of the axes, with the largest polynomial degree for which there are four designs per regressor.
+
+    The result is empty if there are too few designs for the first degree.
     """
     for degree in (3, 2, 1):
         terms = {axis: _term(levels, degree) for axis, levels in axes.items()}
@@ -107,7 +107,7 @@ def _terms_of(axes: Mapping[str, pd.Series], count: int) -> dict[str, _Term]:
 def _term(levels: pd.Series, degree: int) -> _Term:
     if pd.api.types.is_numeric_dtype(levels):
         values = levels.to_numpy(dtype=float)
-        u = 2.0 * (stats.rankdata(values) - 0.5) / len(values) - 1.0  # even along an axis whatever its scale
+        u = 2.0 * (stats.rankdata(values) - 0.5) / len(values) - 1.0  # ranks are uniform for any scale of the axis
         columns = legendre.legvander(u, min(degree, len(np.unique(values)) - 1))[:, 1:]
         rows = {"low": int(np.argmin(values)), "high": int(np.argmax(values))}
         ends = [_End(name, "", float(values[row]), row) for name, row in rows.items()]
@@ -120,8 +120,9 @@ def _term(levels: pd.Series, degree: int) -> _Term:
 
 
 class _Regression:
-    """Least squares with columns (n, k) of mean zero; intervals by the covariance that holds for unequal spreads too
-    (HC3).
+    """Least-squares fit with regressors (n, k) of mean zero.
+
+    Intervals are by the covariance estimate HC3, which is valid for unequal variances of the residuals too.
     """
 
     def __init__(self, columns: Floats, value: Floats) -> None:
@@ -130,24 +131,24 @@ class _Regression:
         self._inverse = np.linalg.pinv(design)
         rest = value - design @ (self._inverse @ value)
         leverage = np.sum(design * self._inverse.T, axis=1)
-        self._found = (self._inverse @ value)[1:]
-        self._spread = rest / np.maximum(1.0 - leverage, 1e-9)
+        self._coefficients = (self._inverse @ value)[1:]
+        self._residual = rest / np.maximum(1.0 - leverage, 1e-9)  # of a fit without the design itself
 
     def at(self, contrast: Floats) -> tuple[float, float]:
-        """Return a sum (k,) of coefficients, and half its 95 % interval."""
+        """Return a linear combination of the coefficients, weights (k,), and the half-width of its 95 % interval."""
         half = stats.t.isf(0.5 * (1.0 - CONFIDENCE), self._freedom)
         weights = contrast @ self._inverse[1:]
-        return float(contrast @ self._found), float(half * np.linalg.norm(weights * self._spread))
+        return float(contrast @ self._coefficients), float(half * np.linalg.norm(weights * self._residual))
 
 
 def limit_of(tables: Tables, requirement: str) -> float:
-    """Return the limit of a requirement in the SI unit of its metric; NaN where none has that name."""
-    for one in tables.campaign.get("requirements") or ():
-        if one["name"] == requirement:
-            return number_in(one["below"], metric_of(str(one["metric"])).unit)
+    """Return the limit of the requirement with a name, in the SI unit of its metric; NaN if there is none."""
+    for each in tables.campaign.get("requirements") or ():
+        if each["name"] == requirement:
+            return number_in(each["below"], metric_of(str(each["metric"])).unit)
     return float("nan")
 
 
 def value_of(tables: Tables, end: Any) -> str:
-    """Return the level, or the value in the unit that the campaign states, of a row of `swings`."""
+    """Return the level of a row of `swings`, or its value in the unit of the campaign file, as text."""
     return str(end.level) or range_text(tables, str(end.axis), end.value, end.value)

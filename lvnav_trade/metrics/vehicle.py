@@ -1,4 +1,4 @@
-"""The vehicle: rate and acceleration against IMU samples and formal sigmas, and how much less a nozzle moves."""
+"""Estimates of rate and acceleration compared with IMU samples and formal sigmas; reduction of nozzle movement."""
 
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -43,15 +43,24 @@ NOZZLE = [
     "high_percent",
 ]
 _DEG_H = 206264.80624709636
-_SHORTEST = 5.0  # seconds: phases that are shorter are left out
+_SHORTEST = 5.0  # s; shorter phases are omitted
 
 
 def motion(tables: Tables) -> pd.DataFrame:
-    """Return errors of rate and acceleration by phase: raw sample and estimate (RMS of the runs, or of linear
-    covariance), the filter's own sigma, by how many percent the estimate is better, true and formal, and the
-    estimate's RMS over the filter's sigma with its 95 % interval from the runs at one time.
+    """Return errors of rate and acceleration by phase, of the raw sample and of the estimate.
 
-    as_modelled is "as modelled" where the interval holds 1, "smaller" or "larger" where it does not.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+
+    Returns
+    -------
+    pandas.DataFrame
+        raw, filtered: RMS error of sample and estimate, of the runs or of linear covariance; filter_sigma: formal
+        sigma; better_percent, formal_better_percent: reduction of the error by the filter, true and formal.
+        over_sigma_ratio: RMS error of the estimate over the formal sigma; low, high: its 95 % interval for the runs at
+        one time. as_modelled: "as modelled" if the interval includes 1, otherwise "smaller" or "larger".
     """
     rows = []
     for case, label in tables.labels.items():
@@ -64,25 +73,25 @@ def motion(tables: Tables) -> pd.DataFrame:
 
 
 class _Pair(NamedTuple):
-    """Histories of a raw sample and of its estimate along an axis."""
+    """Errors of a raw sample and of its estimate along an axis."""
 
-    quantity: str
+    quantity: str  # rate or acceleration
     axis: str
-    raw: pd.DataFrame
-    estimate: pd.DataFrame
+    raw: pd.DataFrame  # rows of the history of the sample's error
+    estimate: pd.DataFrame  # rows of the history of the estimate's error
 
 
 def _pairs(tables: Tables, case: str, quantity: str) -> list[_Pair]:
     known = pick(tables.outputs, case=case)
-    # without a model of the vehicle the estimate is the sample less its estimated bias
+    # without a model of the vehicle the estimate is the sample minus its estimated bias
     name = quantity if (known.quantity == quantity).any() else f"corrected_{quantity}"
     axes = [str(axis) for axis in known.axis[known.quantity == f"raw_{quantity}"] if axis != "3d"]
     histories = [(axis, *(history_of(tables, case, of, axis) for of in (f"raw_{quantity}", name))) for axis in axes]
-    return [_Pair(quantity, *found) for found in histories]
+    return [_Pair(quantity, *history) for history in histories]
 
 
 def _rows(tables: Tables, pairs: list[_Pair], after: float, before: float) -> list[tuple[Any, ...]]:
-    """Return the values of `COLUMNS` from the metric on, axis by axis, between two times (s), both excluded."""
+    """Return the values of `COLUMNS`, beginning with the metric, by axis, between two times (s), both excluded."""
     found = []
     for quantity, axis, *both in pairs:
         raw, estimate = (rows[(rows.t_s > after) & (rows.t_s < before)] for rows in both)
@@ -101,7 +110,7 @@ def _rows(tables: Tables, pairs: list[_Pair], after: float, before: float) -> li
 
 
 def _sizes(rows: pd.DataFrame) -> list[float]:
-    """Return the root mean squares over time of the runs' RMS, of the filter's sigma, and of the true error's."""
+    """Return the root mean squares over time of the runs' RMS error, of the formal sigma, and of the true RMS error."""
     true, t = rows.lincov_true_si**2 + rows.lincov_mean_si**2, rows.t_s.to_numpy()
     runs = bool(rows.run_count.iloc[0])
     squares = (rows.rms_si**2, rows.filter_sigma_si**2, true) if runs else (true, rows.lincov_formal_si**2, true)
@@ -109,11 +118,29 @@ def _sizes(rows: pd.DataFrame) -> list[float]:
 
 
 def reduction(base: Floats, lower: Floats, alpha: float = 0.05) -> tuple[Floats, Floats, Floats]:
-    """Return by what part (k,) the totals `lower` (n_run, k) are below `base` (n_run, k), runs paired by their draws,
-    and the bounds (k,), (k,) of its interval.
+    """Return the relative reduction of paired totals, with its confidence interval.
 
-    One minus the geometric mean of the runs' ratios; its interval is Student's t on their logarithms. What differs from
-    run to run and not between the two of a pair, such as the wind, cancels. ValueError for fewer than two runs.
+    Parameters
+    ----------
+    base, lower : (n_run, k) array
+        Totals of each run with the same random draws, any unit.
+    alpha : float
+        One minus the confidence.
+
+    Returns
+    -------
+    (k,) array, (k,) array, (k,) array
+        Reduction, and lower and upper limit of its interval, as fractions.
+
+    Raises
+    ------
+    ValueError
+        There are fewer than two runs, or different numbers of runs.
+
+    Notes
+    -----
+    The reduction is one minus the geometric mean of the ratios of the runs. The interval is Student's t for their
+    logarithms. Effects common to both runs of a pair, such as the wind, cancel.
     """
     if len(base) != len(lower) or len(base) < 2:
         raise ValueError(f"{len(base)} and {len(lower)} runs: a paired comparison needs two or more of each, alike")
@@ -124,28 +151,30 @@ def reduction(base: Floats, lower: Floats, alpha: float = 0.05) -> tuple[Floats,
 
 
 def nozzle(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
-    """Return mean movements of the nozzle (deg) by what feeds the controller, and by how much less (%) it moves with
-    the filtered than with the raw rate, with the interval of paired runs; per burn, and over the flight.
+    """Return the mean movement of the nozzle (deg) for each rate that feeds the controller, and its reduction (%).
 
-    A burn in which every run's nozzle is at rest, and a single run, have no reduction.
+    The reduction compares the filtered with the raw rate in paired runs, with its interval, for each burn and for the
+    whole flight. It is NaN for a single run, and for a burn in which the nozzle does not move in some run.
     """
     rows = []
-    for (case, burn, axis), one in tables.nozzle.groupby(["case", "burn", "axis"], sort=False):
-        moved = one.pivot(index="run_number", columns="feed", values="moved_rad")
+    for (case, burn, axis), group in tables.nozzle.groupby(["case", "burn", "axis"], sort=False):
+        moved = group.pivot(index="run_number", columns="feed", values="moved_rad")
         less: tuple[float, ...] = (np.nan, np.nan, np.nan)
         if len(moved) > 1 and bool((moved > 0.0).all(axis=None)):
-            found = reduction(moved[["raw"]].to_numpy(), moved[["filtered"]].to_numpy(), alpha)
-            less = tuple(100.0 * float(part[0]) for part in found)
+            less = tuple(
+                100.0 * float(number[0])
+                for number in reduction(moved[["raw"]].to_numpy(), moved[["filtered"]].to_numpy(), alpha)
+            )
         means = [float(np.degrees(moved[feed].mean())) for feed in ("raw", "filtered", "true")]
         rows.append((tables.labels[str(case)], burn, axis, len(moved), *means, *less))
     return pd.DataFrame(rows, columns=NOZZLE)
 
 
 def worth(tables: Tables) -> pd.DataFrame:
-    """Return what the filtered rate gains a controller over the flight, case by case and axis by axis.
+    """Return the benefit of the filtered rate for a controller over the flight, by case and axis.
 
-    Movement of the nozzle and less_percent as in `nozzle`; possible_percent: how much less the nozzle moves with the
-    true rate, the most that any filter can gain; *_error_mrad: root mean square of the attitude's error in burns.
+    Movement of the nozzle and less_percent as in `nozzle`. possible_percent: reduction with the true rate, the largest
+    that any filter can achieve. *_error_mrad: RMS attitude error of the controlled vehicle in burns.
     """
     moved, errors = pick(nozzle(tables), burn="flight"), pick(turning(tables), phase="burn")
     moved = moved.drop(columns=["burn", "runs"]).reset_index(drop=True)
@@ -156,8 +185,10 @@ def worth(tables: Tables) -> pd.DataFrame:
 
 
 def turning(tables: Tables) -> pd.DataFrame:
-    """Return how often and how far true angular acceleration and jerk leave their envelopes (% of ticks, times), and
-    attitude and rate errors, by what feeds the controller, axis and phase.
+    """Return how long angular acceleration and jerk stay in their envelopes, and the attitude and rate errors.
+
+    The rows are by case, axis, phase and rate that feeds the controller. *_inside_percent: percentage of the time steps
+    inside the envelope; *_furthest_times: largest value as a multiple of the envelope.
     """
     rows = tables.turning
     return rows[["case", "feed", "axis", "phase"]].assign(

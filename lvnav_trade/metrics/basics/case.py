@@ -1,4 +1,4 @@
-"""What metrics read of one case, whether it is stored in tables or still in arrays."""
+"""Interface through which metrics read the results of one case, stored in tables or still in arrays."""
 
 from __future__ import annotations
 
@@ -15,18 +15,17 @@ from lvnav_trade.units import parse
 if TYPE_CHECKING:
     from lvnav_trade.metrics.mechanics.mission import Law, State
 
-# Seconds: one instant.
-SAME_TIME = 1e-6
+SAME_TIME = 1e-6  # s; times that differ by less are the same instant
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset>\S.*))?$")
 
 
 class Errors(NamedTuple):
-    """|error| of every run.
+    """Magnitude of an error in every run.
 
     size : (n_run,) in `unit`. Infinite for a failed run.
     unit : SI unit.
-    label_unit : Unit for people.
-    label_factor : Factor from SI to it.
+    label_unit : Display unit.
+    label_factor : Factor from SI to the display unit.
     """
 
     size: Floats
@@ -36,11 +35,11 @@ class Errors(NamedTuple):
 
 
 class Gaussian(NamedTuple):
-    """The Gaussian of a metric's components, SI.
+    """Gaussian distribution of the components of a metric, SI.
 
-    mean : (k,).
-    covariance : (k, k).
-    sources : Covariance (k, k) of each error source that is known.
+    mean : (k,). Mean.
+    covariance : (k, k). Covariance.
+    sources : Covariance (k, k) due to each error source, as far as known.
     """
 
     mean: Floats
@@ -49,16 +48,16 @@ class Gaussian(NamedTuple):
 
 
 class Distribution(NamedTuple):
-    """The distribution of a metric by linear covariance.
+    """Distribution of a metric by linear covariance.
 
-    law : The Gaussian of its components, SI.
+    law : Gaussian distribution of its components, SI.
     unit : SI unit.
-    label_unit : Unit for people.
-    label_factor : Factor from SI to it.
-    moment : The event or time that the Gaussian is of.
-    above_only : Whether it is that of the worst moment of a phase, so that the probability of keeping a bound is no
-        less than that of the whole phase.
-    drawn : (n,), growing. Sizes that replace the Gaussian of a metric that has none; None where it has one.
+    label_unit : Display unit.
+    label_factor : Factor from SI to the display unit.
+    moment : Event or time of the distribution.
+    above_only : Whether it is the distribution at the worst time of a phase. The probability of keeping a bound at this
+        time is an upper limit of the probability of keeping it throughout the phase.
+    drawn : (n,), ascending. Random sample of the magnitude, for a metric that is not Gaussian; None otherwise.
     """
 
     law: Gaussian
@@ -84,13 +83,13 @@ class History(NamedTuple):
 
 
 class Injections(NamedTuple):
-    """How guided ascents end.
+    """Outcome of guided ascents, for one orbital element.
 
-    outcome : (n_run,). As in `records.OUTCOMES`.
-    t : (n_run,) s since lift-off. Last cut-off.
-    left : (n_run,) kg. Propellant left in the last stage.
-    error : (n_run,) SI. What the achieved orbit has more than the target of a number.
-    knowledge : (n_run,) SI. What it has more than the navigated orbit.
+    outcome : (n_run,). One of `records.OUTCOMES`.
+    t : (n_run,) s since lift-off. Time of the last cut-off.
+    left : (n_run,) kg. Propellant remaining in the last stage.
+    error : (n_run,) SI. Achieved minus target element.
+    knowledge : (n_run,) SI. Achieved minus navigated element.
     """
 
     outcome: NDArray[np.str_]
@@ -101,77 +100,79 @@ class Injections(NamedTuple):
 
     @property
     def injected(self) -> Bools:
-        """Which runs reach their cut-off, (n_run,)."""
+        """Whether each run reaches its cut-off, (n_run,)."""
         return np.asarray(self.outcome == OUTCOMES[0])
 
 
 class CaseResults(Protocol):
-    """What metrics read of one case. `case_tables.CaseTables` reads results; `campaign.running.case_arrays.CaseArrays`
-    reads the arrays of the engines before they are stored. Both give the same numbers.
+    """Results of one case, as read by metrics.
+
+    `case_tables.CaseTables` reads stored results. `campaign.running.case_arrays.CaseArrays` reads the arrays of the
+    engines before they are stored. Both give the same numbers.
     """
 
     def output(self, quantity: str, axis: str) -> Output | None:
-        """Return unit and label of an error; None where the case has none of that name."""
+        """Return the output (name, axis, units) of an error; None if the case does not have it."""
 
     def axes(self, quantity: str) -> list[str]:
-        """Return the axes of a quantity, without the length."""
+        """Return the axes of a quantity, without the norm."""
 
     def events(self) -> dict[str, float]:
-        """Return the times (s) of the events of the flight, in time order."""
+        """Return the times (s) of the events of the flight by name, in order of time."""
 
     def phase(self, text: str) -> tuple[float, float]:
-        """Return first and last time (s) of ``INSTANT to INSTANT`` or ``flight``; NaN for an event not in it."""
+        """Return the first and last time (s) of ``INSTANT to INSTANT`` or ``flight``; NaN for an unknown event."""
 
     def failed(self, event: str) -> Bools:
-        """Return which runs failed, (n_run,); none of an event that the flight does not have."""
+        """Return whether each run failed (n_run,); empty if the runs have no such event."""
 
     def failed_runs(self) -> Bools:
-        """Return which runs failed, (n_run,)."""
+        """Return whether each run failed (n_run,)."""
 
     def errors(self, event: str, quantity: str) -> Floats:
-        """Return the errors (n_run, n_axis) of a quantity at an event, SI; no axes where they are not known."""
+        """Return the errors (n_run, n_axis) of a quantity at an event, SI, reporting axes; no axes if not stored."""
 
     def sizes(self, event: str, quantity: str, axis: str) -> Floats:
-        """Return |error| (n_run,) at an event, SI, infinite where a run failed or the error is not finite."""
+        """Return |error| (n_run,) at an event, SI; infinite if a run failed or its error is not finite."""
 
     def largest(self, quantity: str, axis: str, first: float, last: float) -> Floats:
-        """Return the largest |error| (n_run,) of each run in the spans from a first to a last time (s), as `sizes`."""
+        """Return the largest |error| (n_run,) of each run between two times (s), SI; infinite as in `sizes`."""
 
     def history(self, quantity: str, axis: str) -> History:
-        """Return an error over the flight by linear covariance, without rows where it is not known."""
+        """Return true sigma and mean of an error over the flight, by linear covariance; empty if not known."""
 
     def gaussian(self, event: str, quantity: str, axis: str) -> Gaussian | None:
-        """Return the Gaussian of an error at an event; None where it is not known."""
+        """Return the Gaussian distribution of an error at an event by linear covariance; None if not known."""
 
     def formal(self, event: str, quantity: str) -> Floats | None:
-        """Return the filter's own covariance (3, 3) at an event, of the nominal flight; None where it is not known."""
+        """Return the formal covariance (3, 3) at an event of the nominal flight, SI, reporting axes, or None."""
 
     def state(self, event: str) -> State | None:
-        """Return the true state at an event; None where it is not known."""
+        """Return the true state at an event; None if not known."""
 
     def joint(self, event: str) -> Law:
-        """Return linear covariance of velocity and position at an event whose state is known."""
+        """Return the joint distribution of velocity and position at an event with a known state."""
 
     def injections(self, quantity: str) -> Injections | None:
-        """Return what guided ascents achieve of a number of the orbit; None where no run is guided."""
+        """Return one element of the orbits that guided runs achieve; None without guided runs."""
 
     def injection_law(self) -> InjectionLaw | None:
-        """Return linear covariance of the injection of a guided ascent; None without guidance."""
+        """Return the distribution of the injection of a guided ascent by linear covariance; None without guidance."""
 
     def protection_level(self, quantity: str, at: str, during: str) -> float:
-        """Return the protection level (SI) at an event, or the largest of a phase; NaN where there is none."""
+        """Return the protection level (SI) at an event, or its largest value in a phase; NaN if there is none."""
 
 
 def number_in(value: Any, unit: str) -> float:
-    """Return a quantity in a unit: text with a unit of its own, or a number that is in it."""
+    """Return a number in a unit, from text with a unit, or from a number that has this unit already."""
     return parse(value, unit) if isinstance(value, str) else float(value)
 
 
 def instant_in(text: str, events: Mapping[str, float], ends: tuple[float, float]) -> float:
-    """Return the time (s) of ``stage1_cutoff`` or ``stage1_cutoff + 30 s``; NaN for an event that is not in the flight.
+    """Return the time (s) of an instant such as ``stage1_cutoff`` or ``stage1_cutoff + 30 s``; NaN if it has no event.
 
-    events : Times (s) of the events.
-    ends : Times (s) of ``start`` and ``end``.
+    events : times (s) of the events by name
+    ends : times (s) of ``start`` and ``end``
     """
     known = {"start": ends[0], "end": ends[1], **events}
     match = _INSTANT.match(text)
@@ -182,9 +183,9 @@ def instant_in(text: str, events: Mapping[str, float], ends: tuple[float, float]
 
 
 def phase_in(text: str, events: Mapping[str, float], ends: tuple[float, float]) -> tuple[float, float]:
-    """Return first and last time (s) of ``INSTANT to INSTANT``, or of ``flight``: from lift-off to the end.
+    """Return the first and last time (s) of ``INSTANT to INSTANT``, or of ``flight``, from lift-off to the end.
 
-    NaN where an event is not in the flight.
+    The times are NaN if an event does not occur. The arguments are those of `instant_in`.
     """
     if text == "flight":
         return max(instant_in("start", events, ends), 0.0), instant_in("end", events, ends)
@@ -193,10 +194,10 @@ def phase_in(text: str, events: Mapping[str, float], ends: tuple[float, float]) 
 
 
 def symmetric(matrix: Floats) -> Floats:
-    """Return a symmetric matrix (k, k) that has the upper triangle of a matrix."""
+    """Return the symmetric matrix (k, k) with the upper triangle of a matrix, which removes rounding asymmetry."""
     return np.triu(matrix) + np.triu(matrix, 1).T
 
 
 def finite_sizes(error: Floats, failed: Bools) -> Floats:
-    """Return |error| (n,), infinite where a run failed or the error is not finite."""
+    """Return |error| (n,); infinite if a run failed or its error is not finite."""
     return np.where(failed | ~np.isfinite(error), np.inf, np.abs(error))

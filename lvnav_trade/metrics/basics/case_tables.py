@@ -1,4 +1,4 @@
-"""What metrics read of one case, from the tables of results."""
+"""Results of one case for the metrics, from the stored tables."""
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from lvnav_trade.store.schema import error_column
 
 
 class CaseTables(CaseResults):
-    """One case of results.
+    """Stored results of one case; see `CaseResults` for the methods.
 
-    tables : The results.
+    tables : Tables of the results.
     case : Digest of the case.
     """
 
@@ -58,7 +58,7 @@ class CaseTables(CaseResults):
         """Return the errors (n_run, n_axis) at an event."""
         rows = pick(self.tables.runs, case=self.case, event=event)
         outputs = [self.output(quantity, axis) for axis in self.axes(quantity)]
-        columns = [error_column(quantity, one.axis, one.unit) for one in outputs if one is not None]
+        columns = [error_column(quantity, output.axis, output.unit) for output in outputs if output is not None]
         return rows[columns].to_numpy(dtype=float)
 
     def sizes(self, event: str, quantity: str, axis: str) -> Floats:

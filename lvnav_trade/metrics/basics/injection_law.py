@@ -1,4 +1,4 @@
-"""Linear covariance of the injection of a guided ascent, from the tables of results."""
+"""Distribution of the injection of a guided ascent by linear covariance, from the tables of results."""
 
 import numpy as np
 
@@ -10,12 +10,13 @@ _N = len(INJECTION)
 
 
 def law_in(tables: Tables, case: str) -> InjectionLaw | None:
-    """Return linear covariance of the injection of a case; None without guidance.
+    """Return the distribution of the injection of a case by linear covariance; None without guidance.
 
-    Of knowledge and execution the sums over the sources are stored, which stand as those of the first source.
+    Results contain only the sums over all sources of knowledge and execution errors. They are assigned to the first
+    source.
     """
-    found: InjectionLaw | None = _law_in(tables, case)[0]
-    return found
+    law: InjectionLaw | None = _law_in(tables, case)[0]
+    return law
 
 
 @once
@@ -35,11 +36,11 @@ def _read(tables: Tables, case: str) -> InjectionLaw | None:
     )
     rows = pick(tables.injection_joint, case=case)
     sources = list(dict.fromkeys(rows.source))
-    found = np.zeros((len(sources), _N, _N))
+    covariance = np.zeros((len(sources), _N, _N))
     source = rows.source.map({name: k for k, name in enumerate(sources)}).to_numpy(dtype=int)
     place = {name: k for k, name in enumerate(INJECTION)}
     i, j = (rows[name].map(place).to_numpy(dtype=int) for name in ("quantity", "other_quantity"))
-    found[source, i, j] = found[source, j, i] = rows.covariance_si2.to_numpy(dtype=float)
+    covariance[source, i, j] = covariance[source, j, i] = rows.covariance_si2.to_numpy(dtype=float)
     of_sources = np.zeros((2, len(sources), len(ORBIT)))
     of_sources[:, 0] = np.square([knowledge[: len(ORBIT)], execution[: len(ORBIT)]])
     of_navigation = set(rows.source[rows.part == "navigation"])
@@ -50,7 +51,7 @@ def _read(tables: Tables, case: str) -> InjectionLaw | None:
         second_order=second_order,
         sources=tuple(map(str, sources)),
         n_navigation=len(of_navigation),
-        covariance=found,
+        covariance=covariance,
         knowledge=of_sources[0],
         execution=of_sources[1],
     )

@@ -1,4 +1,4 @@
-"""Names of cases as a report shows them: names of cards where they differ by cards."""
+"""Names of cases for reports: names of cards if the cases differ by cards."""
 
 import re
 from collections.abc import Mapping
@@ -6,17 +6,17 @@ from typing import Any
 
 from lvnav_trade.store.read import Tables
 
-_OF_A_FILE = re.compile(r"[a-z0-9][a-z0-9_.-]*")  # label of a level that the file of its card gave
-_LONGEST = 80  # characters of a card's name; a longer one is no heading
+_OF_A_FILE = re.compile(r"[a-z0-9][a-z0-9_.-]*")  # label of a level that is the file name of its card
+_LONGEST = 80  # characters; a longer name of a card is not used as a heading
 SEPARATOR = " · "
 
 
 def case_names(tables: Tables) -> dict[str, str]:
-    """Return a name for each case (digest), in the order of the plan; two cases never have the same.
+    """Return a unique name for each case, by digest, in the order of the plan.
 
-    A level of an axis is named by the name of its card where every card of the axis has one of its own, by axis and
-    label otherwise, such as ``update_rate=1 Hz``; axes whose level is the same in all cases are left out. The label
-    itself stays where that is no name, and of results of many designs, which are called by their numbers.
+    A level of an axis has the name of its card if all cards of the axis have different names, otherwise axis and label,
+    such as ``update_rate=1 Hz``. Axes with the same level in all cases are omitted. If no level has the name of a card,
+    and in a design space, the label of the case is its name.
     """
     if tables.has_designs:
         return dict(tables.labels)
@@ -24,17 +24,17 @@ def case_names(tables: Tables) -> dict[str, str]:
     stated = dict(zip(names, tables.campaign.get("axes") or (), strict=False))
     shown = {name: _level_names(stated[name]) for name in names if name in stated}
     varied = [name for name in names if len({levels[name] for levels in tables.levels.values()}) > 1]
-    found = {}
+    by_case = {}
     for case, levels in tables.levels.items():
         parts = [shown.get(name, {}).get(levels[name], f"{name}={levels[name]}") for name in varied]
-        named = any(levels[name] in shown.get(name, {}) for name in varied)
-        found[case] = SEPARATOR.join(parts) if named else tables.labels[case]
-    twice = [name for name in found.values() if list(found.values()).count(name) > 1]
-    return {case: tables.labels[case] if name in twice else name for case, name in found.items()}
+        has_card = any(levels[name] in shown.get(name, {}) for name in varied)
+        by_case[case] = SEPARATOR.join(parts) if has_card else tables.labels[case]
+    twice = [name for name in by_case.values() if list(by_case.values()).count(name) > 1]
+    return {case: tables.labels[case] if name in twice else name for case, name in by_case.items()}
 
 
 def _level_names(axis: Mapping[str, Any]) -> dict[str, str]:
-    """Return the names of an axis's cards by label; nothing where the levels are no cards, or the user named them."""
+    """Return the names of an axis's cards by label; empty if the levels are not cards, or have labels of the user."""
     labels, values = list(axis.get("labels") or ()), list(axis.get("values") or ())
     cards = [value.get("name") if isinstance(value, Mapping) else None for value in values]
     usable = [isinstance(name, str) and 0 < len(name) <= _LONGEST and SEPARATOR not in name for name in cards]
@@ -45,7 +45,7 @@ def _level_names(axis: Mapping[str, Any]) -> dict[str, str]:
 
 
 def named(tables: Tables) -> Tables:
-    """Return the same results with the names of cases in place of their labels."""
+    """Return the results with the names of the cases as their labels."""
     names = case_names(tables)
     if names == tables.labels:
         return tables

@@ -1,4 +1,4 @@
-"""Quantities of resolved settings, which are SI, in the units of data sheets."""
+"""Conversion of the quantities of resolved settings, which are in SI, to the units of data sheets."""
 
 import math
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from lvnav_trade.marks import MARKS
 _G = 9.80665
 _DEG, _HOUR = math.pi / 180.0, 3600.0
 _YEAR = 365.25 * 86400.0
-# SI unit: units of data sheets with their size in SI, the largest first; the first that is not above the size is taken
+# By SI unit: units of data sheets with their size in SI, the largest first. The first unit not above a value is used.
 _SHEETS: dict[str, tuple[tuple[str, float], ...]] = {
     "rad": (("deg", _DEG), ("mrad", 1e-3)),
     "rad/s": (("deg/s", _DEG), ("deg/h", _DEG / _HOUR)),
@@ -31,7 +31,7 @@ _WORDS = ("name", "source", *MARKS)
 
 
 def split(text: Any) -> tuple[float, str] | None:
-    """Return number and SI unit of a quantity of resolved settings, None where the value is none."""
+    """Return number and SI unit of a quantity of resolved settings; None if the value is not a quantity."""
     number, space, unit = str(text).partition(" ")
     if not isinstance(text, str) or not space:
         return None
@@ -42,27 +42,28 @@ def split(text: Any) -> tuple[float, str] | None:
 
 
 def in_people(value: Any) -> str:
-    """Write a value of resolved settings: a quantity in the unit of data sheets, several in turn, settings by their
-    fields; empty where there is none.
+    """Return a value of resolved settings as text: quantities in units of data sheets, settings with their fields.
+
+    The text of null is empty.
     """
     if value is None:
         return ""
     if isinstance(value, Mapping):
-        stated = [f"{key} {in_people(one)}" for key, one in value.items() if key not in _WORDS and one not in _NOTHING]
-        return _first(stated)
+        fields = {key: field for key, field in value.items() if key not in _WORDS and field not in _NOTHING}
+        return _first([f"{key} {in_people(field)}" for key, field in fields.items()])
     if isinstance(value, list):
-        return _first([in_people(one) for one in value])
-    found = split(value)
-    if found is None:
+        return _first([in_people(item) for item in value])
+    quantity = split(value)
+    if quantity is None:
         return f"{value:.6g}" if isinstance(value, float) else str(value)
-    number, unit = found
+    number, unit = quantity
     sheets = _SHEETS.get(unit, ((unit, 1.0),))
-    fit = [one for one in sheets if abs(number) >= one[1] * (1.0 - 1e-9)]
+    fit = [sheet for sheet in sheets if abs(number) >= sheet[1] * (1.0 - 1e-9)]
     name, size = fit[0] if fit else sheets[-1 if number else 0]
     return f"{float(f'{number / size:.4g}'):g} {name}"
 
 
 def _first(texts: list[str]) -> str:
-    """Join texts; of many only the first ones and how many more there are."""
+    """Join texts; if there are many, only the first, with the number of the others."""
     more = len(texts) - _FEW
     return ", ".join(texts[:_FEW]) + (f" and {more} more" if more > 0 else "")

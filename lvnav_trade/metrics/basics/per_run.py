@@ -1,4 +1,4 @@
-"""A number of a case at an event or during a phase: its rows of the history, and the same of every run by itself."""
+"""Number of a case at an event or during a phase: its rows of the history, and the values of the single runs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def within(tables: Tables, case: str, rows: pd.DataFrame, stated: Mapping[str, Any]) -> pd.DataFrame:
-    """Return the rows of a history at the event, or during the phase, that a statement names; none where not flown."""
+    """Return the rows of a history at the event or during the phase of a statement; empty for an unknown event."""
     if stated.get("during"):
         return rows_between(rows, *phase(tables, case, str(stated["during"])))
     at = instant(tables, case, str(stated.get("at") or "injection"))
@@ -37,7 +37,7 @@ def within(tables: Tables, case: str, rows: pd.DataFrame, stated: Mapping[str, A
 
 
 def of_each(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Floats:
-    """Return the number of every run by itself, SI, in the order of the runs; empty where it is not stored."""
+    """Return the number of a statement for every single run (n_run,), SI, in order; empty if it is not stored."""
     quantity, axis = split_metric(str(stated["metric"]))
     if stated.get("during"):
         return per_run(tables, case, stated, rms_column(quantity, axis, unit))
@@ -45,8 +45,23 @@ def of_each(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
 
 
 def per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) -> Floats:
-    """Return each run's largest, or root mean square, error of a phase between events, SI, in the order of the runs;
-    none where the results lack it. A failed run's is infinite.
+    """Return the largest or RMS error of every run in a phase between events.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    stated : mapping
+        Statement with the phase `during`.
+    column : str
+        Column of the table `worst`: largest error, or RMS.
+
+    Returns
+    -------
+    (n_run,) array
+        Errors in the order of the runs, SI, infinite for a failed run; empty if the results do not have them.
     """
     first, last = phase(tables, case, str(stated["during"]))
     within = rows_between(pick(tables.worst, case=case), first, last, end="t_end_s")
@@ -62,8 +77,9 @@ def per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) -
 
 
 def signed(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Floats:
-    """Return the error of every run with its sign, SI, in the order of the runs; empty for a phase, of which none is
-    stored. A failed run's is infinite.
+    """Return the signed error of every run (n_run,), SI, in the order of the runs; infinite for a failed run.
+
+    It is empty for a phase, since signed errors are stored at events only.
     """
     quantity, axis = split_metric(str(stated["metric"]))
     if stated.get("during"):

@@ -1,4 +1,4 @@
-"""Intervals of mean squares and of fractions of runs, many tests at once, a Gaussian within a sphere or a box."""
+"""Confidence intervals of mean squares and fractions, multiple tests, Gaussian probabilities of sphere and box."""
 
 from bisect import bisect_left
 
@@ -10,48 +10,80 @@ from lvnav_trade.records import Floats
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)
 _LEAST_PROBABILITY = 1e-15  # keeps a normal quantile finite
-_REACH = 9.0  # sigmas: beyond them lies 2e-19 of a Gaussian
+_REACH = 9.0  # sigmas; the probability of a Gaussian beyond is 2e-19
 
 
 def rms_interval(rms: ArrayLike, freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
-    """Return (low, high) of the true root mean square at confidence 1 - alpha; NaN where there is no freedom."""
+    """Return the confidence interval of a true root mean square.
+
+    Parameters
+    ----------
+    rms : (n,) array
+        Sample root mean squares, any unit.
+    freedom : (n,) array
+        Degrees of freedom of each.
+    alpha : float
+        One minus the confidence.
+
+    Returns
+    -------
+    (n,) array, (n,) array
+        Lower and upper limits in the unit of `rms`; NaN without degrees of freedom.
+    """
     low, high = ratio_interval(freedom, alpha)
     return np.asarray(rms) / high, np.asarray(rms) / low
 
 
 def ratio_interval(freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
-    """Return (low, high) between which sample RMS / true RMS lies with probability 1 - alpha."""
+    """Return the limits of the ratio of sample to true RMS, exceeded with probability alpha / 2 each."""
     low, high = mean_square_interval(freedom, alpha)
     return np.sqrt(low), np.sqrt(high)
 
 
 def mean_square_interval(freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
-    """Return (low, high) between which chi-square / freedom lies with probability 1 - alpha."""
-    given = np.asarray(freedom, dtype=float)
-    usable = np.where(given > 0, given, np.nan)
+    """Return the limits of chi-square divided by its degrees of freedom, exceeded with probability alpha / 2 each."""
+    degrees = np.asarray(freedom, dtype=float)
+    usable = np.where(degrees > 0, degrees, np.nan)
     return stats.chi2.ppf(alpha / 2.0, usable) / usable, stats.chi2.ppf(1.0 - alpha / 2.0, usable) / usable
 
 
 def success_bounds(runs: int, failures: int, confidence: float) -> tuple[float, float]:
-    """Return the one-sided lower and the one-sided upper Clopper-Pearson bound on the probability of success."""
+    """Return the one-sided Clopper-Pearson bounds on a probability of success.
+
+    Parameters
+    ----------
+    runs, failures : int
+        Number of runs, and of failures among them.
+    confidence : float
+        Confidence of each bound.
+
+    Returns
+    -------
+    float, float
+        Lower and upper bound.
+    """
     good = runs - failures
     low = float(stats.beta.ppf(1.0 - confidence, good, failures + 1)) if good else 0.0
     return low, (float(stats.beta.ppf(confidence, good + 1, failures)) if failures else 1.0)
 
 
 def success_verdict(runs: int, failures: int, probability: float, confidence: float) -> str:
-    """Return "met" or "violated" where the bounds show it of a probability of success, else "undecided"."""
+    """Return the verdict on a required probability of success.
+
+    "met" if the lower bound of `success_bounds` reaches the probability, "violated" if the upper bound is below it,
+    otherwise "undecided".
+    """
     low, high = success_bounds(runs, failures, confidence)
     return "met" if runs and low >= probability else "violated" if high < probability else "undecided"
 
 
 def shows(runs: int, failures: int, probability: float, confidence: float) -> bool:
-    """Whether so few failures show at that confidence that success has at least that probability."""
+    """Whether a number of failures is small enough to demonstrate a probability of success at a confidence."""
     return runs > failures and float(stats.binom.cdf(failures, runs, 1.0 - probability)) <= 1.0 - confidence
 
 
 def runs_needed(failures: int, probability: float, confidence: float) -> int:
-    """Return the smallest number of runs with which so many failures still show the probability of success."""
+    """Return the smallest number of runs that demonstrates a probability of success in spite of some failures."""
     high = max(2, 2 * (failures + 1))
     while not shows(high, failures, probability, confidence):
         high *= 2
@@ -60,7 +92,10 @@ def runs_needed(failures: int, probability: float, confidence: float) -> int:
 
 
 def holm(p_values: ArrayLike) -> Floats:
-    """Return p-values adjusted by Holm's step-down method: at most alpha of all families have one below alpha."""
+    """Return p-values (n,) adjusted by Holm's step-down method.
+
+    With true null hypotheses, the probability that any adjusted p-value of the family is below alpha is at most alpha.
+    """
     p = np.asarray(p_values, dtype=float)
     order = np.argsort(p, kind="stable")
     adjusted = np.empty_like(p)
@@ -69,30 +104,63 @@ def holm(p_values: ArrayLike) -> Floats:
 
 
 def norm_probability(mean: ArrayLike, covariance: ArrayLike, limit: float) -> float:
-    """Return P(|x| < limit) for x Gaussian with mean (k,) and covariance (k, k), k at most 3; exact to about 1e-9.
+    """Return the probability that the norm of a Gaussian vector is below a limit.
 
-    The square of the norm is a weighted sum of non-central chi-squares. In the principal axes the axis of largest sigma
-    is integrated in closed form, the others by Gauss-Legendre quadrature over the sphere, in an angle in which the
-    integrand is smooth at its edge. The result is linear covariance's statement about a requirement.
+    Parameters
+    ----------
+    mean : (k,) array
+        Mean, k at most 3.
+    covariance : (k, k) array
+        Covariance.
+    limit : float
+        Limit of the norm.
+
+    Returns
+    -------
+    float
+        P(|x| < limit), accurate to about 1e-9.
+
+    Notes
+    -----
+    In the principal axes the squared norm is a weighted sum of non-central chi-squares. The axis of largest sigma is
+    integrated in closed form. The others are integrated by Gauss-Legendre quadrature over the sphere, with
+    x = x_mid + h sin(angle), which makes the integrand smooth at the edge of the sphere.
     """
     if not limit > 0.0:
         return 0.0
     variance, axes = np.linalg.eigh(np.atleast_2d(np.asarray(covariance, dtype=float)))
-    sigma = np.sqrt(np.maximum(0.0, variance))  # growing
+    sigma = np.sqrt(np.maximum(0.0, variance))  # ascending
     centre = axes.T @ np.atleast_1d(np.asarray(mean, dtype=float))
-    left, weight = np.array([limit**2]), np.array([1.0])
+    radius_squared, weight = np.array([limit**2]), np.array([1.0])
     for k in range(len(sigma) - 1):
-        left, weight = _slice(left, weight, float(centre[k]), float(sigma[k]))
-    return float(np.clip(np.sum(weight * _between(np.sqrt(left), float(centre[-1]), float(sigma[-1]))), 0.0, 1.0))
+        radius_squared, weight = _slice(radius_squared, weight, float(centre[k]), float(sigma[k]))
+    inside = _between(np.sqrt(radius_squared), float(centre[-1]), float(sigma[-1]))
+    return float(np.clip(np.sum(weight * inside), 0.0, 1.0))
 
 
 def box_probability(mean: ArrayLike, covariance: ArrayLike, limits: ArrayLike) -> float:
-    """Return P(|x_k| < limit_k of every axis k) for x Gaussian with mean (3,) and covariance (3, 3).
+    """Return the probability that every component of a Gaussian vector is below its limit in magnitude.
 
-    Axis by axis given the ones before, by the Cholesky factor (Genz 1992): two axes by Gauss-Legendre quadrature, the
-    last in closed form; exact to about 1e-9 for correlations up to 0.9.
+    Parameters
+    ----------
+    mean : (3,) array
+        Mean.
+    covariance : (3, 3) array
+        Covariance.
+    limits : (3,) array
+        Limit of each component.
+
+    Returns
+    -------
+    float
+        P(|x_k| < limit_k for all k), accurate to about 1e-9 for correlations up to 0.9.
+
+    Notes
+    -----
+    Genz (1992): with the Cholesky factor the components are integrated one after the other, each conditional on those
+    before. Two are integrated by Gauss-Legendre quadrature, the last in closed form.
     """
-    mu, half = (np.asarray(one, dtype=float) for one in (mean, limits))
+    mu, half = (np.asarray(vector, dtype=float) for vector in (mean, limits))
     variance = np.asarray(covariance, dtype=float)
     if not np.all(half > 0.0):
         return 0.0
@@ -100,46 +168,46 @@ def box_probability(mean: ArrayLike, covariance: ArrayLike, limits: ArrayLike) -
     factor = np.linalg.cholesky(scaled + 1e-14 * max(float(np.trace(scaled)), 1e-300) * np.eye(3))
     centre, weight, drawn = mu / half, np.array([1.0]), np.zeros((1, 0))
     for k in range(2):
-        given = (centre[k] + drawn @ factor[k, :k])[:, None]
-        low = np.clip((-1.0 - given) / factor[k, k], -_REACH, _REACH)
-        high = np.clip((1.0 - given) / factor[k, k], -_REACH, _REACH)
+        conditional = (centre[k] + drawn @ factor[k, :k])[:, None]  # mean of component k given those before
+        low = np.clip((-1.0 - conditional) / factor[k, k], -_REACH, _REACH)
+        high = np.clip((1.0 - conditional) / factor[k, k], -_REACH, _REACH)
         x = 0.5 * (high + low) + 0.5 * (high - low) * _NODES
         density = np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi) * 0.5 * (high - low) * _WEIGHTS
         weight = (weight[:, None] * density).ravel()
         drawn = np.column_stack([np.repeat(drawn, len(_NODES), axis=0), x.ravel()])
-    given = centre[2] + drawn @ factor[2, :2]
-    last = special.ndtr((1.0 - given) / factor[2, 2]) - special.ndtr((-1.0 - given) / factor[2, 2])
+    conditional = centre[2] + drawn @ factor[2, :2]
+    last = special.ndtr((1.0 - conditional) / factor[2, 2]) - special.ndtr((-1.0 - conditional) / factor[2, 2])
     return float(np.clip(np.sum(weight * last), 0.0, 1.0))
 
 
-def _slice(left: Floats, weight: Floats, centre: float, sigma: float) -> tuple[Floats, Floats]:
-    """Integrate over one axis: return what the nodes leave of the squared radius, and their weights."""
-    radius = np.sqrt(left)
+def _slice(radius_squared: Floats, weight: Floats, centre: float, sigma: float) -> tuple[Floats, Floats]:
+    """Integrate over one axis: return at each node the squared radius for the remaining axes, and the weight."""
+    radius = np.sqrt(radius_squared)
     if sigma == 0.0:
         inside = np.abs(centre) < radius
-        return np.maximum(left - centre**2, 0.0)[inside], weight[inside]
+        return np.maximum(radius_squared - centre**2, 0.0)[inside], weight[inside]
     low = np.maximum(-radius, centre - _REACH * sigma)
     high = np.minimum(radius, centre + _REACH * sigma)
-    some = high > low
-    low, high, left, weight = low[some], high[some], left[some], weight[some]
+    is_wide = high > low
+    low, high, radius_squared, weight = low[is_wide], high[is_wide], radius_squared[is_wide], weight[is_wide]
     angle = 0.5 * np.pi * _NODES
     half = 0.5 * (high - low)[:, None]
     x = 0.5 * (high + low)[:, None] + half * np.sin(angle)
     density = np.exp(-0.5 * ((x - centre) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
     step = half * np.cos(angle) * (0.5 * np.pi * _WEIGHTS)
-    return np.maximum(left[:, None] - x**2, 0.0).ravel(), (weight[:, None] * density * step).ravel()
+    return np.maximum(radius_squared[:, None] - x**2, 0.0).ravel(), (weight[:, None] * density * step).ravel()
 
 
 def _between(radius: Floats, centre: float, sigma: float) -> Floats:
-    """Return the probability of the last axis within +- radius."""
+    """Return the probability (n,) that the last component lies within plus or minus each radius (n,)."""
     if sigma == 0.0:
         return (np.abs(centre) < radius).astype(float)
-    found: Floats = special.ndtr((radius - centre) / sigma) - special.ndtr((-radius - centre) / sigma)
-    return found
+    probability: Floats = special.ndtr((radius - centre) / sigma) - special.ndtr((-radius - centre) / sigma)
+    return probability
 
 
 def outline_of(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Floats:
-    """Return the ellipse (points, 2) of so many sigmas of a covariance (2, 2)."""
+    """Return the points (points, 2) of the error ellipse of a covariance (2, 2) for a number of sigmas."""
     variance, axes = np.linalg.eigh(covariance)
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     circle = np.stack([np.cos(angle), np.sin(angle)])

@@ -34,52 +34,48 @@ COLUMNS = [
     "effect", "verdict", "runs", "effective_runs", "remark",
 ]  # fmt: skip
 CONFIDENCE = 0.95
-# Smallest change of an error that is of interest unless said otherwise.
+# Default of the smallest change of interest
 DEFAULT = "5 %"
 DEFAULT_METRICS = ("velocity_error_3d", "position_error_3d", "attitude_error_3d")
 FAILED_RUNS = "failed runs"
 FAILED_EFFECT = "1 %"
-# Statistic of a requirement for which no effect is stated: runs beyond its limit, or the quantile that it names
+# Statistic of a requirement without a given effect: fraction of runs beyond its limit, or the required quantile
 BY_RUNS = "required"
 FITTED = "quantile of a fitted distribution: too few runs lie beyond it"
 _EFFECT = re.compile(r"^(?P<metric>[^@:=]+)(@(?P<at>[^@:=]+))?(:(?P<statistic>rms|q[0-9]{1,2}(\.[0-9]+)?))?$")
 
 
 class Effect(NamedTuple):
-    """The smallest change of interest: of a metric (or a requirement's name) at an event ("": injection or the last).
+    """Smallest change of interest of a metric."""
 
-    statistic: rms, or q95 for a quantile. amount as it was written: a percentage, or a quantity with its unit; "none"
-    leaves the metric out.
-    """
-
-    metric: str
-    at: str
-    statistic: str
-    amount: str
+    metric: str  # name of a metric or of a requirement
+    at: str  # event; empty for injection or the last event
+    statistic: str  # rms, or q95 for a quantile
+    amount: str  # as written: a percentage, a quantity with its unit, or none to exclude the metric
 
 
 class Comparison(NamedTuple):
-    """Rows of `COLUMNS`, remarks on the whole, the confidence, and the two folders."""
+    """Comparison of two result sets."""
 
-    frame: pd.DataFrame
-    notes: tuple[str, ...]
+    frame: pd.DataFrame  # one row per case and metric, columns `COLUMNS`
+    notes: tuple[str, ...]  # remarks on the whole comparison
     confidence: float
-    base: Path
-    candidate: Path
+    base: Path  # folder of the base
+    candidate: Path  # folder of the candidate
 
     @property
     def verdict(self) -> str:
-        """The worst word of all rows: one that is worse makes the candidate worse, one undecided leaves it open."""
+        """Overall verdict: the worst verdict of all rows."""
         return next((word for word in ("worse", "undecided") if word in set(self.frame.verdict)), "not worse")
 
 
 def parse_effect(key: str, amount: str) -> Effect:
-    """Take ``METRIC[@EVENT][:STATISTIC]`` and the amount apart; InputError where they are not of that form."""
-    found = _EFFECT.match(key.strip())
-    if found is None:
+    """Return the effect of a key ``METRIC[@EVENT][:STATISTIC]`` and an amount; InputError if one is not valid."""
+    match = _EFFECT.match(key.strip())
+    if match is None:
         raise InputError(f"effect {key!r}: write METRIC, METRIC@EVENT or METRIC@EVENT:q95")
     text = amount.strip()
-    effect = Effect(found["metric"].strip(), (found["at"] or "").strip(), found["statistic"] or "rms", text)
+    effect = Effect(match["metric"].strip(), (match["at"] or "").strip(), match["statistic"] or "rms", text)
     if _is_relative(text):
         _amount(effect, "")
     elif text != "none" and not re.match(r"^[-+]?[0-9.]", text):
@@ -89,13 +85,13 @@ def parse_effect(key: str, amount: str) -> Effect:
 
 def parse_effects(assignments: Sequence[str]) -> list[Effect]:
     """Return the effects of assignments such as ``velocity_error_3d=5%``."""
-    found = []
+    effects = []
     for text in assignments:
         key, equals, amount = text.rpartition("=")
         if not equals:
             raise InputError(f"--effect {text}: write METRIC=AMOUNT, such as velocity_error_3d=5%")
-        found.append(parse_effect(key, amount))
-    return found
+        effects.append(parse_effect(key, amount))
+    return effects
 
 
 def compare(
@@ -107,21 +103,30 @@ def compare(
 ) -> Comparison:
     """Compare a candidate with a base, case by case and run by run (paired).
 
-    "worse": the change is shown to be above the smallest effect of interest; "not worse": shown to be below it;
-    "undecided" otherwise. `low` is the bound that shows it worse: all rows together are wrong with at most the
-    probability that the confidence leaves (Bonferroni). `high` shows a row not worse; since every row must be, each may
-    be wrong with that probability (intersection-union). Without runs on both sides linear covariance is compared.
+    Verdicts: "worse" if the change is shown to be above the smallest change of interest, "not worse" if it is shown to
+    be below, otherwise "undecided". Without runs on both sides linear covariance is compared.
 
     Parameters
     ----------
-    effects : laid over those of the base's campaign (``compare: {effects: ...}``), and those over the defaults
-    confidence : else the base's campaign's, else 0.95
-    mapping : see `matching.match`
+    base, candidate : Path, str or Tables
+        The two result sets.
+    effects : sequence of Effect
+        Smallest changes of interest. They override those of the base's campaign (``compare: {effects: ...}``), which
+        override the defaults.
+    confidence : float, optional
+        Confidence of the verdicts; by default that of the base's campaign, or else 0.95.
+    mapping : mapping of str to str, optional
+        See `matching.match`.
 
     Raises
     ------
     InputError
-        The two do not compare, or an effect names what is not there.
+        The result sets are not comparable, or an effect names an unknown metric or event.
+
+    Notes
+    -----
+    `low`, which shows "worse", has the error probability 1 - confidence for all rows together (Bonferroni). `high`,
+    which shows "not worse", has it for each row, since every row must be not worse (intersection-union test).
     """
     first, second = load(base), load(candidate)
     pairs = match(first, second, mapping)
@@ -139,7 +144,7 @@ def compare(
 
 
 def _laid_over(base: Tables, given: Sequence[Effect]) -> list[Effect]:
-    """Return what is compared: the defaults, the requirements, what the user says on top; "none" takes away."""
+    """Return the effects to compare: defaults, requirements, and effects of the user; the amount "none" removes one."""
     known = {str(requirement["name"]) for requirement in _stated(base)}
     found: dict[tuple[str, str, str], Effect] = {}
     for effect in (*(Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS), *given):
@@ -164,7 +169,7 @@ def _is_relative(amount: str) -> bool:
 
 
 def _amount(effect: Effect, unit: str) -> float:
-    """Return the amount of an effect as a fraction, or in a unit; InputError where it is neither or below zero."""
+    """Return the amount of an effect as a fraction or in a unit; InputError if it is not valid or below zero."""
     text = effect.amount
     if _is_relative(text):
         text, unit = re.sub(r" ?(%|percent)$", r" \1", text), "dimensionless"  # 5% as well as 5 %
@@ -178,24 +183,24 @@ def _amount(effect: Effect, unit: str) -> float:
 
 
 class _Task(NamedTuple):
-    """One row to be: what of which pair of cases; size of the error of each run, the unit, for fractions the bound."""
+    """Data of one row of the comparison."""
 
-    kind: str
+    kind: str  # error, requirement or failures
     pair: Pair
     effect: Effect
     event: str
-    first: Errors
-    second: Errors
-    bound: float = np.inf
+    first: Errors  # errors of the runs of the base
+    second: Errors  # errors of the runs of the candidate
+    bound: float = np.inf  # bound, if fractions of runs beyond it are compared
 
     @property
     def counted(self) -> bool:
-        """Whether runs beyond a bound are compared, not errors."""
+        """Whether fractions of runs beyond a bound are compared, and not errors."""
         return self.effect.statistic == "beyond"
 
     @property
     def relative(self) -> bool:
-        """Whether the change is a part of the base's error."""
+        """Whether the change is relative to the error of the base."""
         return not self.counted and _is_relative(self.effect.amount)
 
     def row(self, base: Tables, candidate: Tables, alpha_low: float, alpha_high: float) -> dict[str, Any]:
@@ -286,10 +291,10 @@ def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect
 
 
 def _of_requirement(effect: Effect, requirements: Mapping[str, Mapping[str, Any]], runs: int) -> Effect:
-    """Return what of a requirement is compared where its effect is not stated.
+    """Return the statistic of a requirement without a given effect.
 
-    That is the fraction of runs beyond the limit. With so few runs that hardly any may be beyond, no change of that
-    fraction can be shown to be small: then it is the quantile that the requirement names.
+    It is the fraction of runs beyond the limit. If there are so few runs that hardly any may be beyond, no change of
+    this fraction can be shown to be small; then it is the quantile at the required probability.
     """
     if effect.statistic != BY_RUNS:
         return effect
@@ -310,13 +315,13 @@ def _unknown(base: Tables, pair: Pair, effect: Effect, event: str) -> str:
 
 
 def _failures(tables: Tables, case: str) -> Errors:
-    """Return 1 for each run of a case that failed, else 0."""
+    """Return 1 for each failed run of a case, and 0 for the others."""
     rows = pick(tables.runs, case=case).drop_duplicates("run_number")
     return Errors((rows.failure != "").to_numpy(dtype=float), "", "", 1.0)
 
 
 def _by_covariance(tables: Tables, case: str, task: _Task) -> float:
-    """Return what linear covariance says of one side: a number without sampling error."""
+    """Return the number of one side by linear covariance, which has no sampling error."""
     if task.counted:
         rows = pick(expected(tables), requirement=task.effect.metric, case=tables.labels[case])
         return 1.0 - float(rows.expected_probability.iloc[0]) if len(rows) else float("nan")

@@ -1,4 +1,4 @@
-"""Which cases of two results belong together, and in words why two results do not compare."""
+"""Matching of the cases of two result sets, and the reasons why two result sets are not comparable."""
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,31 +11,42 @@ from lvnav_trade.errors import InputError, Mistake, refuse_all
 from lvnav_trade.metrics.basics.select import SAME_TIME, flight_events, pick
 from lvnav_trade.store.read import Tables
 
-# Metres by which two flights that are the same may differ: roundings of another compiler, not another flight.
+# Largest distance (m) between equal trajectories: rounding of different compilers
 _SAME_PLACE = 1.0
 _EARTH = 6378137.0
 
 
 class Pair(NamedTuple):
-    """A case of the base and the case of the candidate that it is compared with: digests, and a label for people."""
+    """A pair of cases to compare."""
 
-    base: str
-    candidate: str
+    base: str  # digest in the base
+    candidate: str  # digest in the candidate
     label: str
 
 
 def match(base: Tables, candidate: Tables, mapping: Mapping[str, str] | None = None) -> list[Pair]:
-    """Return the cases that belong together, in the base's order.
+    """Return the pairs of cases to compare, in the order of the base.
 
-    Cases of equal labels belong together; a single case on each side does whatever it is called. `mapping` leads from
-    the base's name to the candidate's: of a case (its label or digest), or of a level that an axis has
-    (``{"tactical_fog": "tactical_fog_worse"}``).
+    Cases with equal labels form a pair. A single case on each side forms a pair with any labels.
+
+    Parameters
+    ----------
+    base, candidate : Tables
+        The two result sets.
+    mapping : mapping of str to str, optional
+        Name in the candidate by name in the base, of a case (label or digest) or of a level of an axis
+        (``{"tactical_fog": "tactical_fog_worse"}``).
+
+    Returns
+    -------
+    list of Pair
+        Pairs of cases.
 
     Raises
     ------
     InputError
-        One line per reason: another seed, no case in common, a name in `mapping` that nothing has, another trajectory
-        or other events.
+        One line per reason: another seed, no common case, an unknown name in `mapping`, another trajectory or other
+        events.
     """
     seeds = base.campaign.get("seed"), candidate.campaign.get("seed")
     if seeds[0] != seeds[1]:
@@ -50,7 +61,7 @@ def match(base: Tables, candidate: Tables, mapping: Mapping[str, str] | None = N
 
 
 def left_out(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> list[str]:
-    """Say which cases have no partner."""
+    """Return a note on the cases that have no partner."""
     sides = ((base, {pair.base for pair in pairs}, candidate), (candidate, {pair.candidate for pair in pairs}, base))
     return [
         f"Not compared, because {other.folder} has no such case: {'; '.join(alone)}."
@@ -64,15 +75,15 @@ def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pai
     _check(base, mapping)
     _check(candidate, mapping.values())
     found = []
-    for case, own in base.levels.items():
+    for case, levels in base.levels.items():
         label = base.labels[case]
-        stated = mapping.get(label) or mapping.get(case)
-        named = {axis: mapping.get(level, level) for axis, level in own.items()}
-        if stated or named == own:
-            wanted = stated or label
+        mapped = mapping.get(label) or mapping.get(case)
+        renamed = {axis: mapping.get(level, level) for axis, level in levels.items()}
+        if mapped or renamed == levels:
+            wanted = mapped or label
             partner = digests.get(wanted) or (wanted if wanted in candidate.labels else None)
         else:
-            partner = next((other for other, held in candidate.levels.items() if held == named), None)
+            partner = next((other for other, of_other in candidate.levels.items() if of_other == renamed), None)
         if partner is not None:
             found.append((case, partner))
     if not found and len(base.labels) == len(candidate.labels) == 1:
@@ -88,7 +99,7 @@ def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pai
 
 
 def _check(tables: Tables, names: Iterable[str]) -> None:
-    levels = [level for held in tables.levels.values() for _, level in sorted(held.items())]
+    levels = [level for of_case in tables.levels.values() for _, level in sorted(of_case.items())]
     words = list(dict.fromkeys([*tables.labels, *tables.labels.values(), *levels]))
     for name in names:
         if name not in words:
@@ -102,17 +113,17 @@ def _named(tables: Tables) -> str:
 
 
 def _another_flight(base: Tables, candidate: Tables, pair: Pair) -> str:
-    """Say what is different about the flights of a pair; nothing where they are the same."""
+    """Return the difference between the trajectories of a pair, in words; empty if they are equal."""
     sides = ((base, pair.base), (candidate, pair.candidate))
     first, second = (tables.cases.set_index("case").epoch[case] for tables, case in sides)
     if first != second:
         return f"{pair.label}: other trajectory (lift-off at {first} and at {second})"
-    own, other = (flight_events(tables, case).set_index("event").t_s.to_dict() for tables, case in sides)
-    if set(own) != set(other):
-        return f"{pair.label}: other events (only one of the two has {', '.join(sorted(set(own) ^ set(other)))})"
-    for name, t in own.items():
-        if abs(t - other[name]) > SAME_TIME:
-            return f"{pair.label}: other events ({name} at {t:g} s and at {other[name]:g} s)"
+    times, others = (flight_events(tables, case).set_index("event").t_s.to_dict() for tables, case in sides)
+    if set(times) != set(others):
+        return f"{pair.label}: other events (only one of the two has {', '.join(sorted(set(times) ^ set(others)))})"
+    for name, t in times.items():
+        if abs(t - others[name]) > SAME_TIME:
+            return f"{pair.label}: other events ({name} at {t:g} s and at {others[name]:g} s)"
     if not all((tables.folder / "reference.parquet").exists() for tables, _ in sides):
         return ""
     apart = _distance(*(pick(tables.reference, case=case) for tables, case in sides))
@@ -120,7 +131,7 @@ def _another_flight(base: Tables, candidate: Tables, pair: Pair) -> str:
 
 
 def _distance(first: pd.DataFrame, second: pd.DataFrame) -> float:
-    """Return the largest distance (m) of two flights at the times that both hold."""
+    """Return the largest distance (m) between two trajectories at their common times."""
     both = first.merge(second, on="t_s", suffixes=("", "_other"))
     if both.empty:
         return 0.0

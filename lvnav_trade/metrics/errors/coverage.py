@@ -1,4 +1,4 @@
-"""Coverage: which part of the runs has errors within three of the filter's own sigmas."""
+"""Coverage: fraction of the runs with errors within three formal sigmas."""
 
 from typing import Any, NamedTuple
 
@@ -32,37 +32,34 @@ COLUMNS = [
     "honest",
 ]
 SIGMAS = 3.0
-# Part of a Gaussian that lies within three sigmas.
+# Probability of a Gaussian within three sigmas
 GAUSSIAN = 0.9973
-_TAIL = 0.025  # of each side of the interval
+_TAIL = 0.025  # probability of each tail of the interval
 
 
 class Covered(NamedTuple):
-    """Part of runs with all three axes within three sigmas: formal, of errors as large as the filter's covariance has
-    them; true, of those of linear covariance; runs (n_run,) one where it is so, empty without runs. NaN: none.
-    """
+    """Probability that all three axes are within three formal sigmas."""
 
-    formal: float
-    true: float
-    runs: Floats
+    formal: float  # for errors with the formal covariance; NaN if not known
+    true: float  # for errors by linear covariance; NaN if not known
+    runs: Floats  # (n_run,) one if all axes of the run are within, else zero; empty without runs
 
 
 def covered(tables: Tables, case: str, event: str, quantity: str) -> Covered:
-    """Return the coverage of a quantity at an event, three times.
+    """Return the coverage of a quantity at an event by formal covariance, by linear covariance and by the runs.
 
-    The filter's own sigmas are those of the nominal flight in the first two, root mean squares over the runs in the
-    third.
+    The first two use the formal sigmas of the nominal flight, the last the RMS over the runs of their formal sigmas.
     """
-    assumed, found = formal_covariance(tables, case, event, quantity), gaussian(tables, case, event, quantity, "3d")
+    assumed, law = formal_covariance(tables, case, event, quantity), gaussian(tables, case, event, quantity, "3d")
     formal, true = np.nan, np.nan
-    if assumed is not None and found is not None:
+    if assumed is not None and law is not None:
         limits = SIGMAS * np.sqrt(np.diagonal(assumed))
-        formal, true = box_probability(np.zeros(3), assumed, limits), box_probability(*found[:2], limits)
+        formal, true = box_probability(np.zeros(3), assumed, limits), box_probability(*law[:2], limits)
     return Covered(formal, true, _within(tables, case, event, quantity).all(axis=1).astype(float))
 
 
 def below(tables: Tables, case: str, event: str, quantity: str, limit: str) -> Covered:
-    """Return the share of runs whose error in three dimensions lies below a limit at an event; no others are known."""
+    """Return the runs whose 3-D error at an event is below a limit; the numbers of linear covariance are NaN."""
     outputs, errors = pick(tables.outputs, case=case, quantity=quantity), errors_by_axis(tables, case, event, quantity)
     if errors.empty or outputs.empty:
         return Covered(np.nan, np.nan, np.empty(0))
@@ -72,11 +69,12 @@ def below(tables: Tables, case: str, event: str, quantity: str, limit: str) -> C
 
 
 def coverage(tables: Tables) -> pd.DataFrame:
-    """Return the part of runs within three sigmas, axis by axis, of attitude, velocity and position at the events.
+    """Return the fraction of runs within three formal sigmas of attitude, velocity and position at the events.
 
-    Columns: case, event, t_s, quantity, run_count, inside_ratio (of runs, axes), all_inside_ratio (runs with all axes
-    within), low_ratio, high_ratio (its 95 % interval, Clopper and Pearson), honest (whether the interval reaches what
-    three independent Gaussian axes have, 0.9919). Sigma is the filter's own, root mean square over the runs.
+    Columns: case, event, t_s, quantity, run_count; inside_ratio: fraction within, of all runs and axes;
+    all_inside_ratio: fraction of runs with all axes within; low_ratio, high_ratio: its 95 % interval (Clopper and
+    Pearson); honest: whether the interval reaches 0.9919, the probability of three independent Gaussian axes. Sigma is
+    the RMS over the runs of their formal sigmas.
     """
     rows = [
         {"case": label, "event": event} | inside
@@ -89,8 +87,9 @@ def coverage(tables: Tables) -> pd.DataFrame:
 
 
 def _within(tables: Tables, case: str, event: str, quantity: str) -> Bools:
-    """Return which errors of the runs at an event are within three sigmas, (n_run, 3); none of a run that has failed.
-    Empty (0, 3) where the results lack them.
+    """Return whether each error of the runs at an event is within three formal sigmas, (n_run, 3); failed runs are not.
+
+    The array is empty (0, 3) if the results do not have the errors.
     """
     runs = errors_by_axis(tables, case, event, quantity)
     axes = [row.axis for row in pick(tables.outputs, case=case, quantity=quantity).itertuples() if row.axis != "3d"]

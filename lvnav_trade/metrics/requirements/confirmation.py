@@ -1,4 +1,4 @@
-"""A few runs of each case against what linear covariance predicts; where they disagree, its verdicts do not count."""
+"""Spot check of linear covariance by a few runs of each case; its verdicts do not count if they disagree."""
 
 from typing import Any
 
@@ -27,26 +27,28 @@ COLUMNS = [
     "chance_ratio",
     "verdict",
 ]
-# Probability that any row of a campaign disagrees although both engines describe the same errors.
+# Probability that any row of a campaign disagrees by chance, with both engines describing the same errors
 ALPHA = 0.01
-# Part of all runs that linear covariance predicts beyond the quantile that is tested.
+# Predicted fraction of runs beyond the tested quantile
 TAIL = 1e-3
 NOT_CONFIRMED = "not confirmed"
 
 
 @once
 def spot_check(tables: Tables) -> pd.DataFrame:
-    """Return what the runs of the spot check say of linear covariance; no rows where it is switched off.
+    """Return the comparison of the runs of the spot check with linear covariance; empty if there is no spot check.
 
-    Two kinds of rows. Of every navigation error at every event and at the first measurement after every gap: RMS of
-    the runs over that of linear covariance; the chance of a ratio as far from one is of a noncentral chi-square. Of
-    every requirement's error: runs beyond its predicted 99.9 % quantile, over those expected; the chance of as many is
-    binomial. verdict: "agree", or "disagree" where the chance is below 1 % over the rows of the whole campaign;
-    "not applicable" where a gate or a logic makes a case one that linear covariance does not describe.
+    There are two kinds of rows. Navigation errors, at every event and at the first measurement after every gap: RMS of
+    the runs over that of linear covariance; the p-value is of a noncentral chi-square distribution. Errors of
+    requirements: number of runs beyond the predicted 99.9 % quantile, over the expected number; the p-value is
+    binomial.
+
+    verdict: "disagree" if the p-value is below 1 % divided by the number of rows of the campaign (Bonferroni),
+    otherwise "agree"; "not applicable" if a gate or a mode logic makes linear covariance inapplicable to the case.
     """
-    flown = tables.with_frames(runs=tables.spot_runs)
-    checked = list(tables.labels) if len(flown.runs) else []
-    rows = [row for case in checked for row in (*_sizes(flown, case), *_tails(flown, case))]
+    spot = tables.with_frames(runs=tables.spot_runs)
+    checked = list(tables.labels) if len(spot.runs) else []
+    rows = [row for case in checked for row in (*_sizes(spot, case), *_tails(spot, case))]
     frame = pd.DataFrame(rows, columns=COLUMNS[:-1])
     applies = ~frame.case.isin({label for case, label in tables.labels.items() if why_not_applicable(tables, case)})
     agree = np.where(frame.chance_ratio < ALPHA / max(1, int(applies.sum())), "disagree", "agree")
@@ -86,7 +88,7 @@ def _by_event(rows: pd.DataFrame) -> dict[str, tuple[float, dict[str, Floats]]]:
 
 
 def _tails(flown: Tables, case: str) -> list[tuple[Any, ...]]:
-    """Return the rows of the requirements of a case; none of the worst error of a phase, which is only bounded."""
+    """Return the rows of the requirements of a case, without phases, for which linear covariance gives a bound only."""
     found = []
     for requirement in flown.campaign.get("requirements") or ():
         law, event = by_covariance.asked(flown, requirement, case), where(requirement)
@@ -103,7 +105,7 @@ def _tails(flown: Tables, case: str) -> list[tuple[Any, ...]]:
 
 
 def unconfirmed(tables: Tables) -> dict[str, str]:
-    """Return why linear covariance of a case is not confirmed, by its label: the least likely row in words."""
+    """Return the reason why linear covariance is not confirmed, by label of the case: its least likely row in words."""
     frame = spot_check(tables)
     rows = frame[frame.verdict == "disagree"].sort_values("chance_ratio", kind="stable").drop_duplicates("case")
     return {row.case: _in_words(row) for row in rows.itertuples()}
@@ -120,16 +122,16 @@ def _in_words(row: Any) -> str:
 
 @once
 def verdicts(tables: Tables) -> pd.DataFrame:
-    """Return the verdict on every requirement in every case, with the column `by`: what it rests on.
+    """Return the verdict on every requirement in every case, with its method in the column `by`.
 
-    by: "runs": as of `requirements.verdicts`, and "not confirmed" where the runs have not decided and linear covariance
-    would decide although the spot check disagrees with it. "LinCov": verdict, estimate, limit and unit are those of
-    `expected`, for cases without runs, and for cases that the campaign does not select for a demonstration
-    (``monte_carlo.selected``) and whose runs leave it undecided.
+    by "runs": the verdict of `requirements.verdicts`, or "not confirmed" if the runs are undecided and the spot check
+    disagrees with linear covariance. by "LinCov": verdict, estimate, limit and unit of `expected`, for cases without
+    runs, and for cases that are not selected for a demonstration (``monte_carlo.selected``) and undecided by their
+    runs.
     """
     frame, alone, why = by_runs.verdicts(tables), expected(tables), unconfirmed(tables)
-    open_ones = (frame.verdict == "undecided") & frame.case.isin(why)
-    frame = frame.assign(verdict=frame.verdict.mask(open_ones, NOT_CONFIRMED), by="runs")
+    not_confirmed = (frame.verdict == "undecided") & frame.case.isin(why)
+    frame = frame.assign(verdict=frame.verdict.mask(not_confirmed, NOT_CONFIRMED), by="runs")
     both = frame[["requirement", "case"]].merge(alone, on=["requirement", "case"], how="left").set_index(frame.index)
     others = frame.case.isin(by_runs.unselected(tables)) & (frame.verdict == "undecided")
     taken = both.verdict.notna() & ((frame.runs == 0) | (others & both.verdict.isin(["met", "violated"])))
@@ -139,8 +141,9 @@ def verdicts(tables: Tables) -> pd.DataFrame:
 
 
 def expected(tables: Tables) -> pd.DataFrame:
-    """Return linear covariance's verdicts as of `improvements.expected`, "not confirmed" with the reason where the spot
-    check disagrees.
+    """Return the verdicts by linear covariance, "not confirmed" with the reason if the spot check disagrees.
+
+    Otherwise they are those of `improvements.expected`.
     """
     frame, why = by_covariance.expected(tables), unconfirmed(tables)
     refuted = frame.verdict.isin(["met", "violated"]) & frame.case.isin(why)
@@ -149,8 +152,9 @@ def expected(tables: Tables) -> pd.DataFrame:
 
 
 def improvements(tables: Tables) -> pd.DataFrame:
-    """Return the improvements by linear covariance, of the cases where the spot check agrees with it and that do not
-    meet the requirement.
+    """Return the improvements by linear covariance that would meet requirements.
+
+    Cases that meet the requirement and cases whose spot check disagrees are omitted.
     """
     frame, found = by_covariance.improvements(tables), verdicts(tables)
     met = set(found[found.verdict == "met"][["requirement", "case"]].itertuples(index=False, name=None))

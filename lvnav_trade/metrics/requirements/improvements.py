@@ -1,4 +1,4 @@
-"""Verdict of linear covariance on every requirement, and the improved error source that would meet it."""
+"""Verdicts by linear covariance on requirements, and the improvement of an error source that would meet them."""
 
 from collections.abc import Mapping
 from itertools import accumulate
@@ -30,16 +30,16 @@ EXPECTED = [
     "reason",
 ]
 IMPROVEMENTS = ["requirement", "case", "verdict", "source", "factor_ratio", "share_ratio", "remark"]
-# Smaller factors are no advice: no sensor gets twenty times better.
+# Smallest factor on a sigma that is advised: a sensor twenty times better is not realistic
 LEAST = 0.05
 
 
 class Asked(NamedTuple):
-    """A requirement in one case by linear covariance.
+    """A requirement in one case, by linear covariance.
 
-    distribution : That of its metric.
-    bound : SI.
-    probability : With which the bound must be kept.
+    distribution : Distribution of its metric.
+    bound : Bound on the metric, SI.
+    probability : Required probability of keeping the bound.
     """
 
     distribution: Distribution
@@ -48,22 +48,25 @@ class Asked(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """Unit for people."""
+        """Display unit."""
         return self.distribution.label_unit
 
     @property
     def factor(self) -> float:
-        """Factor from SI to the unit for people."""
+        """Factor from SI to the display unit."""
         return self.distribution.label_factor
 
     def quantile(self, probability: float) -> float:
-        """Return the size (SI) that the metric stays below with a probability."""
+        """Return the quantile (SI) of the magnitude of the metric at a probability."""
         if self.distribution.drawn is not None:
             return float(np.quantile(self.distribution.drawn, probability))
         return norm_quantile(self.distribution.law.mean, self.distribution.law.covariance, probability)
 
     def kept(self, sources: tuple[str, ...] = (), factor: float = 1.0) -> float:
-        """Return the probability that the bound holds with the sigmas of sources multiplied, gains frozen."""
+        """Return the probability of keeping the bound, with the sigmas of sources scaled by a factor and gains frozen.
+
+        The covariance is linear in the variances of the sources: P + (factor^2 - 1) sum_s P_s.
+        """
         drawn, law = self.distribution.drawn, self.distribution.law
         if drawn is not None:
             return float(np.searchsorted(drawn, self.bound) / drawn.size)
@@ -72,27 +75,29 @@ class Asked(NamedTuple):
 
 
 def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Asked | str:
-    """Return what linear covariance says of a requirement's error in a case, or why it says nothing."""
+    """Return a requirement in a case (digest) by linear covariance, or the reason why it cannot be evaluated."""
     return asked_of(CaseTables(tables, case), requirement)
 
 
 def asked_of(case: CaseResults, requirement: Mapping[str, Any]) -> Asked | str:
-    """Return the same of a case whose results need not be stored."""
-    found = metric_in(requirement).law(case, requirement)
-    if isinstance(found, str):
-        return found
-    return Asked(found, number_in(requirement["below"], found.unit), float(requirement["probability"]))
+    """As `asked`, for results of a case that need not be stored."""
+    law = metric_in(requirement).law(case, requirement)
+    if isinstance(law, str):
+        return law
+    return Asked(law, number_in(requirement["below"], law.unit), float(requirement["probability"]))
 
 
 @once
 def expected(tables: Tables) -> pd.DataFrame:
-    """Return linear covariance's verdict on every requirement in every case, beside which the runs' one stands.
+    """Return the verdict by linear covariance on every requirement in every case.
 
-    expected_probability: that the error, Gaussian with LinCov's mean and covariance, stays below the bound (exact, see
-    `norm_probability`). verdict: "met" or "violated" by it, "not applicable" with the reason where a gate
-    rejects too many good rows. estimate: the error that the asked fraction stays below, in `unit`. Of the worst error
-    in a phase the probability is no more than that of its worst moment, which is what stands there: it can show a
-    violation only.
+    expected_probability: probability that the error, Gaussian with mean and covariance of linear covariance, is below
+    the bound (exact, see `norm_probability`). verdict: "met" or "violated" by this probability; "not applicable", with
+    the reason, for example if a gate rejects too many good measurements. estimate: P-quantile of the error with the
+    required probability P, in `unit`.
+
+    For a phase, the probability is that at its worst time. It is an upper limit of the probability for the whole phase,
+    and can therefore show a violation only.
     """
     return pd.DataFrame([_expected(tables, *pair) for pair in _pairs(tables)], columns=EXPECTED)
 
@@ -119,13 +124,14 @@ def _expected(tables: Tables, requirement: Mapping[str, Any], case: str, found: 
 
 
 def improvements(tables: Tables) -> pd.DataFrame:
-    """Return what would make each violated or undecided requirement met, by linear covariance with gains frozen.
+    """Return the improvement of error sources that would meet each violated or undecided requirement.
 
-    source: the one source of error that needs the least improvement, or the fewest of the largest ones together;
-    factor_ratio: what its sigma must be multiplied by; share_ratio: its part of the variance now. remark says it where
-    nothing need be better, or where nothing that is known would do. By bisection on the probability that the Gaussian
-    stays below the bound. The filter keeps the gains that it has: re-tuned to the better source it may do
-    better or, where it neglects other errors, worse.
+    source: the single error source that needs the smallest improvement, or else the smallest number of the largest
+    sources together. factor_ratio: required factor on its sigma; share_ratio: its present share of the mean square.
+    remark: says that no improvement is needed, or that none is sufficient.
+
+    The factor is found by bisection of the probability that the Gaussian error is below the bound, with frozen gains. A
+    filter re-tuned to the better source may perform better or, if it neglects other errors, worse.
     """
     by_runs = verdicts(tables).set_index(["requirement", "case"]).verdict
     rows = []
@@ -148,7 +154,7 @@ def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, Asked | str]]:
 
 
 def _factor(found: Asked, names: tuple[str, ...]) -> float:
-    """Return the largest factor on the sigmas of these sources that does; NaN where even `LEAST` does not."""
+    """Return the largest factor on the sigmas of sources that meets the requirement; NaN if even `LEAST` does not."""
 
     def missing(factor: float) -> float:
         return found.kept(names, factor) - found.probability
@@ -175,7 +181,7 @@ def _improvement(found: Asked) -> tuple[str, float, float, str]:
 
 
 def _turning(found: Asked) -> tuple[str, float, float, str]:
-    """Return the same for the source, or the fewest of the largest, that would turn a violated requirement."""
+    """Return `_improvement` for a violated requirement: a single source, or the fewest of the largest sources."""
     total = float(
         np.trace(found.distribution.law.covariance) + found.distribution.law.mean @ found.distribution.law.mean
     )

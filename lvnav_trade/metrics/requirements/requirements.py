@@ -1,4 +1,4 @@
-"""Verdicts on requirements at the required confidence, and the further runs that would decide the others."""
+"""Verdicts of runs on requirements at the required confidence, and the further runs needed for a decision."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -30,21 +30,34 @@ COLUMNS = [
     "failures",
     "runs_to_decide",
 ]
-# Word of a campaign that stops once every requirement is decided; runs in a block where it is not said.
+# Value of `stop` for a campaign that stops once every requirement is decided; default number of runs of a block
 DECIDED, BLOCK = "decided", 40
-_NEGLIGIBLE = 1e-18
-_FURTHEST = 100_000  # looks ahead for the number of further runs; beyond them there is no telling
+_NEGLIGIBLE = 1e-18  # probability
+_FURTHEST = 100_000  # largest number of further looks that is searched
 
 
 @once
 def verdicts(tables: Tables) -> pd.DataFrame:
     """Return the verdict on every requirement in every case.
 
-    "met": the lower bound on the probability of success reaches the probability asked for; "violated": the upper bound
-    stays below it; "undecided" otherwise. The bounds are exact binomial (Clopper and Pearson), each one-sided at the
-    confidence asked for; where a campaign stops once all is decided, those of `boundaries`. A failed run is a failure.
-    estimate: the error that the stated fraction of runs stays below, limit: the bound on it, both in `unit`;
-    runs_to_decide: further runs, all good, after which it would be met.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `COLUMNS`. estimate: P-quantile of the error, P the required probability; limit: bound of the
+        requirement; both in `unit`. runs_to_decide: number of further runs that meet the requirement, with no failure
+        among them, after which the verdict would be "met".
+
+    Notes
+    -----
+    "met": the lower confidence bound on the probability of success reaches the required probability. "violated": the
+    upper bound is below it. "undecided" otherwise. The bounds are exact binomial (Clopper and Pearson), each one-sided
+    at the required confidence. In a campaign that stops once all requirements are decided, the bounds are those of a
+    group-sequential test (`boundaries`). A failed run counts as a violation.
     """
     rows = [
         (requirement["name"], label, *_verdict(tables, case, requirement))
@@ -55,9 +68,7 @@ def verdicts(tables: Tables) -> pd.DataFrame:
 
 
 def unselected(tables: Tables) -> list[str]:
-    """Return the labels of the cases that the campaign's ``monte_carlo.selected`` leaves out; none where it selects
-    none.
-    """
+    """Return the labels of the cases that ``monte_carlo.selected`` excludes; empty without a selection."""
     chosen = (tables.campaign.get("monte_carlo") or {}).get("selected") or {}
     return [
         tables.labels[case]
@@ -67,15 +78,28 @@ def unselected(tables: Tables) -> list[str]:
 
 
 def decide_fixed(runs: int, failures: int, probability: float, confidence: float) -> tuple[str, int]:
-    """Return the verdict and how many further runs, all of them good, would show that the requirement is met."""
+    """Return the verdict after a fixed number of runs, and the further runs without failure that would meet it."""
     verdict = success_verdict(runs, failures, probability, confidence)
     return verdict, max(1, runs_needed(failures, probability, confidence) - runs) if verdict == "undecided" else 0
 
 
 def decide_in_order(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
-    """Return verdict and further runs of a group-sequential test with one look per block of runs.
+    """Return the verdict of a group-sequential test with one look per block, and the further runs to meet it.
 
-    failed (n_run,) truth values in the order of the runs; runs after the last whole block are not looked at.
+    Parameters
+    ----------
+    failed : (n_run,) array of bool
+        Whether each run violates the requirement, in the order of the runs. Runs after the last complete block are
+        ignored.
+    probability, confidence : float
+        Required probability and confidence.
+    block : int
+        Runs per block.
+
+    Returns
+    -------
+    str, int
+        met, violated or undecided; number of further runs without failure.
     """
     counts = np.cumsum(np.asarray(failed, dtype=int))[block - 1 :: block].tolist()
     verdict, _ = decide(counts, probability, confidence, block)
@@ -83,14 +107,14 @@ def decide_in_order(failed: Any, probability: float, confidence: float, block: i
 
 
 def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[Any, ...]:
-    """Return the values of `COLUMNS` from the verdict on."""
+    """Return the values of `COLUMNS`, beginning with the verdict."""
     probability, confidence = float(requirement["probability"]), float(requirement.get("confidence", 0.9))
-    found = errors_of(tables, case, requirement)
-    error, si, unit, factor = found or Errors(np.empty(0), "", "", 1.0)
-    bound = number_in(requirement["below"], si) if found is not None else 0.0
-    failed, stated = error >= bound, tables.campaign.get("monte_carlo") or {}
-    if stated.get("stop") == DECIDED:
-        verdict, more = decide_in_order(failed, probability, confidence, int(stated.get("block", BLOCK)))
+    errors = errors_of(tables, case, requirement)
+    error, si, unit, factor = errors or Errors(np.empty(0), "", "", 1.0)
+    bound = number_in(requirement["below"], si) if errors is not None else 0.0
+    failed, monte_carlo = error >= bound, tables.campaign.get("monte_carlo") or {}
+    if monte_carlo.get("stop") == DECIDED:
+        verdict, more = decide_in_order(failed, probability, confidence, int(monte_carlo.get("block", BLOCK)))
     else:
         verdict, more = decide_fixed(len(error), int(failed.sum()), probability, confidence)
     estimate, limit = (size * factor for size in (_quantile(error, probability), bound if unit else float("nan")))
@@ -98,25 +122,25 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[An
 
 
 def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Errors | None:
-    """Return the errors that a requirement is about, of every run of a case; None where its metric is unknown.
+    """Return the error bounded by a requirement in every run of a case; None if the results do not have its metric.
 
-    Of a phase that is the largest error of each run at the times of the history within it, both ends included.
+    For a phase it is the largest error of each run at the history times of the phase, both ends included.
     """
     return metric_in(requirement).errors(CaseTables(tables, case), requirement)
 
 
 def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:
-    """Return the order statistic that at least this fraction of the runs stays at or below."""
+    """Return the smallest order statistic that at least this fraction of the runs does not exceed."""
     return float(np.sort(error)[int(np.ceil(probability * len(error) - 1e-9)) - 1]) if len(error) else float("nan")
 
 
 def with_unit(value: float, unit: str) -> str:
-    """Write a value with its unit, three digits; empty where there is none, ∞ where so many runs failed."""
+    """Return a value with its unit as text, three digits; empty for NaN, ∞ if too many runs failed."""
     return "" if np.isnan(value) else f"∞ {unit}" if np.isinf(value) else f"{float(f'{value:.3g}'):g} {unit}"
 
 
 def in_words(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return verdicts in which estimate and limit are texts with their unit, as a page shows them."""
+    """Return verdicts for display, with estimate and limit as texts with their unit."""
     texts = {
         name: [with_unit(value, unit) for value, unit in zip(frame[name], frame.unit, strict=True)]
         for name in ("estimate", "limit")
@@ -125,29 +149,31 @@ def in_words(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def spent(runs: int, probability: float, confidence: float) -> float:
-    """Return how much of the error 1 - confidence may have been spent on looks after so many runs.
+    """Return the error probability that may have been spent after a number of runs (error-spending function).
 
-    n / (n + n0) of it, n0 the runs that would decide without a failure at a single look. It depends on neither the
-    number of runs planned nor on how many there will be: a campaign may be made longer after it was looked at.
+    It is (1 - confidence) n / (n + n0), with n0 the runs without failure that decide at a single look. It depends on
+    neither the planned nor the final number of runs, so a campaign may be extended after looking at its results.
     """
     return (1.0 - confidence) * runs / (runs + runs_needed(0, probability, confidence))
 
 
 def _edges(side: int, probability: float, confidence: float, block: int) -> Iterator[int]:
-    """Yield, look after look, the number of failures up to which (side 0) or from which (side 1) it is decided.
+    """Yield, look by look, the number of failures up to which (side 0) or from which (side 1) the test decides.
 
-    Were the probability of success exactly the one asked for, the failures in n runs are binomial. Side 0 is the
-    largest number at a look such that ever having been at or below it, at this look or before, has at most the
-    probability spent; were the truth worse, that would be rarer still. Side 1, the other way round, shows a violation.
-    Each of the two holds whether or not one stops at the other.
+    If the probability of success is exactly the required one, the number of failures in n runs is binomial. The edge of
+    side 0 is the largest number such that the probability of having been at or below an edge, at this look or before,
+    is at most the probability `spent`. If the truth is worse, this probability is smaller still. Side 1 is the mirror
+    image and shows a violation. Each side is valid whether or not the campaign stops at the other.
     """
     step: Floats = stats.binom.pmf(np.arange(block + 1), block, 1.0 - probability)
-    first, mass, used = 0, np.ones(1), 0.0  # fewest failures that decide nothing, probabilities of that many and more
+    # mass: probabilities of `first`, first + 1, ... failures without a decision so far
+    first, mass, used = 0, np.ones(1), 0.0
     for runs in count(block, block):
         mass = np.convolve(mass, step)
         from_edge = np.cumsum(mass if side == 0 else mass[::-1])
         allowed = spent(runs, probability, confidence) - used
-        crossing = min(int(np.searchsorted(from_edge, allowed, side="right")), len(mass) - 1)  # something stays open
+        # at least one number of failures stays undecided
+        crossing = min(int(np.searchsorted(from_edge, allowed, side="right")), len(mass) - 1)
         used += float(from_edge[crossing - 1]) if crossing else 0.0
         if side == 0:
             yield first + crossing - 1
@@ -156,7 +182,7 @@ def _edges(side: int, probability: float, confidence: float, block: int) -> Iter
             yield first + len(mass) - crossing
             mass = mass[: len(mass) - crossing]
         kept = np.flatnonzero(mass > _NEGLIGIBLE)
-        if len(kept):  # what is too improbable to matter counts as spent
+        if len(kept):  # negligible probabilities are dropped and counted as spent, which is on the safe side
             cut = mass[kept[0] : kept[-1] + 1]
             used += float(mass.sum() - cut.sum())
             first, mass = first + int(kept[0]), cut
@@ -168,22 +194,49 @@ def _known_edges(*asked: Any) -> tuple[list[int], Iterator[int]]:
 
 
 def _edge(side: int, look: int, probability: float, confidence: float, block: int) -> int:
-    found, more = _known_edges(side, probability, confidence, block)
-    found.extend(islice(more, max(0, look + 1 - len(found))))
-    return found[look]
+    edges, more = _known_edges(side, probability, confidence, block)
+    edges.extend(islice(more, max(0, look + 1 - len(edges))))
+    return edges[look]
 
 
 def boundaries(probability: float, confidence: float, block: int, looks: int) -> tuple[list[int], list[int]]:
-    """Return for each look, after block, 2 block, ... runs: failures up to which the requirement is met (-1: none are
-    few enough), and failures from which it is violated.
+    """Return the boundaries of the group-sequential test.
+
+    Parameters
+    ----------
+    probability, confidence : float
+        Required probability and confidence.
+    block : int
+        Runs between looks.
+    looks : int
+        Number of looks.
+
+    Returns
+    -------
+    list of int, list of int
+        For each look the number of failures up to which the requirement is met (-1: not even without failures), and
+        the number from which it is violated.
     """
     low, high = ([_edge(side, look, probability, confidence, block) for look in range(looks)] for side in (0, 1))
     return low, high
 
 
 def decide(failures: Sequence[int], probability: float, confidence: float, block: int) -> tuple[str, int]:
-    """Return the verdict of the first look that decides, and the runs after which it did, or else those looked at;
-    `failures` (n_look,) are those of all runs up to each look.
+    """Return the verdict of the first look that decides, and the number of runs at this look.
+
+    Parameters
+    ----------
+    failures : (n_look,) sequence of int
+        Cumulative number of failures at each look.
+    probability, confidence : float
+        Required probability and confidence.
+    block : int
+        Runs between looks.
+
+    Returns
+    -------
+    str, int
+        met, violated or undecided; number of runs at the decision, or at the last look.
     """
     low, high = boundaries(probability, confidence, block, len(failures))
     for look, failed in enumerate(failures):
@@ -195,7 +248,7 @@ def decide(failures: Sequence[int], probability: float, confidence: float, block
 
 
 def further_runs(failures: Sequence[int], probability: float, confidence: float, block: int) -> int:
-    """Return how many further runs, all of them good, would show that a requirement is met that is still undecided."""
+    """Return the number of further runs without failure after which an undecided requirement would be met."""
     beyond_bound, look = (failures[-1] if len(failures) else 0), len(failures)
     while look < _FURTHEST and beyond_bound > _edge(0, look, probability, confidence, block):
         look += 1

@@ -1,4 +1,4 @@
-"""Verdicts around an event: the worst error in a window of time around it."""
+"""Worst error in a window of time around the event of a requirement."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -42,11 +42,11 @@ COLUMNS = [
     "changes",
 ]
 UNEVALUATED = ["requirement", "case", "event", "reason"]
-BEFORE, AFTER = 5.0, 20.0  # s, of a requirement that states no window
+BEFORE, AFTER = 5.0, 20.0  # s, default window
 RUNS, COVARIANCE, EXTRAPOLATED = "runs", "LinCov", "runs, extrapolated"
-# Quantiles of |error| that the history stores of the runs
+# Quantiles of |error| of the runs that are stored in the history
 _STORED = {0.5: "q50_si", 0.95: "q95_si", 0.997: "q997_si"}
-_LARGEST = 2  # times of the largest root mean square at which linear covariance's quantile is computed
+_LARGEST = 2  # number of times with the largest RMS at which the quantile by linear covariance is computed
 _BLOCKS = {"velocity": slice(0, 3), "position": slice(3, 6)}  # of the joint covariance, frame i
 _NOT_STORED = "the covariance of velocity and position is not stored around it"
 _AT_EVENTS = "the metric is known at events only"
@@ -54,40 +54,36 @@ _AXES_UNKNOWN = "the covariance between the axes of attitude is stored at events
 
 
 class Around(NamedTuple):
-    """A requirement's window in one case: time of the event, start and end (s)."""
+    """Window of a requirement in one case, s since lift-off."""
 
-    t: float
-    first: float
-    last: float
+    t: float  # time of the event
+    first: float  # start of the window
+    last: float  # end of the window
 
 
 class Sizes(NamedTuple):
-    """A requirement's error within its window: times (n,) in s, the required quantile (n,), NaN where it is not known,
-    and the limit in the unit for people, this unit, and what the quantile rests on.
-    """
+    """Error of a requirement in its window."""
 
-    t: Floats
-    size: Floats
-    limit: float
-    unit: str
-    by: str
+    t: Floats  # (n,) s
+    size: Floats  # (n,) P-quantile of the error with the required probability P, in `unit`; NaN where not computed
+    limit: float  # limit of the requirement, in `unit`
+    unit: str  # display unit
+    by: str  # method: runs, LinCov, or runs, extrapolated
 
 
 @once
 def windows(tables: Tables) -> pd.DataFrame:
-    """Return the worst error around the event of each requirement that names one, case by case.
+    """Return the worst error around the event of each requirement at an event, case by case.
 
-    Columns: requirement, case, event; t_s: time of the event; first_s, last_s: ends of the window, at most those of the
-    history; estimate, worst: the error that the required fraction of runs stays below, at the event and the largest of
-    the window, in `unit`; worst_s: when; limit; probability; by: what it rests on; changes: whether the error is below
-    the limit at the event and reaches it within the window.
+    t_s: time of the event; first_s, last_s: ends of the window within the history. estimate, worst: P-quantile of the
+    error with the required probability P, at the event and its largest value in the window, in `unit`; worst_s: time of
+    the latter. by: method. changes: whether the error is below the limit at the event and reaches it in the window.
 
-    by: "runs" where the verdict rests on them; "LinCov" where it does not, or where there are fewer runs than have one
-    beyond the quantile on average; "runs, extrapolated" where linear covariance does not describe these either.
-    Quantiles of the runs are those of the history (50, 95 and 99.7 %); between them and beyond they follow those of the
-    norm of a standard normal vector. Linear covariance: quantile of its Gaussian at the times of the largest root mean
-    square; of normalised errors and of numbers of the orbit and the point of impact at the stored states, 5 s apart; a
-    protection level as it is. What has no row is in `unevaluated`.
+    by "runs": the verdict is by runs, and on average at least one run is beyond the quantile. Their quantiles of 50, 95
+    and 99.7 % are interpolated, and extrapolated, like those of the norm of a standard normal vector. by "LinCov":
+    quantile of the Gaussian at the times of the largest RMS; normalised errors, orbital elements and impact point at
+    the stored states, 5 s apart; protection levels directly. by "runs, extrapolated": there are too few runs, and
+    linear covariance does not describe the case. Requirements that cannot be evaluated are in `unevaluated`.
     """
     rows = []
     for (name, case), (around, found) in _every(tables).items():
@@ -98,7 +94,7 @@ def windows(tables: Tables) -> pd.DataFrame:
 
 @once
 def unevaluated(tables: Tables) -> pd.DataFrame:
-    """Return the requirements at an event of which no window can be evaluated, case by case, with the reason."""
+    """Return the requirements at an event whose window cannot be evaluated, case by case, with the reason."""
     rows = [
         (name, tables.labels[case], where(_stated(tables, name)), sizes)
         for (name, case), (_, sizes) in _every(tables).items()
@@ -109,7 +105,7 @@ def unevaluated(tables: Tables) -> pd.DataFrame:
 
 @once
 def _every(tables: Tables) -> dict[tuple[str, str], tuple[Around, Sizes | str]]:
-    """Return window and error, or why there is none, of each requirement (name) and case (digest) with its event."""
+    """Return window and error (or the reason why there is none) by name of the requirement and digest of the case."""
     found = {}
     for requirement in tables.campaign.get("requirements") or ():
         once_only = requirement.get("during") or metric_in(requirement).once_a_run
@@ -121,12 +117,12 @@ def _every(tables: Tables) -> dict[tuple[str, str], tuple[Around, Sizes | str]]:
 
 
 def _stated(tables: Tables, name: str) -> Mapping[str, Any]:
-    found: Mapping[str, Any] = next(one for one in tables.campaign["requirements"] if one["name"] == name)
-    return found
+    requirement: Mapping[str, Any] = next(each for each in tables.campaign["requirements"] if each["name"] == name)
+    return requirement
 
 
 def _around(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Around | None:
-    """Return the window of a requirement; None where the run has no such event."""
+    """Return the window of a requirement; None if its event does not occur."""
     event = pick(tables.events, case=case, event=where(requirement))
     if event.empty:
         return None
@@ -140,7 +136,7 @@ def _around(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Around
 
 
 def _sizes(tables: Tables, case: str, requirement: Mapping[str, Any], around: Around) -> Sizes | str:
-    """Return a requirement's error within its window, or why it is not known."""
+    """Return the error of a requirement in its window, or the reason why it is not known."""
     metric = metric_in(requirement)
     if isinstance(metric, ProtectionLevel):
         return _level(tables, case, requirement, around)
@@ -156,7 +152,7 @@ def _sizes(tables: Tables, case: str, requirement: Mapping[str, Any], around: Ar
 
 
 def _level(tables: Tables, case: str, requirement: Mapping[str, Any], around: Around) -> Sizes | str:
-    """Return a protection level, which is the same in every run."""
+    """Return a protection level, which is equal in all runs."""
     quantity = str(requirement["metric"]).removesuffix("_protection_level")
     rows = rows_between(series_of(tables, case, quantity), around.first, around.last)
     if rows.empty:
@@ -174,7 +170,7 @@ def _of_states(
     requirement: Mapping[str, Any],
     around: Around,
 ) -> Sizes | str:
-    """Return an error of the orbit or the point of impact, or a normalised one, at the stored states."""
+    """Return an error of the orbit or impact point, or a normalised error, at the stored states."""
     probability = float(requirement["probability"])
     inside = [
         (state, law)
@@ -193,15 +189,15 @@ def _of_states(
     if isinstance(reason, str):
         return reason
     unit, factor = metric.label_unit, metric.label_factor
-    size = np.array([np.nan if isinstance(one, str) else one * factor for one in found])
+    size = np.array([np.nan if isinstance(quantile, str) else quantile * factor for quantile in found])
     return Sizes(t, size, number_in(requirement["below"], metric.unit) * factor, unit, COVARIANCE)
 
 
 def _normalised(given: Sequence[Law], part: slice, probability: float, at: int) -> Floats:
-    """Return the quantile (n,) of a normalised error, in the filter's sigmas, at the state of the event (`at`) and
-    where its root mean square is largest; NaN at the others, and where the filter's covariance has no inverse.
+    """Return the quantile (n,) of a normalised error, in formal sigmas.
 
-    part: the error's components in the joint covariance.
+    It is computed at the event (index `at`) and at the states with the largest RMS; it is NaN at the others, and where
+    the formal covariance is singular. part: components of the error in the joint covariance.
     """
     found = np.full(len(given), np.nan)
     normal, size = {}, np.full(len(given), -1.0)
@@ -216,9 +212,7 @@ def _normalised(given: Sequence[Law], part: slice, probability: float, at: int) 
 
 
 def _quantile_of(state: State, law: Law, metric: str, probability: float) -> float | str:
-    """Return the size (SI) that a mission metric stays below with a probability by linear covariance, or why there is
-    none.
-    """
+    """Return the quantile (SI) of a mission metric by linear covariance, or the reason why there is none."""
     found = expected_of(state, law, metric)
     if not isinstance(found, str):
         return norm_quantile(*found, probability)
@@ -227,7 +221,7 @@ def _quantile_of(state: State, law: Law, metric: str, probability: float) -> flo
 
 
 def _error(tables: Tables, case: str, requirement: Mapping[str, Any], around: Around, refused: str) -> Sizes | str:
-    """Return an error of which the history is stored; `refused`: why linear covariance's does not count."""
+    """Return an error with a stored history; `refused`: reason why linear covariance does not count."""
     metric, probability = split_metric(str(requirement["metric"])), float(requirement["probability"])
     rows = rows_between(history_of(tables, case, *metric), around.first, around.last)
     if rows.empty:
@@ -251,14 +245,14 @@ def _error(tables: Tables, case: str, requirement: Mapping[str, Any], around: Ar
 
 
 def _rests_on_runs(tables: Tables, case: str, requirement: Mapping[str, Any]) -> bool:
-    """Whether the verdict of a requirement in a case does."""
+    """Whether the verdict on a requirement in a case is by runs."""
     frame = verdicts(tables)
     found = frame.by[(frame.requirement == requirement["name"]) & (frame.case == tables.labels[case])]
     return bool((found == RUNS).all())
 
 
 def _row(tables: Tables, name: str, case: str, around: Around, found: Sizes) -> tuple[Any, ...]:
-    """Return the row of a requirement and case."""
+    """Return the row of `windows` for a requirement and case."""
     requirement, size = _stated(tables, name), found.size
     at, worst = int(np.argmin(np.abs(found.t - around.t))), int(np.nanargmax(size))
     changes = bool(size[at] < found.limit <= size[worst])
@@ -268,10 +262,10 @@ def _row(tables: Tables, name: str, case: str, around: Around, found: Sizes) -> 
 
 
 def quantiles_of_runs(rows: pd.DataFrame, axis: str, probability: float) -> Floats:
-    """Return the quantile (n_time,) of |error| of the runs, SI, from the quantiles that the history stores.
+    """Return the quantile (n_time,) of |error| of the runs, SI, from the quantiles stored in the history.
 
-    The stored quantiles are interpolated, and beyond the last one extrapolated, in the quantile of the norm of three
-    standard normal components ("3d"), or of one.
+    The stored quantiles are interpolated, and beyond the last extrapolated, linearly in the quantile of the norm of
+    three standard normal components ("3d") or of one component.
     """
     freedom = 3 if axis == "3d" else 1
     place = np.sqrt(stats.chi2.ppf([*_STORED, probability], freedom))
@@ -287,8 +281,9 @@ def quantiles_of_runs(rows: pd.DataFrame, axis: str, probability: float) -> Floa
 def _quantiles_of_covariance(
     tables: Tables, case: str, metric: tuple[str, str], probability: float, t_event: float, rows: pd.DataFrame
 ) -> Floats:
-    """Return the quantile (n_time,) by linear covariance, SI; NaN at times that are neither the event's nor among those
-    of the largest root mean square.
+    """Return the quantile (n_time,) by linear covariance, SI, at the event and at the times of the largest RMS.
+
+    It is NaN at all other times.
     """
     t, rms = rows.t_s.to_numpy(), np.hypot(rows.lincov_true_si, rows.lincov_mean_si).to_numpy()
     at = int(np.argmin(np.abs(t - t_event)))
@@ -301,10 +296,10 @@ def _quantiles_of_covariance(
 
 
 def _law(tables: Tables, case: str, metric: tuple[str, str], t: float) -> tuple[Floats, Floats]:
-    """Return mean (k,) and covariance (k, k) of an error at a time; of velocity and position those of the nearest
-    stored joint covariance, whose size may differ.
+    """Return mean (k,) and covariance (k, k) of an error at a time.
 
-    Components of attitude are taken as uncorrelated between events.
+    For velocity and position they are those of the nearest stored joint covariance, whose magnitude may differ; the
+    caller scales the quantile. Components of attitude are assumed uncorrelated between events.
     """
     quantity, axis = metric
     for event in pick(tables.events, case=case).itertuples():
