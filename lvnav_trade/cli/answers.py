@@ -1,4 +1,4 @@
-"""Console output of campaigns: verdicts, linear covariance's table, ranking of designs."""
+"""Console output of campaigns: verdicts, table of linear covariance, ranking of designs."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from lvnav_trade.campaign.text import table
 from lvnav_trade.cli.console import FAILED, Answer
 from lvnav_trade.errors import InputError
 
-_MOST = 10  # failed runs that are listed one by one
+_MOST = 10  # largest number of failed runs listed individually
 _COMPONENTS = {"3d", "north", "east", "down", "x", "y", "z", "radial", "along", "cross", "roll", "pitch", "yaw"}
 _COMPONENT_OF = re.compile(r"^\w+ component of the |^length of the three-axis ")
-_ROWS = 20  # rows of a table; of more cases there is a summary
+_ROWS = 20  # largest number of rows of a table; for more cases a summary is printed
 
 
 def shown(as_json: bool) -> tuple[list[Any], Callable[..., None]]:
-    """Return a list, and what puts linear covariance's answers into it and prints them unless JSON is wanted."""
-    found: list[Any] = []
+    """Return a list, and a function that appends results of linear covariance to it and prints them unless for JSON."""
+    collected: list[Any] = []
 
     def show(answers: Sequence[Any], cases: Sequence[Any]) -> None:
-        found.extend(answers)
+        collected.extend(answers)
         if not as_json:
             _print_answers(answers, cases)
 
-    return found, show
+    return collected, show
 
 
 def shared(done: Any) -> Answer:
-    """Say what a shard has left."""
+    """Return the console output on a finished shard."""
     lines = [f"failed: {line}" for line in done.failures[:_MOST]]
     lines.append(f"{done.runs} runs of {done.cases} cases are stored in {done.folder}")
     lines.append(f"when all shards are there: lvnav-trade merge {done.folder.parent}")
@@ -40,7 +40,7 @@ def shared(done: Any) -> Answer:
 
 
 def check_preferred(prefer: Sequence[str]) -> None:
-    """Refuse what `run --prefer` does not know before anything is computed."""
+    """Refuse unknown words of `run --prefer` before anything is computed."""
     from lvnav_trade.campaign.syntax.tree import hint
     from lvnav_trade.metrics.resources import PREFERRED
 
@@ -50,7 +50,7 @@ def check_preferred(prefer: Sequence[str]) -> None:
 
 
 def with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer:
-    """Return an answer with the cases in the order that is preferred, those first that meet every requirement."""
+    """Return an answer extended by the cases in preferred order; cases that meet every requirement come first."""
     from lvnav_trade.metrics.resources import ranked
 
     frame = results.pareto
@@ -68,7 +68,7 @@ def with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer:
 
 
 def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
-    """Return verdicts and where the results are, with the exit code that they mean."""
+    """Return the console output of a finished campaign: verdicts, location of the results, exit code."""
     from lvnav_trade.campaign.reading.flights import KINDS, remark_lines
     from lvnav_trade.metrics.requirements.requirements import in_words
 
@@ -86,70 +86,71 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
     if many:
         lines.append(_designs(results, many))
     counts = verdicts.verdict.value_counts(sort=False).items()
-    said = f"{', '.join(f'{verdict} {count}' for verdict, count in counts)}; " if len(verdicts) else ""
-    lines.append(said + (f"report: {page}" if page else f"results: {results.folder}"))
+    summary = f"{', '.join(f'{verdict} {count}' for verdict, count in counts)}; " if len(verdicts) else ""
+    lines.append(summary + (f"report: {page}" if page else f"results: {results.folder}"))
     content = {
         "folder": str(results.folder),
         "report": str(page) if page else None,
         "failures": failures,
         **remarks,
         "covariance": [{**answer._asdict(), "rows": [list(row) for row in answer.rows]} for answer in answers],
-        "requirements": json.loads(verdicts.to_json(orient="records")),  # what is not a number is null
+        "requirements": json.loads(verdicts.to_json(orient="records")),  # NaN becomes null
     }
     return Answer("\n".join(lines), content, results.exit_code)
 
 
 def components_together(metrics: Sequence[Sequence[str]]) -> list[tuple[str, str, str]]:
-    """Return metrics (name, unit, meaning) with the components of one quantity as one: `position_error_*`.
+    """Return metrics (name, unit, meaning) with the components of a quantity combined, as `position_error_*`.
 
-    Components have one unit, and meanings that differ in the component's name alone; the line lists them.
+    The components have the same unit, and their meanings differ in the name of the component only, which is listed.
     """
     groups: dict[tuple[str, ...], list[Sequence[str]]] = {}
     for name, unit, meaning in metrics:
         stem, _, last = name.rpartition("_")
         key = (f"{stem}_*", unit, _COMPONENT_OF.sub("", meaning)) if last in _COMPONENTS else (name, unit, meaning)
         groups.setdefault(key, []).append((name, unit, meaning))
-    found = []
+    combined = []
     for (name, unit, meaning), members in groups.items():
         if len(members) == 1:
-            found.append((members[0][0], unit, members[0][2]))
+            combined.append((members[0][0], unit, members[0][2]))
         else:
-            found.append((name, unit, f"{meaning}; *: {', '.join(one[0].rpartition('_')[2] for one in members)}"))
-    return found
+            components = ", ".join(member[0].rpartition("_")[2] for member in members)
+            combined.append((name, unit, f"{meaning}; *: {components}"))
+    return combined
 
 
 def _designs(results: Any, many: Mapping[str, Any]) -> str:
-    """Say how many of many designs meet all requirements, of how many of these the filter cannot be trusted, and how to
-    look at them.
+    """Return the summary of a design space: designs that meet all requirements, those with an overconfident filter, and
+    the command that lists them.
     """
     from lvnav_trade.metrics.space import counts_of, overconfident
 
-    frame, asked = results.cases, bool(results.tables.campaign.get("requirements"))
+    frame, has_requirements = results.cases, bool(results.tables.campaign.get("requirements"))
     good = frame[frame.verdict == "met"]
     impossible = sum((many.get("impossible") or {}).values())
     doubtful = overconfident(good)
-    said = f"{many['designs']} designs" + (f", {impossible} of them impossible" if impossible else "")
-    if asked:
-        said += f": {len(good)} meet all requirements by linear covariance"
+    summary = f"{many['designs']} designs" + (f", {impossible} of them impossible" if impossible else "")
+    if has_requirements:
+        summary += f": {len(good)} meet all requirements by linear covariance"
         each = counts_of(results.tables, frame)
-        said += f" ({', '.join(f'{name} {count}' for name, count in each.items())})" if len(each) > 1 else ""
-        said += f", {doubtful} of these with an overconfident filter" if doubtful else ""
+        summary += f" ({', '.join(f'{name} {count}' for name, count in each.items())})" if len(each) > 1 else ""
+        summary += f", {doubtful} of these with an overconfident filter" if doubtful else ""
     order = "--sort velocity"
-    if asked:
+    if has_requirements:
         order = '--where "verdict == met" --sort error' if len(good) else "--sort error"
-    lines = [said, f"list them: lvnav-trade cases {results.folder} {order}"]
-    if asked:
+    lines = [summary, f"list them: lvnav-trade cases {results.folder} {order}"]
+    if has_requirements:
         lines.append(f"verdicts of the {len(results.tables.labels)} that are analysed whole:")
     return "\n".join(lines)
 
 
 def _named_basis(shown: Any) -> Any:
-    """Return verdicts that say in words what they rest on."""
+    """Return verdicts with the full name of their method."""
     return shown.assign(by=shown.by.replace("LinCov", "linear covariance"))
 
 
 def _verdicts(shown: Any, whole: str) -> str:
-    """Return the table of verdicts; of more rows than fit, the worst verdicts first, and where the whole table is."""
+    """Return the table of verdicts; of too many rows only the worst verdicts, and the location of the whole table."""
     from lvnav_trade.metrics.requirements.margins import ORDER
 
     more = len(shown) - _ROWS
@@ -162,7 +163,7 @@ def _verdicts(shown: Any, whole: str) -> str:
 
 
 def _counted(shown: Any) -> Iterator[tuple[str, dict[str, int]]]:
-    """Yield every requirement with how many cases have which verdict."""
+    """Yield every requirement with the number of cases by verdict."""
     for name, rows in shown.groupby("requirement", sort=False):
         yield str(name), rows.verdict.value_counts(sort=False).to_dict()
 
@@ -184,9 +185,9 @@ def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
 
 
 def _ends(answers: Sequence[Any]) -> Iterator[tuple[str, str, int]]:
-    """Yield for each quantity the numbers of the cases with its smallest and its largest error."""
-    known = [k for k, answer in enumerate(answers) if answer.rows]
-    for place, (name, *_) in enumerate(answers[known[0]].rows if known else ()):
-        by_size = sorted(known, key=lambda k: answers[k].rows[place][1])
+    """Yield for each quantity the indices of the cases with its smallest and its largest error."""
+    computed = [k for k, answer in enumerate(answers) if answer.rows]
+    for place, (name, *_) in enumerate(answers[computed[0]].rows if computed else ()):
+        by_size = sorted(computed, key=lambda k: answers[k].rows[place][1])
         yield name, "smallest", by_size[0]
         yield name, "largest", by_size[-1]

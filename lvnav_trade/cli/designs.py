@@ -60,10 +60,10 @@ def cases(
 
 
 def _shown(found: Any, limit: int, is_chosen: bool) -> str:
-    """Return the first rows as a table; of columns that nobody asked for those that say most."""
-    left_out = ("_formal_", "_probability_", "_verdict", "_count")
+    """Return the first rows as a table; unless the user has chosen columns, only the most informative columns."""
+    omitted = ("_formal_", "_probability_", "_verdict", "_count")
     rows = found.rows.head(limit)
-    said = [name for name in rows if is_chosen or not (name in _WIDE or any(part in name for part in left_out))]
-    names = [name for name in said if is_chosen or not (rows[name].astype(str) == "").all()]
+    columns = [name for name in rows if is_chosen or not (name in _WIDE or any(part in name for part in omitted))]
+    names = [name for name in columns if is_chosen or not (rows[name].astype(str) == "").all()]
     head = [name if is_chosen else name.removeprefix("axis_") for name in names]
     return table(head, list(rows[names].itertuples(index=False, name=None)))

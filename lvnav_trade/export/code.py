@@ -1,4 +1,4 @@
-"""The C of a filter: `exported(prepared)` gives header and source, and its inputs."""
+"""C code of a filter: `exported(prepared)` returns header, source and inputs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lvnav_trade.export.translation.values import DOUBLE, INT, Array, Fields, Sc
 from lvnav_trade.layout import state_names
 
 NAME = "nav_filter"
-# What the fields of the struct are: measured and estimated; the rest are work arrays.
+# Comments on the fields of the struct that are measured and estimated; the others are work arrays.
 MEASURED = {
     "increments": "of every tick of the window: angles (rad) and velocities (m/s), body axes; changed by propagate",
     "solution": "of the receiver: position (m) and velocity (m/s), inertial frame",
@@ -78,24 +78,31 @@ _HELPERS = {
 
 
 class Exported(NamedTuple):
-    """Header and source of a filter; inputs: by struct, the fields that are read, with the flight's values and the axis
-    along which they count; state: the arrays of the struct that are used; depth of epochs that are held; open_loop:
-    whether its outputs are a sum; counts_epochs: update takes the number of the epoch.
-    """
+    """C code of a filter."""
 
     header: str
     source: str
-    inputs: dict[str, dict[str, tuple[Array, Any, int]]]
-    state: dict[str, Array]
-    depth: int
-    open_loop: bool
-    counts_epochs: bool
+    inputs: dict[str, dict[str, tuple[Array, Any, int]]]  # by struct and field: array, values of the flight, time axis
+    state: dict[str, Array]  # arrays of the struct that are used
+    depth: int  # number of epochs that the struct stores
+    open_loop: bool  # whether the outputs are the sum of the inertial solution and the error state
+    counts_epochs: bool  # whether update has the number of the epoch as argument
 
 
 def exported(prepared: Prepared, title: str) -> Exported:
-    """Return the C of the filter of a case; title: what the header says it is.
+    """Return the C code of the filter of a case.
 
-    InputError where what stands before the filter decides of it: redundant inertial units.
+    Parameters
+    ----------
+    prepared : Prepared
+        The prepared scenario.
+    title : str
+        Title in the header.
+
+    Raises
+    ------
+    InputError
+        Redundant IMUs are tested ahead of the filter, or the filter refers to more than one earlier epoch.
     """
     refuse_redundant_imus(prepared)
     for depth in (1, 2):
@@ -110,7 +117,7 @@ def exported(prepared: Prepared, title: str) -> Exported:
 
 
 def _translated(program: Program, storage: Storage, prepared: Prepared) -> list[str]:
-    """Translate what the C has as functions of its own; return their names."""
+    """Translate the functions of the C interface; return their names."""
     s, nav = storage, Array("nav", (10,), DOUBLE, constant=True)
     window, epoch = Scalar("window", INT), Scalar("epoch", INT)
     steps: dict[str, dict[str, Value]] = {

@@ -1,6 +1,7 @@
-"""Functions of a filter in C: begin, propagate, update, and the outputs of an open loop.
+"""Functions of an exported filter: begin, propagate, update, and the outputs of an open loop.
 
-They are translated like the kernels that they call, and never run.
+They are translated to C like the kernels that they call, and never run in Python. The first paragraph of a docstring
+becomes the comment of the C function.
 """
 
 from typing import Any
@@ -10,7 +11,7 @@ from lvnav_trade.filters.feedforward import apply_correction, remove_correction
 
 
 def begin(work: Any, parts: Any, options: Any, start: Any, nav: Any) -> None:
-    """Begin, all else at zero, at a navigation state: quaternion body to inertial, velocity (m/s), position (m)."""
+    """Initialise the filter at a navigation state: quaternion body to inertial, velocity (m/s), position (m)."""
     for i in range(10):
         work.nav[i] = nav[i]
     for i in range(work.P.shape[0]):
@@ -20,22 +21,22 @@ def begin(work: Any, parts: Any, options: Any, start: Any, nav: Any) -> None:
 
 
 def propagate(work: Any, parts: Any, case: Any, window: Any) -> None:
-    """Propagate over a window by self->increments, angles (rad) and velocities (m/s) of its ticks, body axes."""
+    """Propagate over a window with self->increments: angles (rad) and velocities (m/s) of its ticks, body axes."""
     steps.propagate(work, parts, case, window)
 
 
 def update(work: Any, parts: Any, case: Any, epoch: Any) -> None:
-    """Update by what was measured at an epoch, which count from 0."""
+    """Process the measurements of an epoch; epochs are counted from 0."""
     steps.begin_epoch(work, parts, case, epoch)
     if case.model.aided:
         steps.update(work, parts, case, epoch)
 
 
 def correct_outputs(work: Any, parts: Any, model: Any) -> None:
-    """Let nav, par, clock_hat and extra be the corrected outputs of an open loop, until restore_outputs."""
+    """Set nav, par, clock_hat and extra to the corrected outputs of an open loop, until restore_outputs."""
     apply_correction(work, parts.open_loop, parts.watch, model)
 
 
 def restore_outputs(work: Any, parts: Any, model: Any) -> None:
-    """Let nav, par, clock_hat and extra be those of the inertial system again."""
+    """Set nav, par, clock_hat and extra to those of the inertial system again."""
     remove_correction(work, parts.open_loop, model)

@@ -1,4 +1,4 @@
-"""The filter of a case as C: source files, recorded runs, result of the replay."""
+"""Filter of a case as C: source files, recorded runs, result of their replay."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.errors import InputError
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
-"""Options of the compiler: products and sums are not fused, which would round differently from the kernels."""
-_SLOWEST = 600.0  # s that a compiler, and a replay, may take
+"""Compiler options. Fused multiply-add is disabled, because it rounds differently from the kernels."""
+_SLOWEST = 600.0  # s, time-out of the compiler and of the replay
 
 
 class FilterCode(NamedTuple):
@@ -45,7 +45,7 @@ class FilterCode(NamedTuple):
 
 
 def compiler_of_machine() -> str:
-    """Return the C compiler of this machine: that of the variable CC, else cc, gcc or clang; empty where none is."""
+    """Return the C compiler of this machine: from the variable CC, or else cc, gcc or clang; empty if there is none."""
     wanted = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
     return next((found for found in map(shutil.which, wanted) if found), "")
 

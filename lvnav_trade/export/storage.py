@@ -39,28 +39,30 @@ WINDOWS = {
     "schedule": {"first_tick": 0, "n_tick": 0, "length": 0, "injection": 0, "linearised": 0},
     "late": {"valid": 1, "early": 1},
 }
-# Of a table of the whole flight: constant where no row differs from another, else read by the number of the row.
+# Tables of the whole flight: constant if all rows are equal, otherwise read by the number of the row.
 ROWS = {
     "model": {"seconds": 0, "decay": 0, "noise": 0, "inflation": 0, "growth": 0},
     "late": {"offset": 1},
     "gains": {"gain": 0},
 }
-# By ticks of the unit: those of a window are set before it.
+# Indexed by ticks of the IMU: the caller sets those of a window before it.
 TICKS, BY_TICK = {"vehicle": {"walk"}}, -1
-# What a receiver, a sensor or a clock says at an epoch, whatever it has said on this flight.
+# Outputs of a receiver, sensor or clock at an epoch: inputs in any case, even if they are constant on this flight.
 SAID = {"used", "n_used", "satellite", "satellite_velocity", "on", "known", "theta", "good", "present", "renewed"}
 COUNTED = {
     "work": ("innovation", "nis", "n_row", "n_reject"),
     "watch": ("mode", "reason"),
     "monitor": ("isolated", "excluded"),
 }
-# What is true of a flight and no part of its filter.
+# True quantities of a flight, which are not part of its filter.
 _UNREAD = ("rate", "force")
 
 
 class Storage:
-    """The arguments of a filter's steps as values of a program. inputs: by struct ("window", "epoch"), the arrays that
-    the caller sets, and the axis along which they count, `BY_TICK` of ticks; depth: of how many epochs they are held.
+    """Arguments of the functions of a filter as values of a program.
+
+    inputs : by struct ("window", "epoch") the arrays that the caller sets, with their time axis (`BY_TICK`: ticks)
+    depth : number of epochs that are stored
     """
 
     def __init__(self, prepared: Prepared, program: Program, depth: int = 1) -> None:
@@ -159,11 +161,11 @@ class Storage:
         return self.program.table(label, content)
 
     def _constant(self, label: str, value: np.ndarray, axis: int) -> Array | None:
-        """Return a table without an axis along which nothing changes."""
+        """Return a table without its time axis if all entries along this axis are equal; otherwise None."""
         if not value.shape[axis]:
             return None
-        every = np.broadcast_to(np.take(value, [0], axis=axis), value.shape)
-        if not np.array_equal(value, every, equal_nan=value.dtype.kind == "f"):
+        repeated = np.broadcast_to(np.take(value, [0], axis=axis), value.shape)
+        if not np.array_equal(value, repeated, equal_nan=value.dtype.kind == "f"):
             return None
         rings = tuple(SAME if a == axis else 0 for a in range(value.ndim))
         shape = tuple(1 if a == axis else size for a, size in enumerate(value.shape))
@@ -179,7 +181,7 @@ class Storage:
         return found
 
     def _of_ticks(self, label: str, value: np.ndarray) -> Array:
-        places = max(2, self.n_tick)  # of one place the index would have to be the present one
+        places = max(2, self.n_tick)  # with one place, only the present tick could be read
         rings = (places, *(0 for _ in value.shape[1:]))
         found = Array(f"self->window.{label}", (places, *value.shape[1:]), DOUBLE, rings=rings)
         self.inputs["window"][label] = (found, value, BY_TICK)

@@ -1,7 +1,7 @@
-"""A figure as data: panels with marks, axes and events. Its renderers are `raster.py` (PNG, SVG) and `browser.py`.
+"""Figures as data: panels with marks, axes and events, rendered by `raster.py` (PNG, SVG) and `browser.py` (HTML).
 
-Verbs of a `Panel` and their keywords are those of matplotlib's axes. A verb adds one `Mark`, of one of six kinds, to
-the panel. A new verb that makes a mark of these kinds is drawn by both renderers.
+The methods of a `Panel` and their keywords are those of matplotlib's axes. Each method adds one `Mark` of one of six
+kinds to the panel. Both renderers draw any method that adds a mark of these kinds.
 """
 
 import re
@@ -17,22 +17,22 @@ from lvnav_trade.records import Floats
 
 GREY = "#6b7280"
 SHADE = "#9ca3af"
-_SCALES = {"log": "log", "root": "quadratic"}  # what a label says of an axis that is not linear
+_SCALES = {"log": "log", "root": "quadratic"}  # word in the label of an axis that is not linear
 _IN_BRACKETS = re.compile(r"\((?P<unit>[^(),;]*)[^()]*\)")
 _AXES = {*"xlabel ylabel title xlim ylim xscale yscale xticks yticks equal grid margin".split()}  # noqa: SIM905
-_ROOM = 0.02  # part of the width of a panel that the number of an event needs
-_APART, _KEY_LENGTH = " · ", 105  # between events of a key; letters that the width of an A4 page has room for
+_ROOM = 0.02  # width of the number of an event, as a fraction of the width of a panel
+_APART, _KEY_LENGTH = " · ", 105  # separator of events in a key; characters across an A4 page
 
 
 class Mark(NamedTuple):
-    """Something drawn in a panel.
+    """An element of a panel.
 
-    kind : what its data are
+    kind : kind of its data
         line : x, y; marker, step and dashes in the style
         band : x, low, high
         boxes : x0, x1, y0, y1 of rectangles; infinite at the edge of the panel
         limit : at, for a straight line across the panel; of "x" or "y" in the style
-        text : x, y, texts; in parts of the axis where style["x_part"] or style["y_part"] says so
+        text : x, y, texts; with style["x_part"] or style["y_part"] the coordinate is a fraction of the axis
         cells : x and y edges, values as a 2-D array
     style : keywords of matplotlib: color, ls, lw, alpha, marker, ms, mfc, hatch, ec
     """
@@ -44,26 +44,26 @@ class Mark(NamedTuple):
 
 
 class Events(NamedTuple):
-    """Events and faults of a flight: names and times; names, start and end."""
+    """Events and faults of a flight."""
 
-    points: tuple[tuple[str, float], ...]
-    faults: tuple[tuple[str, float, float], ...]
+    points: tuple[tuple[str, float], ...]  # events: name, time (s)
+    faults: tuple[tuple[str, float, float], ...]  # faults: name, start and end (s)
 
     def groups(self, low: float, high: float, columns: int = 1) -> list[tuple[float, str]]:
-        """Return time and number, or numbers, of the events within limits; close ones share a label."""
+        """Return time (s) and number of the events between two times; close events have a common label, as "3-5"."""
         shown = [(k, t) for k, (_, t) in enumerate(self.points, 1) if low <= t <= high]
         firsts: list[int] = []
         for index, (_, t) in enumerate(shown):
             if not firsts or t - shown[firsts[-1]][1] >= _ROOM * columns * (high - low):
                 firsts.append(index)
-        found = []
-        for first, after in pairwise([*firsts, len(shown)]):
-            (start, t), (end, _) = shown[first], shown[after - 1]
-            found.append((t, str(start) if start == end else f"{start}-{end}"))
-        return found
+        labels = []
+        for first, following in pairwise([*firsts, len(shown)]):
+            (start, t), (end, _) = shown[first], shown[following - 1]
+            labels.append((t, str(start) if start == end else f"{start}-{end}"))
+        return labels
 
     def key(self) -> str:
-        """Return what the numbers stand for, in lines of similar length that a page has room for."""
+        """Return the key to the numbers of the events, in lines that fit the width of a page."""
         names = [f"{number} {name.replace('_', ' ')}" for number, (name, _) in enumerate(self.points, start=1)]
         kinds: dict[str, list[str]] = {}  # numbers of the faults by kind
         for name in dict.fromkeys(name.replace("_", " ") for name, _, _ in self.faults):
@@ -91,23 +91,34 @@ def events_of(rows: pd.DataFrame) -> Events:
 
 
 class Panel:
-    """Axes of a figure and what is drawn in them, in the order in which it was added."""
+    """Axes of a figure with their marks, in the order of drawing."""
 
     def __init__(self) -> None:
-        """Begin empty, with linear axes."""
+        """Create an empty panel with linear axes."""
         self.marks: list[Mark] = []
         self.axes: dict[str, Any] = {}
-        self.spans: dict[str, tuple[float, float]] = {}  # least and largest value that a side's scale is chosen by
+        self.spans: dict[str, tuple[float, float]] = {}  # by axis, smallest and largest value for choosing its scale
         self.events: Events | None = None
 
     @property
     def filled(self) -> bool:
-        """Whether areas that hide what is below them are drawn: faults are shaded over these, and darker."""
+        """Whether opaque areas are drawn; faults are then shaded above them, and darker."""
         return any(mark.kind in ("band", "boxes") and "alpha" not in mark.style for mark in self.marks)
 
     def set(self, **axes: Any) -> None:
-        """State labels (xlabel, ylabel, title), limits (xlim, ylim; a number is the lower one), scales (xscale, yscale:
-        linear, log, root), ticks (xticks, yticks: pairs of place and text), `equal` scales or `grid` lines.
+        """Set properties of the axes.
+
+        Parameters
+        ----------
+        **axes
+            Labels (xlabel, ylabel, title), limits (xlim, ylim; a single number is the lower limit), scales (xscale,
+            yscale: linear, log, root), ticks (xticks, yticks: pairs of position and text), `equal` scales, `grid`
+            lines, `margin`.
+
+        Raises
+        ------
+        TypeError
+            A property is unknown.
         """
         unknown = set(axes) - _AXES
         if unknown:
@@ -117,14 +128,14 @@ class Panel:
         self.axes |= axes
 
     def label(self, side: str) -> str:
-        """Return the label of an axis ("x" or "y"), which names the scale beside the unit where it is not linear."""
+        """Return the label of an axis ("x" or "y"), with the scale after the unit if it is not linear."""
         text, scale = str(self.axes.get(f"{side}label", "")), _SCALES.get(str(self.axes.get(f"{side}scale")), "")
         if not text or not scale:
             return text
-        found = list(_IN_BRACKETS.finditer(text))
-        if not found:
+        brackets = list(_IN_BRACKETS.finditer(text))
+        if not brackets:
             return f"{text} ({scale})"
-        at = found[-1].end("unit")
+        at = brackets[-1].end("unit")
         return f"{text[:at]}, {scale}{text[at:]}"
 
     def _add(self, kind: str, data: dict[str, Any], style: dict[str, Any]) -> None:
@@ -132,15 +143,15 @@ class Panel:
         self.marks.append(Mark(kind, data, style, label))
 
     def plot(self, x: Any, y: Any, **style: Any) -> None:
-        """Draw a line, with markers or, where ls is "none", markers alone."""
+        """Draw a line, with or without markers, or markers alone if ls is "none"."""
         self._add("line", {"x": _floats(x), "y": _floats(y)}, style)
 
     def step(self, x: Any, y: Any, **style: Any) -> None:
-        """Draw a line of steps: a value holds until the next."""
+        """Draw a line of steps: each value is constant until the next."""
         self.plot(x, y, step=True, **style)
 
     def fill_between(self, x: Any, low: Any, high: Any, **style: Any) -> None:
-        """Shade what lies between two lines; step=True: of steps."""
+        """Shade the area between two lines; with step=True between lines of steps."""
         x, low, high = np.broadcast_arrays(_floats(x), _floats(low), _floats(high))
         self._add("band", {"x": x, "low": low, "high": high}, {"lw": 0.0, **style})
 
@@ -188,52 +199,65 @@ class Panel:
         self.plot(np.stack([x, x, gap], axis=1).ravel(), np.stack([low, high, gap], axis=1).ravel(), **style)
 
     def text(self, x: Any, y: Any, texts: str | Iterable[str], **style: Any) -> None:
-        """Write texts at places; x_part, y_part: these coordinates are parts of the axis."""
+        """Write texts at positions; x_part, y_part: whether a coordinate is a fraction of the axis."""
         named = [texts] if isinstance(texts, str) else list(texts)
         x, y = (np.broadcast_to(_floats(place), len(named)) for place in (x, y))
         self._add("text", {"x": x, "y": y, "texts": named}, style)
 
     def cells(self, x: Any, y: Any, values: Any, scale: tuple[float, float], **style: Any) -> None:
-        """Colour cells between edges by their values, on a logarithmic scale of colours; a label asks for its key."""
+        """Colour cells between edges by their values, on a logarithmic colour scale; a label adds a colour bar.
+
+        x, y : edges of the columns and rows of cells
+        values : (n_row, n_column)
+        scale : smallest and largest value of the colour scale
+        """
         data = {"x": _floats(x), "y": _floats(y), "values": np.asarray(values, dtype=float), "scale": scale}
         self._add("cells", data, style)
 
 
 class Figure(NamedTuple):
-    """Panels in a grid (an array of objects, rows x columns) and how they stand.
+    """A figure with panels in a grid."""
 
-    height: inches of a row at the width of an A4 page. options: sharex, sharey (False, True for all, "row" or "col"),
-    widths (ratios of the columns), title (above all panels).
-    """
-
-    grid: Any
-    height: float
-    options: dict[str, Any]
+    grid: Any  # array of panels, rows x columns
+    height: float  # inches of a row, at the width of an A4 page
+    options: dict[str, Any]  # sharex, sharey (False, True for all, "row" or "col"), widths of columns, title
 
     @property
     def panels(self) -> list[Panel]:
-        """The panels, row by row; those without anything are left out by the renderers."""
+        """The panels, row by row; renderers omit empty panels."""
         return list(self.grid.ravel())
 
     @property
     def key(self) -> str:
-        """What the numbers of its events stand for; those of one case alone."""
+        """Key to the numbers of the events, if the figure shows events of one case."""
         return next((panel.events.key() for panel in self.panels if panel.events), "")
 
     def legend(self) -> list[Mark]:
-        """Return one mark for each label, in the order in which they were added."""
-        found: dict[str, Mark] = {}
+        """Return one mark for each label, in the order of drawing."""
+        by_label: dict[str, Mark] = {}
         for panel in self.panels:
             for mark in panel.marks:
                 if mark.label and mark.kind != "cells":
-                    found.setdefault(mark.label, mark)
-        return list(found.values())
+                    by_label.setdefault(mark.label, mark)
+        return list(by_label.values())
 
 
 def canvas(rows: int = 1, columns: int = 1, height: float = 2.6, **options: Any) -> tuple[Figure, Any]:
-    """Return a figure of the page's width with rows x columns panels, and these; `height` inches per row.
+    """Create a figure with a grid of panels, as wide as a page.
 
-    options: sharex, sharey, widths, title (see `Figure`).
+    Parameters
+    ----------
+    rows, columns : int
+        Number of rows and columns of panels.
+    height : float
+        Height of a row (inches).
+    **options
+        sharex, sharey, widths, title; see `Figure`.
+
+    Returns
+    -------
+    Figure, numpy.ndarray
+        The figure and its panels (rows, columns).
     """
     grid = np.empty((rows, columns), dtype=object)
     for place in np.ndindex(rows, columns):
@@ -242,19 +266,19 @@ def canvas(rows: int = 1, columns: int = 1, height: float = 2.6, **options: Any)
 
 
 def panel(height: float, **options: Any) -> tuple[Figure, Panel]:
-    """Return a figure of one panel, and the panel."""
+    """Create a figure with one panel of a height (inches); return both."""
     figure, grid = canvas(1, 1, height, **options)
     return figure, grid[0, 0]
 
 
 def unit_of(label: str) -> str:
-    """Return the unit that the label of an axis states in its last brackets; empty for a dimensionless number."""
-    found = [match["unit"].strip() for match in _IN_BRACKETS.finditer(label)]
-    return "" if not found or found[-1] in ("-", "number") else found[-1]
+    """Return the unit in the last parentheses of the label of an axis; empty for a dimensionless number."""
+    units = [match["unit"].strip() for match in _IN_BRACKETS.finditer(label)]
+    return "" if not units or units[-1] in ("-", "number") else units[-1]
 
 
 def alt_text(panel: Panel) -> str:
-    """Return what a panel shows in words: its axes with the range of what is drawn, and the names in its legend."""
+    """Return the description of a panel for screen readers: axes with the range of the data, names in the legend."""
     parts = [one_line(panel.axes.get("title", ""))]
     for side, name in (("y", "ordinate"), ("x", "abscissa")):
         text = one_line(panel.label(side)) or ("time since lift-off (s)" if panel.events and side == "x" else "")
@@ -286,5 +310,5 @@ def _floats(values: Any) -> Floats:
 
 
 def named_ticks(names: Sequence[str], first: float = 0.0) -> list[tuple[float, str]]:
-    """Return ticks for named places, one apart."""
+    """Return ticks with names at positions `first`, first + 1, ..."""
     return [(first + k, str(name)) for k, name in enumerate(names)]

@@ -20,93 +20,90 @@ from lvnav_trade.plots.figure import Figure, Panel, alt_text
 from lvnav_trade.report.escape import note, texts
 from lvnav_trade.store.read import Tables
 
-_HALF_SHEET = 78  # letters of a table, and a space a column, across half a sheet of paper
-_HALF_ROWS = 40  # rows of it: it is kept in one piece
+_HALF_SHEET = 78  # characters of a table, with a space per column, across half a page
+_HALF_ROWS = 40  # largest number of rows of such a table, which is not split between pages
 MOST_CASES = 8
-"""Cases whose own figures are drawn; of more, those that decide and the best."""
+"""Largest number of cases with figures of their own; of more cases, the key cases and the best have figures."""
 
 
 class Text(NamedTuple):
-    """A paragraph whose lead stands out, or lines to type (kind "code").
-
-    is_nothing: it says that there is nothing to show; a section of such paragraphs alone is left out.
-    """
+    """A paragraph, or a command."""
 
     text: str
-    lead: str = ""
-    kind: str = "text"
-    is_nothing: bool = False
+    lead: str = ""  # first words, which are emphasised
+    kind: str = "text"  # "code" for a command
+    is_nothing: bool = False  # whether it only says that there is nothing to show
 
 
 class Table(NamedTuple):
-    """A table: headings, rows of finished texts, which columns hold numbers, caption."""
+    """A table with finished texts."""
 
-    head: tuple[str, ...]
+    head: tuple[str, ...]  # headings of the columns
     rows: tuple[tuple[str, ...], ...]
-    numeric: tuple[bool, ...]
+    numeric: tuple[bool, ...]  # whether each column has numbers, which are right-aligned
     caption: str = ""
     kind: str = "table"
 
     @property
     def narrow(self) -> bool:
-        """Whether it has room on half the width of a sheet of paper; a heading may break between words."""
+        """Whether it fits into half the width of a page, with headings broken between words."""
         headings = [max(map(len, name.split()), default=0) for name in self.head]
         longest = [max([size, *(len(row[k]) for row in self.rows)]) for k, size in enumerate(headings)]
         return len(self.rows) <= _HALF_ROWS and sum(longest) + len(longest) <= _HALF_SHEET
 
 
 class Picture(NamedTuple):
-    """A figure: file name without ending, its data, caption."""
+    """A figure with its caption."""
 
-    name: str
+    name: str  # file name without extension
     figure: Figure
     caption: str
     kind: str = "picture"
 
     @property
     def data(self) -> str:
-        """The figure as JSON, for the script of the page."""
+        """The figure as JSON, for the script of the report."""
         return data_of(self.figure)
 
     @property
     def height(self) -> int:
-        """Pixels that the page keeps free for it until it is drawn, about."""
+        """Approximate height in pixels, reserved in the report until the figure is drawn."""
         return int(88 * self.figure.height * len(self.figure.grid)) + 60
 
     @property
     def alt(self) -> str:
-        """The figure in words: its caption, then what each panel shows."""
+        """Description for screen readers: the caption and the content of each panel."""
         return " ".join([self.caption, *(f"{alt_text(panel)}." for panel in self.figure.panels if panel.marks)])
 
     @property
     def width(self) -> str:
-        """Part of a sheet of paper that it needs: the whole one of three columns, a third where panels are many."""
+        """Width on a printed page: wide, half, or third for a column of many panels."""
         rows, columns = self.figure.grid.shape
         bars = columns > 1 and self.figure.options.get("sharey") and not any(map(_is_map, self.figure.panels))
         return "wide" if columns > 2 or bars else "third" if columns == 1 and rows > 2 else "half"
 
 
-def _is_map(one: Panel) -> bool:
+def _is_map(panel: Panel) -> bool:
     """Whether a panel colours cells by their values."""
-    return any(mark.kind == "cells" for mark in one.marks)
+    return any(mark.kind == "cells" for mark in panel.marks)
 
 
 class Grades(NamedTuple):
-    """Data, as JSON, of a control that scales a source of error; shown by a script on the page, else not at all."""
+    """Interactive control that scales an error source; in HTML reports only."""
 
-    data: str
+    data: str  # JSON for the script of the report
     kind: str = "grades"
 
 
 class Designs(NamedTuple):
-    """Data, as JSON, of a scatter and of parallel axes of many designs; drawn by a script of the page, else not."""
+    """Interactive scatter plot and parallel axes of a design space; in HTML reports only."""
 
-    data: str
+    data: str  # JSON for the script of the report
     kind: str = "designs"
 
 
 class More(NamedTuple):
-    """Blocks that are one click away on the page, and below a heading in Markdown; a brief report leaves them out."""
+    """Blocks that an HTML report shows on demand, and Markdown below a heading; a brief report omits them."""
 
     title: str
     blocks: Sequence[Any]
@@ -118,15 +115,15 @@ Blocks = Callable[[Tables], list[Block]]
 
 
 class Section(NamedTuple):
-    """A part of the report."""
+    """A section of the report."""
 
-    name: str
+    name: str  # by which a campaign selects it
     title: str
     blocks: list[Block]
 
 
 def number(value: float) -> str:
-    """Write a number with three significant digits; a dash where there is none."""
+    """Return a number as text with three significant digits; a dash for None and NaN."""
     if value is None or value != value:
         return "–"
     if isinstance(value, int | np.integer):
@@ -142,24 +139,24 @@ def number(value: float) -> str:
 
 
 def percent(value: float) -> str:
-    """Write a fraction in percent without rounding 99.73 to 100."""
+    """Return a fraction in percent as text, with six digits so that 99.73 % is not rounded to 100 %."""
     return f"{100.0 * value:.6g} %"
 
 
 def listed(texts: Sequence[str], most: int, separator: str = "; ") -> str:
-    """Join texts; of more than `most` the first ones, and how many more there are."""
+    """Join texts; of more than `most` texts only the first, with the number of the others."""
     more = [f"and {len(texts) - most} more, see the table"] if len(texts) > most else []
     return "; ".join([separator.join(texts[:most]), *more])
 
 
 def first_ones(names: Sequence[str], most: int) -> str:
-    """Join names by "and"; of more than one beyond `most` the first ones, and how many more there are."""
+    """Join names by "and"; of more than `most` + 1 names only the first, with the number of the others."""
     more = len(names) - most
     return " and ".join([*names[:most], f"{more} more"] if more > 1 else names)
 
 
 def among(names: Sequence[str], most: int, separator: str = ", ") -> str:
-    """Join names; of more than `most` the first ones, and how many more there are: "a, b and 3 more"."""
+    """Join names; of more than `most` names only the first, with the number of the others: "a, b and 3 more"."""
     more = len(names) - most
     last = ("; and " if separator == "; " else " and ") + f"{more} more"
     return separator.join(names[:most]) + (last if more > 0 else "")
@@ -171,26 +168,35 @@ def words(names: Any) -> Any:
 
 
 def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
-    """Return columns of a frame as they are shown.
+    """Return columns of a frame with headings and formatted values.
 
-    columns : entries ``HEADING = COLUMN: FORM`` between bars. FORM is a format of Python (a number that is missing is
-        a dash), ``words``, ``number``, ``percent``, ``element`` (seven digits; a zero has its bound) or ``time`` (s;
-        "never" where it is missing); without it the column stays what it is. ``COLUMN to OTHER: FORM`` are bounds,
-        one number where both are the same.
-        Without a heading the column's own name is it, in words. Columns that the frame lacks are left out.
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        The frame.
+    columns : str
+        Entries ``HEADING = COLUMN: FORM`` separated by bars. FORM is a Python format (a missing number becomes a dash),
+        ``words``, ``number``, ``percent``, ``element`` (seven digits; zero is given with its bound) or ``time`` (s;
+        "never" if missing); without FORM the column is unchanged. ``COLUMN to OTHER: FORM`` are bounds, shown as one
+        number if they are equal. Without HEADING the name of the column is used. Missing columns are omitted.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns in the order of the entries.
     """
-    found = {}
+    formatted = {}
     for entry in columns.split(" | "):
         heading, _, source = entry.rpartition(" = ")
         name, _, form = source.partition(": ")
         bounds = [_written(frame[bound], form) for bound in name.split(" to ") if bound in frame]
         if bounds:
-            found[heading or words(name)] = bounds[0] if len(bounds) == 1 else _interval_text(*bounds)
-    return pd.DataFrame(found)
+            formatted[heading or words(name)] = bounds[0] if len(bounds) == 1 else _interval_text(*bounds)
+    return pd.DataFrame(formatted)
 
 
 def _interval_text(low: pd.Series, high: pd.Series) -> pd.Series:
-    """Write bounds as an interval; those that are the same as one number."""
+    """Return bounds as the text of an interval, or of one number if they are equal."""
     return low.where(low == high, low + " to " + high)
 
 
@@ -207,7 +213,7 @@ def _written(values: pd.Series, form: str) -> pd.Series:
 
 
 def table(frame: pd.DataFrame, caption: str = "", columns: str = "") -> Table:
-    """Return a frame as a table, all of it under its own names, or the columns that are asked for (see `shown`)."""
+    """Return a frame as a table with all columns, or with the given columns (see `shown`)."""
     frame = shown(frame, columns) if columns else frame
     numeric = tuple(pd.api.types.is_numeric_dtype(kind) and kind is not bool for kind in frame.dtypes)
     rows = tuple(tuple(_cell(value) for value in row) for row in frame.itertuples(index=False))
@@ -221,21 +227,29 @@ def _cell(value: Any) -> str:
 
 
 def same_once(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return a frame with a column `case` in which cases that have the same rows stand once, named together."""
+    """Return a frame with column `case` in which cases with equal rows are combined under a common name."""
     groups: dict[tuple[tuple[str, ...], ...], list[str]] = {}
-    said = list(frame.drop(columns="case").astype(str).itertuples(index=False, name=None))
+    rows = list(frame.drop(columns="case").astype(str).itertuples(index=False, name=None))
     for case, places in _places(frame.case).items():
-        groups.setdefault(tuple(said[k] for k in places), []).append(case)
+        groups.setdefault(tuple(rows[k] for k in places), []).append(case)
     if len(groups) == frame.case.nunique():
         return frame
-    kept = frame[frame.case.isin([cases[0] for cases in groups.values()])]
-    whole = len(groups) == 1
-    names = {cases[0]: f"all {len(cases)} cases" if whole else "; ".join(cases) for cases in groups.values()}
-    return kept.assign(case=kept.case.map(names))
+    first = frame[frame.case.isin([cases[0] for cases in groups.values()])]
+    is_one_group = len(groups) == 1
+    names = {cases[0]: f"all {len(cases)} cases" if is_one_group else "; ".join(cases) for cases in groups.values()}
+    return first.assign(case=first.case.map(names))
 
 
 def of(metric: str, nothing: str = "") -> Callable[[Callable[[Tables, pd.DataFrame], list[Block]]], Blocks]:
-    """Make the blocks of a function from the rows of a metric; without rows they are the text `nothing`, or none."""
+    """Decorate a function of a computed table so that it becomes a function of results.
+
+    Parameters
+    ----------
+    metric : str
+        Name of the computed table.
+    nothing : str
+        Text if the table is empty; no block if this text is empty as well.
+    """
 
     def decorate(make: Callable[[Tables, pd.DataFrame], list[Block]]) -> Blocks:
         @wraps(make)
@@ -251,17 +265,25 @@ def of(metric: str, nothing: str = "") -> Callable[[Callable[[Tables, pd.DataFra
 
 
 def stated(name: str, frame: pd.DataFrame, alike: bool = False, **content: str) -> Table:
-    """Return a frame as the table of that name in `templates/texts.toml`.
+    """Return a frame as a table with the layout of `templates/texts.toml`.
 
-    Its columns are chosen (see `blocks.shown`) or get other headings; braces of its caption are filled with content.
-    alike: cases that have the same rows stand once.
+    Parameters
+    ----------
+    name : str
+        Name of the layout, which selects columns (see `blocks.shown`) or gives headings, and a caption.
+    frame : pandas.DataFrame
+        The rows.
+    alike : bool
+        Combine cases with equal rows.
+    **content
+        Texts for the braces in the caption.
     """
-    found = texts()["tables"][name]
-    if "columns" in found:
-        frame = shown(frame, " ".join(found["columns"].split()))
+    layout = texts()["tables"][name]
+    if "columns" in layout:
+        frame = shown(frame, " ".join(layout["columns"].split()))
     else:
-        frame = frame.set_axis(" ".join(found["headings"].split()).split(" | "), axis=1)
-    caption = " ".join(found.get("caption", "").split()).format(**content)
+        frame = frame.set_axis(" ".join(layout["headings"].split()).split(" | "), axis=1)
+    caption = " ".join(layout.get("caption", "").split()).format(**content)
     return table(same_once(frame) if alike else frame, caption)
 
 

@@ -1,4 +1,4 @@
-"""report.html (one file, nothing from the network) and CSV tables; report.md with its figures, for a repository."""
+"""Building of reports: report.html (one self-contained file), CSV tables, and report.md with figures."""
 
 import base64
 import difflib
@@ -69,36 +69,51 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "models": ("What checks these models", registered.models),
     "reproduce": ("How to reproduce", evidence.reproduce),
 }
-"""Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
-show stands on the page only where it was asked for by name.
-"""
+"""All sections by name, in their default order. An empty section is shown only if the campaign names it."""
 OPEN = ("space", "summary", "requirements", "envelopes", "budget")
-"""Sections that the report shows at once; the others are one click away."""
+"""Sections that are open in the report; the others are folded."""
 BRIEF = (*OPEN, "consistency", "agreement", "configuration", "assumptions", "models", "reproduce")
-"""Sections of a brief report, without what the report shows on demand."""
-_BRIEF_ROWS, _BRIEF_FIGURES = 15, 9  # of a table, and in all, of a brief report
+"""Sections of a brief report."""
+_BRIEF_ROWS, _BRIEF_FIGURES = 15, 9  # largest number of rows of a table, and of figures, in a brief report
 _SCRIPTS = ("uplot/uPlot.iife.min.js", "figures.js", "page.js", "grades.js", "space.js")
 _MANY = 50
 _DETAILED = ("orbit", "correction", "impact")
-"""Sections and tables whose numbers take a second a case; of more than `_MANY` cases they hold the first few."""
+"""Sections and tables that take a second per case; with more than `_MANY` cases they cover the key cases only."""
 
 
 class Made(NamedTuple):
-    """What a report says, before it is written in a form: title, question, sections, CSV tables by file name, head."""
+    """Content of a report, independent of its format."""
 
     title: str
-    asked: str
+    asked: str  # question of the campaign
     sections: list[Section]
-    csv: dict[str, str]
-    head: Head = ()
+    csv: dict[str, str]  # CSV tables by file name
+    head: Head = ()  # title block
 
 
 def make(tables: Tables, sections: Sequence[str] | None = None, step: Callable[[], None] = lambda: None) -> Made:
-    """Return the report of results: `sections`, or else those of the campaign's ``report: {sections: [...]}``.
+    """Return the content of the report of results.
 
-    `step` is called after each. InputError names a section that does not exist.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    sections : sequence of str, optional
+        Names of the sections; by default those of the campaign, or else all.
+    step : callable
+        Called after each section.
+
+    Returns
+    -------
+    Made
+        Title, question, sections, CSV tables.
+
+    Raises
+    ------
+    InputError
+        A section does not exist.
     """
-    # sections look at cells one by one: texts as Python's own strings are read in half the time of Arrow's
+    # sections read single cells, for which Python's strings take half the time of Arrow's
     with pd.option_context("mode.string_storage", "python"):
         return _made(tables, sections, step)
 
@@ -133,7 +148,7 @@ def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], Non
 
 
 def _without_cases(tables: Tables) -> list[Block]:
-    """Say that every case failed, and why each did."""
+    """Return the blocks of results in which every case failed, with the reasons."""
     lead = Text("None could be computed, so there are no results. The same lvnav-trade run tries them again.", "Cases.")
     return [lead, *(Text(f"{line}.", "Lost:") for line in tables.manifest.get("lost", []))]
 
@@ -144,12 +159,12 @@ def _is_nothing(block: Block) -> bool:
 
 
 def _flat(blocks: Sequence[Block]) -> list[Block]:
-    """Return blocks, and after them those that they show on demand."""
+    """Return blocks, followed by the blocks that they show on demand."""
     return [*blocks, *(inner for block in blocks if isinstance(block, More) for inner in block.blocks)]
 
 
 def _detailed(tables: Tables) -> Tables:
-    """Return the results, of many cases only those that decide and the best ones."""
+    """Return the results, reduced to the key cases and the best if there are many cases."""
     if len(tables.labels) <= _MANY:
         return tables
     return tables.with_frames(cases=tables.cases[tables.cases.case.isin(chosen_cases(tables))])
@@ -162,11 +177,30 @@ def build(
     brief: bool = False,
     step: Callable[[], None] = lambda: None,
 ) -> Path:
-    """Write report.html and the CSV tables that have rows into a results folder; return the page.
+    """Write the report of results: report.html, and the CSV tables that have rows.
 
-    figures: formats (png, svg) of the figures that are written into figures/ too; brief: a page for ten sheets of
-    paper, without what report.html shows on demand, is written as brief.html too, and returned.
-    InputError as of `make`.
+    Parameters
+    ----------
+    folder : Path or str
+        Folder of results, to which the report is written.
+    sections : sequence of str, optional
+        Names of the sections; by default those of the campaign, or else all.
+    figures : sequence of str
+        Formats (png, svg) of figures to be written to figures/.
+    brief : bool
+        Also write brief.html, a short report of about ten pages.
+    step : callable
+        Called after each section.
+
+    Returns
+    -------
+    Path
+        report.html, or brief.html if `brief`.
+
+    Raises
+    ------
+    InputError
+        A section does not exist.
     """
     tables = load(folder)
     made = make(tables, sections, step)
@@ -178,62 +212,81 @@ def build(
 
 
 VERDICTS = ("requirements", "expected", "windows", "filter_verdicts")
-"""CSV tables that are written without a report too."""
+"""CSV tables that are also written without a report."""
 
 
 def verdict_tables(folder: Path | str) -> None:
-    """Write the CSV tables of verdicts into a results folder, in place of those of an earlier report."""
+    """Write the CSV tables of verdicts to a folder of results, replacing files of an earlier report."""
     tables = load(folder)
     frames = {name: METRICS[name](tables) for name in VERDICTS}
-    found = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
-    owned(tables.folder, "results").publish("report", found)
+    files = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
+    owned(tables.folder, "results").publish("report", files)
 
 
 def _shortened(sections: Sequence[Section]) -> list[Section]:
-    """Return the sections of a brief report without what is shown on demand; of what is long the first rows."""
-    left = _BRIEF_FIGURES
+    """Return the sections of a brief report, without blocks shown on demand, and with long tables shortened."""
+    n_figures = _BRIEF_FIGURES
 
     def short(block: Block) -> list[Block]:
-        nonlocal left
+        nonlocal n_figures
         if isinstance(block, Table) and len(block.rows) > _BRIEF_ROWS:
             note = Text(f"{len(block.rows) - _BRIEF_ROWS} more rows are in the full report.")
             return [block._replace(rows=block.rows[:_BRIEF_ROWS]), note]
-        left -= isinstance(block, Picture)
-        return (
-            [] if isinstance(block, More | Grades | Designs) or (isinstance(block, Picture) and left < 0) else [block]
-        )
+        n_figures -= isinstance(block, Picture)
+        is_beyond = isinstance(block, Picture) and n_figures < 0
+        return [] if isinstance(block, More | Grades | Designs) or is_beyond else [block]
 
     return [
-        section._replace(blocks=[found for block in section.blocks for found in short(block)])
+        section._replace(blocks=[part for block in section.blocks for part in short(block)])
         for section in sections
         if section.name in BRIEF
     ]
 
 
 def html_page(title: str, asked: str, sections: Sequence[Section], shown: Sequence[str] = OPEN, head: Head = ()) -> str:
-    """Return the HTML page of a title, the question and sections, in one file.
+    """Return a report as one self-contained HTML file.
 
-    shown: sections that are not folded; head: what is said of the document below its title.
+    Parameters
+    ----------
+    title, asked : str
+        Title, and question of the campaign.
+    sections : sequence of Section
+        Sections in order.
+    shown : sequence of str
+        Names of sections that are open; the others are folded.
+    head : tuple of Line
+        Title block below the title.
     """
     style = source("page.css") + source("uplot/uPlot.min.css")
     script = "\n".join(source(name) for name in _SCRIPTS)
     allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    signs = {sign: verdict for verdict, sign in SIGNS.items() if sign != "–"}  # a dash stands for a missing number too
+    signs = {sign: verdict for verdict, sign in SIGNS.items() if sign != "–"}  # a dash is also a missing number
     page = {"title": title, "asked": asked, "sections": sections, "open": {*shown, sections[0].name}, "head": head}
     page |= {"signs": signs, "verdicts": {*SIGNS, "agree", "disagree"}}
     return render("page.html.j2", **page, style=style, script=script, allowed=allowed)
 
 
 def markdown_page(title: str, asked: str, sections: Sequence[Section], head: Head = ()) -> str:
-    """Return the Markdown page of a title, the question and sections; head: what is said of the document."""
+    """Return a report as Markdown; the arguments are those of `html_page`."""
     return render("page.md.j2", title=title, asked=asked, sections=sections, head=head)
 
 
 def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
-    """Write what a repository keeps of a report into a folder, and return its Markdown page: page, figures, CSV tables
-    unless these are not wanted.
+    """Write a kept report, for a repository: Markdown, figures, and CSV tables unless these are not wanted.
 
-    What an earlier report left there is replaced, and no other file; the HTML page is remade from results, not kept.
+    Parameters
+    ----------
+    results : Path or str
+        Folder of results.
+    folder : Path or str
+        Folder of the kept report. Files of an earlier report are replaced, and no other file.
+    tables : bool
+        Whether to write the CSV tables.
+
+    Returns
+    -------
+    Path
+        report.md.
     """
     target, made = owned(folder, "report"), make(load(results))
     page = markdown_page(made.title, made.asked, made.sections, made.head)
@@ -251,7 +304,7 @@ def _check(names: Sequence[str]) -> None:
 
 
 def pictures(sections: Sequence[Section], formats: Sequence[str] = ("png",)) -> dict[str, bytes]:
-    """Return the figures of sections as files, drawn by worker processes: names within figures/, and contents."""
+    """Return the figures of sections as files in figures/: content by name. Worker processes draw them."""
     if not formats:
         return {}
     from lvnav_trade.plots.raster import files  # matplotlib, which a report as HTML does not need

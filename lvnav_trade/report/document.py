@@ -1,4 +1,4 @@
-"""Document data of a review: title block, requirements with their sources, margin policy."""
+"""Title block of the report, requirements with their sources, margin policy."""
 
 from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
@@ -15,31 +15,31 @@ from lvnav_trade.report.sentences import say
 from lvnav_trade.report.validity import when, with_evidence
 from lvnav_trade.store.read import Tables
 
-CHANGED = "with changes"  # what the commit of a manifest ends with where files differed from it
+CHANGED = "with changes"  # end of the commit in a manifest if files differed from it
 _OPTIONAL = ("id", "parent", "source", "verification", "rationale")
 
 
 class Line(NamedTuple):
-    """A line of the head: what it says, and whether it is a warning."""
+    """A line of the title block."""
 
     name: str
     text: str
-    warning: bool = False
+    warning: bool = False  # whether it is highlighted as a warning
 
 
 Head = tuple[Line, ...]
 
 
 def title_of(tables: Tables) -> str:
-    """Return the title of the report: that of the document, else the name of the campaign."""
-    named = (tables.campaign.get("document") or {}).get("title")
-    return str(named or tables.manifest.get("campaign") or tables.campaign.get("name"))
+    """Return the title of the report: that of the document settings, or else the name of the campaign."""
+    title = (tables.campaign.get("document") or {}).get("title")
+    return str(title or tables.manifest.get("campaign") or tables.campaign.get("name"))
 
 
 def head(tables: Tables) -> Head:
-    """Return the head of the document: marking, issue, author, date, campaign, version and commit.
+    """Return the title block: classification, issue, author, date, campaign, version and commit.
 
-    A commit with uncommitted changes is a warning: nobody can compute such results again from the repository.
+    Uncommitted changes give a warning, because such results cannot be reproduced from the repository.
     """
     card, manifest = tables.campaign.get("document") or {}, tables.manifest
     commit = str(manifest.get("commit") or "")
@@ -55,19 +55,20 @@ def head(tables: Tables) -> Head:
 
 
 def stated_requirements(tables: Tables) -> list[Block]:
-    """Return the requirements as stated, with identifiers, sources and interpretation, and the convention."""
+    """Return the table of the requirements with identifiers, sources and interpretation, and their convention."""
     rows, limits = [], _limits(tables)
-    for one in tables.campaign.get("requirements") or ():
-        sides, over = metric_in(one).bounded_as, "mixed" if one.get("during") else "ensemble"
-        limit = limits.get(one["name"]) or one["below"]
+    for requirement in tables.campaign.get("requirements") or ():
+        sides = metric_in(requirement).bounded_as
+        over = "mixed" if requirement.get("during") else "ensemble"  # statistical interpretation of the probability
+        limit = limits.get(requirement["name"]) or requirement["below"]
         rows.append(
             {
-                **{field: str(one.get(field) or "") for field in _OPTIONAL},
-                "requirement": one["name"],
-                "bound": f"{words(one['metric'])} below {limit}",
-                "place": place_of(one),
-                "probability": float(one["probability"]),
-                "confidence": float(one.get("confidence", 0.9)),
+                **{field: str(requirement.get(field) or "") for field in _OPTIONAL},
+                "requirement": requirement["name"],
+                "bound": f"{words(requirement['metric'])} below {limit}",
+                "place": place_of(requirement),
+                "probability": float(requirement["probability"]),
+                "confidence": float(requirement.get("confidence", 0.9)),
                 "interpretation": f"{sides}, {over}",
             }
         )
@@ -79,19 +80,21 @@ def stated_requirements(tables: Tables) -> list[Block]:
 
 
 def _limits(tables: Tables) -> dict[str, str]:
-    """Return the limit of every requirement by its name, in the unit of the verdicts, where it is known."""
+    """Return the known limits of requirements by name, as text in the unit of the verdicts."""
     known = METRICS["requirements"](tables).dropna(subset=["limit"]).drop_duplicates("requirement")
     return {row.requirement: with_unit(row.limit, row.unit) for row in known.itertuples()}
 
 
 def place_of(requirement: Mapping[str, Any]) -> str:
-    """Return where in the flight a stated requirement applies: "at injection", "during coast"."""
+    """Return the event or phase of a requirement in words: "at injection", "during coast"."""
     return f"{'during' if requirement.get('during') else 'at'} {words(where(requirement))}"
 
 
 def margin_policy(tables: Tables, margins: pd.DataFrame) -> list[Block]:
-    """Say which designs keep the margin that the present phase of the project requires, and which of these do not keep
-    it within the window around an event; nothing without a policy.
+    """Return the paragraph on the margin policy; empty without a policy.
+
+    It names the designs with the margin required in the present phase of the project, and those of them that do not
+    have it within the window around an event.
     """
     policy = tables.campaign.get("margin_policy")
     if not policy or margins.empty:
@@ -118,7 +121,7 @@ def margin_policy(tables: Tables, margins: pd.DataFrame) -> list[Block]:
 
 
 def _margins_around(tables: Tables, required: float, kept: Collection[str]) -> str:
-    """Say which of some cases have less than the required margin within a window around an event."""
+    """Return the sentence on the cases that have less than the required margin in a window around an event."""
     frame = METRICS["windows"](tables)
     frame = frame[frame.case.isin(kept)]
     frame = frame.assign(margin=1.0 - frame.worst / frame.limit)

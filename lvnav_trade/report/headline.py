@@ -1,4 +1,4 @@
-"""Summary of a study: how many published numbers are evidence, how many are reproduced, and the rest with reasons."""
+"""Summary of a study: number of published values that are evidence and reproduced, and the others by reason."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from lvnav_trade.metrics.verdicts import FAILS, HOLDS
 from lvnav_trade.report.blocks import Block, Text, stated
 from lvnav_trade.report.printed import short_cases
 
-_EXPRESSION = r"^[^:]*[-+*/(][^:]*: "  # a metric of a statement: the expression, and what its terms are
+_EXPRESSION = r"^[^:]*[-+*/(][^:]*: "  # metric of a statement: an expression, followed by the meaning of its terms
 
 
 _KINDS = {"number": "numbers", "order": "orders and statements on innovations"}
@@ -26,41 +26,43 @@ _TABLES = {"repeats": "repeated", "own": "own", "again": "again", "verification"
 
 
 class Counted(NamedTuple):
-    """How rows of one kind fare: all of them, those that hold, those that do not, those that runs do not decide."""
+    """Number of rows of one kind by their verdicts."""
 
     total: int
-    hold: int
-    fail: int
-    undecided: int
+    hold: int  # reproduced
+    fail: int  # not reproduced
+    undecided: int  # not decided by the runs
 
 
 def counted(rows: pd.DataFrame) -> dict[str, Counted]:
-    """Return how the rows that are counted fare, by kind (number, order, statement), as `references.csv` has it:
-    `counts_as` is the kind, `verdict` the outcome.
+    """Return the counts of rows by kind: number, order, statement.
+
+    rows : rows of `references.csv`, where `counts_as` is the kind and `verdict` the verdict
     """
-    found = {}
+    counts = {}
     for kind in (*_KINDS, "statement"):
         words = rows.verdict[rows.counts_as == kind]
         if len(words):
             hold, fail = int((words == HOLDS).sum()), int((words == FAILS).sum())
-            found[kind] = Counted(len(words), hold, fail, len(words) - hold - fail)
-    return found
+            counts[kind] = Counted(len(words), hold, fail, len(words) - hold - fail)
+    return counts
 
 
 def said(rows: pd.DataFrame, kinds: Mapping[str, Counted]) -> str:
-    """Return the counts of numbers and orders as a sentence without its stop."""
+    """Return the counts of numbers and orders as a sentence without its full stop."""
     each = []
     for kind, words in _KINDS.items():
         if kind in kinds:
-            one = kinds[kind]
-            rest = f", {one.undecided} are undecided" if one.undecided else ""
-            each.append(f"{one.hold} of {one.total} {words} are reproduced, {one.fail} are not{rest}")
+            count = kinds[kind]
+            rest = f", {count.undecided} are undecided" if count.undecided else ""
+            each.append(f"{count.hold} of {count.total} {words} are reproduced, {count.fail} are not{rest}")
     return f"Of {len(rows)} published results that count, {int(held(rows).sum())} are reproduced: {'; '.join(each)}"
 
 
 def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataFrame | None = None) -> list[Block]:
-    """Return the counts of rows, and the three most important of rows and statements that do not hold; nothing without
-    rows.
+    """Return the counts of rows, and the three most important rows and statements that are not reproduced.
+
+    The result is empty without rows. important : beginnings of items, the most important first.
     """
     if frame.empty:
         return []
@@ -99,8 +101,10 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
 
 
 def _short(rows: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
-    """Return rows for the first screen: an item of one case alone names its campaign, and an expression is left out
-    where an item says what it is.
+    """Return rows with shorter texts, for the first screen.
+
+    The case of an item that occurs in one case only is replaced by its campaign. The expression of a row with an item
+    is omitted, because the item describes it.
     """
     said, cases = rows["item"] != "", whole.groupby("item")["case"].nunique()
     alone = said & rows["item"].map(cases).eq(1)

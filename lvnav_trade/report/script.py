@@ -1,4 +1,4 @@
-"""What the script of a study may add to its report, beyond what study.yaml can ask for."""
+"""Interface for scripts of studies, which add to the report what study.yaml cannot describe."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ from lvnav_trade.store.read import Tables
 class Answered(NamedTuple):
     """A campaign of a study with its results.
 
-    part : What study.yaml says of it.
+    part : Section of study.yaml for the campaign.
     campaign : The campaign, as it was run.
     tables : Its results, in the units of the study.
     """
@@ -31,9 +31,10 @@ class Answered(NamedTuple):
 class StudyFigure(NamedTuple):
     """A figure that a script draws.
 
-    draw : Draws it of a campaign's results, as an entry `figures` of study.yaml asks; None where there is nothing.
-    caption : Its caption where the entry has none.
-    faults : Yields what is wrong with an entry, as path below it and message, before anything is computed.
+    draw : Draws the figure from the results of a campaign, for an entry of `figures` in study.yaml; returns None if
+        there is nothing to draw.
+    caption : Caption if the entry has none.
+    faults : Yields the input errors of an entry, path below the entry and message, before anything is computed.
     """
 
     draw: Callable[[Answered, Figure], Drawing | None]
@@ -42,14 +43,14 @@ class StudyFigure(NamedTuple):
 
 
 class StudyScript:
-    """What a script adds to the report of a study; this one adds nothing, and scripts override what they need.
+    """Additions of a script to the report of a study. This base class adds nothing; scripts override its methods.
 
     Attributes
     ----------
     folder : Path
         Folder of the study.
     figures : mapping of str to StudyFigure
-        Figures by the name that study.yaml calls them by.
+        Figures by their name in study.yaml.
     """
 
     def __init__(self, folder: str | Path, figures: Mapping[str, StudyFigure] | None = None) -> None:
@@ -57,39 +58,42 @@ class StudyScript:
         self.figures = dict(figures or {})
 
     def mistakes(self, questions: Sequence[Question]) -> Iterator[Mistake]:
-        """Yield what is wrong with the script's own input, before anything is computed."""
-        for one in questions:
-            for place, figure in enumerate(one.part.figures):
+        """Yield the errors of the script's own input, before anything is computed."""
+        for question in questions:
+            for place, figure in enumerate(question.part.figures):
                 if figure.plot in self.figures:
-                    for path, message in self.figures[figure.plot].faults(figure, one):
-                        yield one.mistake(f"figures.{place}.{path}", message)
+                    for path, message in self.figures[figure.plot].faults(figure, question):
+                        yield question.mistake(f"figures.{place}.{path}", message)
 
     def mistakes_in_flight(self, campaign: Campaign, events: Mapping[str, Mapping[str, float]]) -> Iterator[Mistake]:
-        """Yield what does not fit the flights of a campaign, before it is run; events: times (s) by case and name."""
+        """Yield the input errors with respect to the trajectories of a campaign, before it is run.
+
+        events : times (s) of the events by digest of the case and by name
+        """
         return iter(())
 
     def references(self, campaign: str) -> Sequence[Mapping[str, Any]]:
-        """Return further published numbers of a campaign (its name), as entries of its `references`."""
+        """Return further published numbers of a campaign (given by name), as entries of its `references`."""
         return ()
 
     def stated(self, campaign: str) -> Mapping[str, Sequence[Mapping[str, Any]]]:
-        """Return the entries that rows of a campaign (its name) are made of, by list; those of no campaign for ""."""
+        """Return the entries of the rows of a campaign (given by name), by list; for "" entries without a campaign."""
         return {"references": self.references(campaign)} if campaign else {}
 
     def rows(self, campaign: str, tables: Tables) -> list[dict[str, Any]]:
-        """Return further rows (values by column) of the table of published numbers from a campaign (its name)."""
+        """Return further rows (values by column) for the published numbers of a campaign (given by name)."""
         return []
 
     def further_rows(self, unflown: Sequence[Campaign]) -> list[dict[str, Any]]:
-        """Return rows of no campaign, and of campaigns without results; their case is empty."""
+        """Return rows without a campaign, and rows of campaigns without results; their case is empty."""
         return []
 
     def is_statement(self, rows: pd.DataFrame) -> pd.Series:
-        """Whether each row belongs to the statements that `verdicts` shows, and to no table of its campaign."""
+        """Whether each row is a statement, shown by `verdicts` and not in the table of its campaign."""
         return pd.Series(False, index=rows.index)
 
     def verdicts(self, rows: pd.DataFrame) -> list[Block]:
-        """Return what the answer says of the rows that are statements."""
+        """Return the blocks of the answer on the rows that are statements."""
         return []
 
     def blocks(self, answered: Answered) -> list[Block]:
@@ -100,10 +104,18 @@ class StudyScript:
 def published_rows(
     campaign: str, tables: Tables, stated: Mapping[str, Any], script: StudyScript
 ) -> list[dict[str, Any]]:
-    """Return the rows of the table of published numbers from a campaign: its references, then what the script adds.
+    """Return the rows of published numbers of a campaign: its references, and those of the script.
 
-    campaign : Its name.
-    stated : The campaign as it was written, of which `references` count.
+    Parameters
+    ----------
+    campaign : str
+        Name of the campaign.
+    tables : Tables
+        Its results.
+    stated : mapping
+        The campaign as written, with `references`.
+    script : StudyScript
+        Script of the study.
     """
-    every = [*stated.get("references", ()), *script.references(campaign)]
-    return [*reference_rows(tables, {"name": campaign, "references": every}), *script.rows(campaign, tables)]
+    references = [*stated.get("references", ()), *script.references(campaign)]
+    return [*reference_rows(tables, {"name": campaign, "references": references}), *script.rows(campaign, tables)]

@@ -1,4 +1,4 @@
-"""Sentences of the report: facts from Python, words from `templates/sentences.j2`."""
+"""Sentences of the report, from facts and the templates in `templates/sentences.j2`."""
 
 import re
 from functools import cache
@@ -13,15 +13,25 @@ _BLANKS = re.compile(r"[ \n]+")
 
 
 def say(name: str, /, **facts: Any) -> str:
-    """Return the sentence of that name (a macro of `templates/sentences.j2`) about these facts.
+    """Return a sentence of the report.
 
-    Its blanks and line breaks are single blanks. Nothing is escaped: pages do that.
+    Parameters
+    ----------
+    name : str
+        Name of the macro in `templates/sentences.j2`.
+    **facts
+        Values for the macro.
+
+    Returns
+    -------
+    str
+        Sentence with single spaces. It is not escaped; the templates of the pages escape it.
     """
     return _BLANKS.sub(" ", getattr(_sentences(), name)(**facts)).strip()
 
 
 def plural(count: int, one: str, some: str) -> str:
-    """Return the word for one thing, or that for several."""
+    """Return the singular or plural form for a count."""
     return one if count == 1 else some
 
 

@@ -38,7 +38,7 @@ from lvnav_trade.store.read import Tables
 
 _ACRONYMS = {"ekf", "fdir", "hil", "imu", "pvt", "ukf"}
 APPENDIX = "Appendix: Monte Carlo against linear covariance"
-_MANY = 12  # cases: a table of them has one event
+_MANY = 12  # cases; with more, the table of coverage has the last event only
 
 
 def build(
@@ -48,17 +48,36 @@ def build(
     unflown: Sequence[Campaign] = (),
     script: StudyScript | None = None,
 ) -> Path:
-    """Write report.md, figures/ and the two CSV tables of a study into a folder; return the page.
+    """Write the report of a study: report.md, figures/ and two CSV tables.
 
-    unflown : Campaigns without results, whose statements are listed as such.
-    script : What adds to the report.
+    Parameters
+    ----------
+    study : Study
+        Texts and layout of the report.
+    answered : sequence of Answered
+        Campaigns with their results.
+    folder : Path or str
+        Folder of the report; files of an earlier report are replaced.
+    unflown : sequence of Campaign
+        Campaigns without results, whose statements are listed as not run.
+    script : StudyScript, optional
+        Additions to the report.
 
-    What an earlier page left there is replaced. InputError where the folder cannot be written.
+    Returns
+    -------
+    Path
+        report.md.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written.
     """
     target, script = owned(folder, "study"), script or StudyScript(folder)
-    answered = [one._replace(tables=in_units(one.tables, study.units)) for one in answered]
+    answered = [each._replace(tables=in_units(each.tables, study.units)) for each in answered]
     rows = [
-        published_rows(one.campaign.name, one.tables, one.campaign.model_dump(mode="json"), script) for one in answered
+        published_rows(each.campaign.name, each.tables, each.campaign.model_dump(mode="json"), script)
+        for each in answered
     ]
     published = together(answered, [frame_of(one) for one in rows])
     if further := script.further_rows(unflown):
@@ -117,10 +136,18 @@ def named(one: Answered, frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def answer(study: Study, every: pd.DataFrame, script: StudyScript, campaigns: Sequence[Mapping[str, Any]]) -> Section:
-    """Return the answer of a study.
+    """Return the section with the answer of a study.
 
-    every : Rows of all campaigns, as `metrics.published.references`.
-    campaigns : What each campaign has run, a line of the table each.
+    Parameters
+    ----------
+    study : Study
+        Texts and layout of the report.
+    every : pandas.DataFrame
+        Rows of all campaigns, as `metrics.published.references`.
+    script : StudyScript
+        Additions to the report.
+    campaigns : sequence of mapping
+        One row per campaign for the table of campaigns.
     """
     numbered = script.is_statement(every) & evidence(every)
     frame = every[~numbered]
@@ -148,7 +175,7 @@ def line_of(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
         "cases": len(cases),
         "runs": int(cases.run_count.sum()),
         "failed runs": int(cases.failed_count.sum()),
-        "as published": f"{int(held(mine).sum())} of {len(mine)}" if len(mine) else "–",
+        "as published": f"{int(held(of_campaign).sum())} of {len(of_campaign)}" if len(of_campaign) else "–",
         "both engines agree": f"{agree} of {len(tested)} cases" if len(tested) else "–",
     }
 
@@ -158,7 +185,7 @@ def campaign_section(one: Answered, frame: pd.DataFrame, script: StudyScript) ->
     part, tables = one.part, one.tables
     question = part.question or one.campaign.description
     blocks: list[Block] = [Text(" ".join(question.split()))] if question else []
-    frame = frame[~script.is_statement(named(one, frame))]  # those stand in the answer
+    frame = frame[~script.is_statement(named(one, frame))]  # statements are shown in the answer
     if len(frame):
         blocks.append(stated("study_references", frame, sources="; ".join(dict.fromkeys(frame.source))))
     blocks += [*script.blocks(one), *motion_summary(tables), *control_tables(tables, brief=True)]
@@ -180,7 +207,7 @@ def campaign_section(one: Answered, frame: pd.DataFrame, script: StudyScript) ->
 
 
 def heading(campaign: str) -> str:
-    """Return the name of a campaign as a heading: ``imu_noise`` is IMU noise."""
+    """Return the name of a campaign as a heading: ``imu_noise`` becomes IMU noise."""
     first, *rest = [word.upper() if word in _ACRONYMS else word for word in campaign.split("_")]
     return " ".join([first[:1].upper() + first[1:], *rest])
 
@@ -208,12 +235,12 @@ def _draw(one: Answered, figure: Figure, script: StudyScript) -> Drawing | None:
 
 
 def _cases(one: Answered, case: Case) -> list[str]:
-    """Return the digests of a case as study.yaml names it; InputError where there is none."""
-    found = cases_of(one.tables, case, ())
-    if not found:
-        known = list(one.tables.labels.values())
-        raise InputError(f"study.yaml: {one.part.campaign}: no case {case}; there are {known}")
-    return found
+    """Return the digests of the cases with the levels given in study.yaml; InputError if there is none."""
+    digests = cases_of(one.tables, case, ())
+    if not digests:
+        labels = list(one.tables.labels.values())
+        raise InputError(f"study.yaml: {one.part.campaign}: no case {case}; there are {labels}")
+    return digests
 
 
 def agreements(answered: Sequence[Answered]) -> Section:
@@ -234,13 +261,13 @@ def reproduce(study: Study, answered: Sequence[Answered]) -> Section:
     """Return the command, seeds and digests of each campaign."""
     rows = [
         {
-            "campaign": one.part.campaign,
-            "seed": str(one.tables.campaign.get("seed")),
-            "runs per case": str((one.tables.campaign.get("monte_carlo") or {}).get("runs", 0)),
-            "campaign digest": one.tables.manifest.get("campaign_digest", ""),
-            "code digest": one.tables.manifest.get("code_digest", ""),
+            "campaign": each.part.campaign,
+            "seed": str(each.tables.campaign.get("seed")),
+            "runs per case": str((each.tables.campaign.get("monte_carlo") or {}).get("runs", 0)),
+            "campaign digest": each.tables.manifest.get("campaign_digest", ""),
+            "code digest": each.tables.manifest.get("code_digest", ""),
         }
-        for one in answered
+        for each in answered
     ]
     place = study.name or "FOLDER"
     command = Text(f"lvnav-trade study {place} --keep reports/{place}", kind="code")
@@ -249,8 +276,10 @@ def reproduce(study: Study, answered: Sequence[Answered]) -> Section:
 
 
 def study_tables(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block]:
-    """Return the tables wanted: requirements, logic, coverage, paired (of the levels of `axis`), error_bound,
-    integrity, tested_errors.
+    """Return the tables named in `wanted`, in a fixed order.
+
+    wanted : requirements, logic, coverage, paired, error_bound, integrity, tested_errors
+    axis : axis whose levels are compared in the table `paired`
     """
     made: dict[str, Callable[[Tables], list[Block]]] = {
         "requirements": _requirements,
@@ -266,14 +295,14 @@ def study_tables(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block
 
 @of("requirements")
 def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    said = {"met": "pass", "violated": "fail", "undecided": "undecided"}
+    verdicts = {"met": "pass", "violated": "fail", "undecided": "undecided"}
     beyond = frame.failures.astype(str) + " of " + frame.runs.astype(str)
     part, sure = frame.probability.iloc[0], frame.confidence.iloc[0]
     text = (
         f"{int((frame.verdict == 'met').sum())} of {len(frame)} cells pass: at least {100 * part:g} % of flights "
         f"within the limit, at a confidence of {100 * sure:g} %."
     )
-    frame = in_words(frame).assign(verdict=frame.verdict.map(said), beyond=beyond)
+    frame = in_words(frame).assign(verdict=frame.verdict.map(verdicts), beyond=beyond)
     return [Text(text), stated("study_requirements", frame)]
 
 
@@ -282,20 +311,20 @@ def _coverage(tables: Tables) -> list[Block]:
     if frame.empty:
         return []
     ratios = ["inside_ratio", "all_inside_ratio", "low_ratio", "high_ratio"]
-    events = _spaced(frame)[: 1 if len(tables.labels) > _MANY else None]  # of many cases the last event
+    events = _spaced(frame)[: 1 if len(tables.labels) > _MANY else None]  # with many cases only the last event
     frame = frame[frame.event.isin(events)].assign(**{name: 100.0 * frame[name] for name in ratios})
     return [Text(note("coverage")), stated("coverage", frame)]
 
 
 def _spaced(frame: pd.DataFrame) -> list[str]:
-    """Return events that are an eighth of the flight apart from each other, the last one among them."""
+    """Return events at least an eighth of the flight apart from each other, beginning with injection (or the last)."""
     times = frame.drop_duplicates("event").set_index("event").t_s.sort_values(ascending=False, kind="stable")
     last = str(times.index[0]) if "injection" not in times.index else "injection"
-    kept, room = [last], (times.max() - times.min()) / 8.0
+    selected, distance = [last], (times.max() - times.min()) / 8.0
     for name, t in times.items():
-        if all(abs(t - times[other]) >= room for other in kept):
-            kept.append(str(name))
-    return kept
+        if all(abs(t - times[other]) >= distance for other in selected):
+            selected.append(str(name))
+    return selected
 
 
 def _paired(tables: Tables, axis: str) -> list[Block]:
@@ -307,7 +336,7 @@ def _paired(tables: Tables, axis: str) -> list[Block]:
 
 
 def _shown_events(frame: pd.DataFrame) -> list[str]:
-    """Return the events at which parting is shown: the first, the last, and where it grows by a factor of two."""
+    """Return the events at which paired differences are shown: first, last, and changes by a factor of two."""
     worst = frame.groupby("event", sort=False).difference_ratio.max()
     shown, level = [worst.index[0]], float(worst.iloc[0])
     for name, value in worst.items():

@@ -18,7 +18,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.export.vectors.tables import VectorTable, vectors_of
 
 Format = Literal["csv", "parquet"]
-_MARKUP = re.compile(r"[\\`*_<>\[\]#!|~&]")  # of names, which a page shows as they are
+_MARKUP = re.compile(r"[\\`*_<>\[\]#!|~&]")  # Markdown characters, which are escaped in names
 _LARGEST_RUN = 2**63
 
 
@@ -29,8 +29,8 @@ class ReferenceVectors:
     Attributes
     ----------
     tables : dict of str to pandas.DataFrame
-        Tables by name: imu, windows, epochs, measurements, antennas, satellites, states, model, estimates, covariance,
-        and where the case has them sensors and reported_covariance. SI units, in the names of the columns.
+        Tables by name: imu, windows, epochs, measurements, antennas, satellites, states, model, estimates, covariance;
+        depending on the case sensors and reported_covariance. SI units, in the names of the columns.
     columns : pandas.DataFrame
         Unit and meaning of every column: table, column, unit, meaning.
     files : dict of str to bytes or str
@@ -46,9 +46,28 @@ class ReferenceVectors:
 
 
 def reference_vectors(campaign: Campaign, case: Case, run: int, kind: str) -> ReferenceVectors:
-    """Return the reference vectors of a run of a case, as files of a kind (csv or parquet).
+    """Return the reference vectors of one run of a case.
 
-    InputError for a number of a run or a kind that does not exist, and as of `vectors_of`.
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign; its seed determines the random draws.
+    case : Case
+        One of its cases.
+    run : int
+        Number of the run, from 0.
+    kind : {"csv", "parquet"}
+        Format of the tables.
+
+    Returns
+    -------
+    ReferenceVectors
+        Tables, columns, content of the files.
+
+    Raises
+    ------
+    InputError
+        The run or the format does not exist, or as `vectors_of`.
     """
     if not 0 <= run < _LARGEST_RUN:
         raise InputError(f"run {run}: runs are numbered from 0")
@@ -69,7 +88,7 @@ def reference_vectors(campaign: Campaign, case: Case, run: int, kind: str) -> Re
 
 
 def _written(frame: pd.DataFrame, kind: str) -> bytes | str:
-    """Return a table as a file; CSV has as many digits as give the same double again."""
+    """Return a table as a file; CSV has enough digits to restore the same double."""
     if kind == "csv":
         return str(frame.to_csv(index=False))
     out = io.BytesIO()
@@ -78,7 +97,7 @@ def _written(frame: pd.DataFrame, kind: str) -> bytes | str:
 
 
 def _readme(title: str, tables: Mapping[str, VectorTable], kind: str, prepared: Prepared) -> str:
-    """Return the text on the tables and how they are used."""
+    """Return the README with the description and use of the tables."""
     rows = [f"| `{name}.{kind}` | {table.about} | {len(table.frame)} |" for name, table in tables.items()]
     filter_card = prepared.scenario.filter
     notes = [_OPEN if filter_card.feedback == "open" else _CLOSED]
