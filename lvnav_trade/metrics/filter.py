@@ -1,4 +1,4 @@
-"""How a filter behaves: consistency with its errors and innovations, whiteness, and what its mode logic did."""
+"""Behaviour of a filter: consistency with its errors and innovations, whiteness, mode logic."""
 
 import numpy as np
 import pandas as pd
@@ -12,12 +12,11 @@ from lvnav_trade.store.read import Tables
 
 ALPHA = 0.05
 WHITE_ALPHA = 0.01
-_LEAST_PAIRS = 100  # channels with fewer pairs say nothing: a satellite seen for a few epochs
-# Times at which the modes of all runs are reported.
-STEPS = 400
+_LEAST_PAIRS = 100  # smallest number of pairs for a test; a satellite may be in view for a few epochs only
+STEPS = 400  # number of times at which the modes of all runs are reported
 VERDICT_ALPHA = 0.01
 CONSISTENT, OVERCONFIDENT, CONSERVATIVE, UNKNOWN = "consistent", "overconfident", "conservative", "unknown"
-# Of sigma: a smaller departure is no finding, however many runs show it.
+# Relative deviation of sigma up to which a filter counts as consistent, for any number of runs
 TOLERANCE = 0.25
 FILTER_VERDICTS = [
     "case",
@@ -110,27 +109,27 @@ def consistency(tables: Tables) -> pd.DataFrame:
 def filter_verdicts(tables: Tables) -> pd.DataFrame:
     """Return for each case whether the filter's covariance matches its errors.
 
-    Columns: case; verdict: "consistent", "overconfident", "conservative", or "unknown" without a finite NEES;
-    sigma_ratio: true over assumed sigma, the root of nees_ratio; nees_ratio: NEES per degree of freedom, mean over the
-    run; low_ratio, high_ratio: its bounds; moment: "run", or the event that a requirement names where the mean over the
-    run is consistent and the value there is not; by: "runs", or "LinCov" without runs; largest_ratio, largest_s: the
-    largest NEES per degree of freedom of the history and its time.
+    verdict: "consistent", "overconfident", "conservative", or "unknown" without a finite NEES. nees_ratio: NEES per
+    degree of freedom, mean over the run; low_ratio, high_ratio: its limits. sigma_ratio: true over assumed sigma, the
+    square root of nees_ratio. moment: "run", or the event of a requirement at which NEES is outside its limits although
+    the mean over the run is inside. by: "runs", or "LinCov" without runs. largest_ratio, largest_s: largest NEES per
+    degree of freedom and its time.
 
-    The bounds are the 99 % chi-square bounds of the runs at one time, since the times of a run are correlated, and
-    never closer to one than `TOLERANCE` of sigma. Without runs the expectation by linear covariance is compared with
-    that tolerance alone. Where the covariance of all states has no inverse, the mean over the nine navigation errors of
-    their squares over the filter's variances takes the place of NEES.
+    The limits are the 99 % chi-square limits for the runs at one time, since the times of a run are correlated, and
+    they include the relative deviation `TOLERANCE` of sigma. Without runs the expectation by linear covariance is
+    compared with this tolerance alone. If the covariance of all states is singular, NEES is replaced by the mean over
+    the nine navigation errors of the squared error over the formal variance.
     """
-    known = nees(tables).groupby("case", sort=False)
+    by_case_label = nees(tables).groupby("case", sort=False)
     rows = []
     for case, label in tables.labels.items():
-        mine = _nees_over_time(tables, case, known.get_group(label))
-        rows.append((label, *_filter_verdict(tables, case, mine)))
+        over_time = _nees_over_time(tables, case, by_case_label.get_group(label))
+        rows.append((label, *_filter_verdict(tables, case, over_time)))
     return pd.DataFrame(rows, columns=FILTER_VERDICTS)
 
 
 def _nees_over_time(tables: Tables, case: str, known: pd.DataFrame) -> pd.DataFrame:
-    """Return t_s, value (NEES per degree of freedom), low, high and by of a case over time, without missing values."""
+    """Return NEES per degree of freedom of a case over time: t_s, value, low, high, by; without missing values."""
     has_runs = bool((known.run_count > 0).any())
     value = known.anees_ratio if has_runs else known.expected_ratio
     states = pick(tables.consistency, case=case).nees_dof_count.to_numpy()
@@ -142,36 +141,38 @@ def _nees_over_time(tables: Tables, case: str, known: pd.DataFrame) -> pd.DataFr
 
 
 def _of_navigation(tables: Tables, case: str, has_runs: bool) -> pd.DataFrame:
-    """Return the same from the mean over the nine navigation errors of mean square over the filter's variance."""
+    """Return t_s, value, low and high from the mean over the nine navigation errors of mean square over variance."""
     axes = [(quantity, axis) for quantity, axis in tables.people if quantity in NAVIGATION and axis != "3d"]
-    series = [history_of(tables, case, *one) for one in axes]
+    series = [history_of(tables, case, *error) for error in axes]
     if has_runs:
         ratios = [(rows.rms_si / rows.filter_sigma_si).to_numpy() ** 2 for rows in series]
     else:
         squares = [(rows.lincov_true_si**2 + rows.lincov_mean_si**2).to_numpy() for rows in series]
-        ratios = [one / rows.lincov_formal_si.to_numpy() ** 2 for one, rows in zip(squares, series, strict=True)]
+        ratios = [square / rows.lincov_formal_si.to_numpy() ** 2 for square, rows in zip(squares, series, strict=True)]
     low, high = mean_square_interval(series[0].run_count * len(axes), VERDICT_ALPHA)
     return series[0][["t_s"]].assign(value=np.mean(ratios, axis=0), low=low, high=high)
 
 
 def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> tuple[str | float, ...]:
-    """Return the values of `FILTER_VERDICTS` from the verdict on."""
+    """Return the values of `FILTER_VERDICTS`, beginning with the verdict."""
     if rows.empty:
         return UNKNOWN, *[np.nan] * 4, "run", "", np.nan, np.nan
     least, most = (1.0 + TOLERANCE) ** -2, (1.0 + TOLERANCE) ** 2
     low = float(np.fmin(rows.low.mean(), least))
     high = float(np.fmax(rows.high.mean(), most))
-    asked = {str(one.get("at")) for one in tables.campaign.get("requirements") or () if one.get("at")}
-    found, at = float(rows.value.mean()), "run"
+    requirements = tables.campaign.get("requirements") or ()
+    required = {str(requirement.get("at")) for requirement in requirements if requirement.get("at")}
+    nees_ratio, at = float(rows.value.mean()), "run"
     for event in flight_events(tables, case).itertuples():
-        if low <= found <= high and event.event in asked:
-            found, at = float(rows.value.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - event.t_s)))]), event.event
-    if low <= found <= high:
-        found, at = float(rows.value.mean()), "run"
-    verdict = OVERCONFIDENT if found > high else CONSERVATIVE if found < low else CONSISTENT
+        if low <= nees_ratio <= high and event.event in required:
+            nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - event.t_s)))
+            nees_ratio, at = float(rows.value.iloc[nearest]), event.event
+    if low <= nees_ratio <= high:
+        nees_ratio, at = float(rows.value.mean()), "run"
+    verdict = OVERCONFIDENT if nees_ratio > high else CONSERVATIVE if nees_ratio < low else CONSISTENT
     largest = rows.loc[rows.value.idxmax()]
     ends = (at, str(rows.by.iloc[0]), float(largest.value), float(largest.t_s))
-    return verdict, float(np.sqrt(found)), found, low, high, *ends
+    return verdict, float(np.sqrt(nees_ratio)), nees_ratio, low, high, *ends
 
 
 def autocorrelation(tables: Tables) -> pd.DataFrame:
@@ -184,11 +185,12 @@ def autocorrelation(tables: Tables) -> pd.DataFrame:
 
 
 def whiteness(tables: Tables) -> pd.DataFrame:
-    """Return one row per case and channel.
+    """Return the test of whiteness of the innovations, one row per case and channel.
 
-    Columns: case, channel, pair_count (least of the lags), largest_ratio (autocorrelation of largest size),
-    largest_lag_number, portmanteau_ratio (sum of n r^2 over lags 1 to 10, chi-square with as many degrees of freedom
-    for white innovations), p_ratio, p_holm_ratio (for all channels of the case together), white (at alpha 0.01).
+    pair_count: smallest number of pairs over the lags. largest_ratio, largest_lag_number: autocorrelation of largest
+    magnitude and its lag. portmanteau_ratio: sum of n r^2 over lags 1 to 10, chi-square with 10 degrees of freedom for
+    white innovations. p_ratio: p-value; p_holm_ratio: adjusted for all channels of the case. white: whether the latter
+    is at least 0.01.
     """
     found = []
     for (case, channel), group in autocorrelation(tables).groupby(["case", "channel"], sort=False):
@@ -207,8 +209,10 @@ def whiteness(tables: Tables) -> pd.DataFrame:
 
 
 def logic(tables: Tables) -> pd.DataFrame:
-    """Return how often each change happened and why: case, from_mode, to_mode, reason, change_count, run_count (runs
-    with one at least), run_ratio, first_s, median_s, last_s. Empty where no filter has a logic.
+    """Return the changes of the filter's mode with their reasons: number of changes and of runs, and their times.
+
+    change_count: number of changes. run_count, run_ratio: number and fraction of runs with at least one. first_s,
+    median_s, last_s: first, median and last time. The table is empty without a mode logic.
     """
     found = (
         tables.logic.groupby(["case", "from_mode", "to_mode", "reason"], sort=False)
@@ -231,15 +235,16 @@ def _with_logic(tables: Tables) -> pd.DataFrame:
 
 
 def modes(tables: Tables) -> pd.DataFrame:
-    """Return the part of runs in each mode over time: case, t_s, filter_mode, run_ratio; of cases with a logic only."""
+    """Return the fraction of runs in each mode over time, for cases with a mode logic."""
     found = [pd.DataFrame(columns=["case", "t_s", "filter_mode", "run_ratio"])]
     for case in _with_logic(tables).itertuples():
         rows, ends = pick(tables.logic, case=case.case), pick(tables.history, case=case.case).t_s
         t = np.linspace(float(ends.min()), float(ends.max()), STEPS)
         for mode in MODES:
             entered = np.searchsorted(np.sort(rows.t_s[rows.to_mode == mode]), t, side="right")
-            left = np.searchsorted(np.sort(rows.t_s[rows.from_mode == mode]), t, side="right")
-            part = (entered - left + (case.run_count if mode == MODES[0] else 0)) / max(1, case.run_count)
+            exited = np.searchsorted(np.sort(rows.t_s[rows.from_mode == mode]), t, side="right")
+            # all runs begin in the first mode
+            part = (entered - exited + (case.run_count if mode == MODES[0] else 0)) / max(1, case.run_count)
             found.append(
                 pd.DataFrame({"case": tables.labels[case.case], "t_s": t, "filter_mode": mode, "run_ratio": part})
             )
@@ -247,17 +252,19 @@ def modes(tables: Tables) -> pd.DataFrame:
 
 
 def stops(tables: Tables) -> pd.DataFrame:
-    """Return for each case with a logic: run_count, started_ratio (runs that ever start), corrected_ratio (runs that
-    ever correct), stop_count, restart_count, ended_ratio (runs that correct at the end of the flight).
+    """Return starts and stops of the filter for each case with a mode logic.
+
+    started_ratio, corrected_ratio: fraction of runs in which the filter ever starts, and ever corrects the outputs.
+    stop_count, restart_count: number of stops and restarts. ended_ratio: fraction of runs that correct at the end.
     """
     rows = []
     for case in _with_logic(tables).itertuples():
-        mine, runs = pick(tables.logic, case=case.case), max(1, int(case.run_count))
-        last = mine.sort_values("t_s", kind="stable").groupby("run_number").to_mode.last()
-        starts = pick(mine, to_mode="converging")
-        started, corrected = (part.run_number.nunique() / runs for part in (starts, pick(mine, to_mode="aiding")))
-        stopped, again = len(pick(mine, to_mode="stopped")), len(pick(starts, from_mode="stopped"))
+        changes, runs = pick(tables.logic, case=case.case), max(1, int(case.run_count))
+        last = changes.sort_values("t_s", kind="stable").groupby("run_number").to_mode.last()
+        starts, aided = pick(changes, to_mode="converging"), pick(changes, to_mode="aiding")
+        started, corrected = (into_mode.run_number.nunique() / runs for into_mode in (starts, aided))
+        stopped, restarted = len(pick(changes, to_mode="stopped")), len(pick(starts, from_mode="stopped"))
         ended = float(last.isin(["aiding", "predicting"]).sum()) / runs
-        rows.append((case.label, int(case.run_count), started, corrected, stopped, again, ended))
+        rows.append((case.label, int(case.run_count), started, corrected, stopped, restarted, ended))
     columns = ["case", "run_count", "started_ratio", "corrected_ratio", "stop_count", "restart_count", "ended_ratio"]
     return pd.DataFrame(rows, columns=columns)

@@ -12,9 +12,9 @@ from lvnav_trade.metrics.convergence import converged
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
-CONFIDENCE = 0.975  # of either bound: both hold with 95 %
-EPISODE = 5  # epochs from the first decision on within which a fault is to be isolated
-TIMES = 3.0  # the root mean square of the case without the fault: an error that is smaller has recovered
+CONFIDENCE = 0.975  # of each one-sided bound; both together 95 %
+EPISODE = 5  # epochs after the first decision within which a fault is to be isolated
+TIMES = 3.0  # an error has recovered below this multiple of the RMS error of the case without the fault
 ISOLATED, IN_PART, WRONG = "isolated", "isolated in part", "wrong isolation"
 
 _CHANNEL = ("range_bias", "degraded_noise", "wild_samples", "cycle_slip", "frozen_output", "invalid_output")
@@ -35,8 +35,9 @@ _COLUMNS = [
 
 
 def expected(fault: str) -> str:
-    """Return what a filter should isolate of a fault, by the name of its row among the events; empty where no test of
-    ranges can tell.
+    """Return what a filter should isolate for a fault (named as in the table `events`): channel, clock or inertial.
+
+    It is empty if no test of ranges can detect the fault.
     """
     kind = fault.split()[0]
     if kind in _CLOCK:
@@ -45,18 +46,16 @@ def expected(fault: str) -> str:
 
 
 class AppliedFaults(NamedTuple):
-    """The faults of a case: names, start of the first (s; infinite without any), what is to be isolated, and the
-    satellites that are affected singly (none: of these nothing is known).
-    """
+    """Faults of a case."""
 
-    names: str
-    start: float
-    kinds: frozenset[str]
-    satellites: frozenset[str]
+    names: str  # of all faults, separated by commas
+    start: float  # start of the first fault, s; infinite without faults
+    kinds: frozenset[str]  # to be isolated: channel, clock, inertial
+    satellites: frozenset[str]  # affected individually; empty if not known
 
 
 def applied_faults(tables: Tables, case: str) -> AppliedFaults:
-    """Return what fails in a case."""
+    """Return the faults of a case."""
     faults = pick(tables.events, case=case, kind="fault").sort_values("t_s", kind="stable")
     if faults.empty:
         return AppliedFaults("", np.inf, frozenset(), frozenset())
@@ -66,16 +65,16 @@ def applied_faults(tables: Tables, case: str) -> AppliedFaults:
 
 
 def outcomes(decisions: pd.DataFrame, faults: AppliedFaults) -> pd.Series:
-    """Return what the decisions of each run amount to, by its number.
+    """Return the outcome of the decisions of each run, by number of the run.
 
-    Isolated: everything that is to be isolated is named, every affected satellite is excluded, and nothing else; wrong
-    isolation: something else is named, or a sound satellite excluded; isolated in part: neither.
+    Isolated: all faults and no others are named, and all affected satellites and no others are excluded. Wrong
+    isolation: another fault is named, or a healthy satellite excluded. Isolated in part: neither.
     """
     return decisions.groupby("run_number").apply(_outcome, faults, include_groups=False)
 
 
 def _outcome(rows: pd.DataFrame, faults: AppliedFaults) -> str:
-    # one of several inertial units that is excluded is the inertial failure itself, a separation names its satellite
+    # excluding one of several IMUs isolates the inertial fault; an alarm of solution separation names a satellite
     kinds = set(rows.isolated.replace({"unit": "inertial", "separation": "channel"}))
     satellites = {name.split()[0] for name in rows.channel[rows.isolated != "unit"].dropna() if name}
     any_may_be = "channel" in faults.kinds and not faults.satellites
@@ -85,16 +84,29 @@ def _outcome(rows: pd.DataFrame, faults: AppliedFaults) -> str:
 
 
 def share(count: int, runs: int) -> tuple[float, float, float]:
-    """Return a share of runs and its 95 % interval (Clopper and Pearson)."""
+    """Return a fraction of runs and its 95 % interval (Clopper and Pearson)."""
     low, high = success_bounds(runs, runs - count, CONFIDENCE)
     return count / runs, low, high
 
 
 def rate(tables: Tables, case: str, metric: str, during: tuple[float, float]) -> tuple[Floats, float]:
-    """Return whether each run (1 or 0), and linear covariance on the mean, has the outcome that a rate counts, by its
-    decisions from a first to a last time (s).
+    """Return the runs with the outcome that a rate counts, from the decisions between two times (s).
 
-    false_alarm_rate, detection_rate: any decision; isolation_rate: isolated; wrong_isolation_rate.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    metric : str
+        false_alarm_rate or detection_rate (any decision), isolation_rate, wrong_isolation_rate.
+    during : (float, float)
+        First and last time (s).
+
+    Returns
+    -------
+    (n_run,) array, float
+        1 for each run with the outcome, else 0; the same for linear covariance, which decides on the mean.
     """
     runs = pick(tables.runs, case=case).run_number.unique()
     found = [
@@ -107,7 +119,7 @@ def rate(tables: Tables, case: str, metric: str, during: tuple[float, float]) ->
 
 
 def _counted(rows: pd.DataFrame, faults: AppliedFaults, metric: str) -> pd.Index:
-    """Return the runs that have the outcome."""
+    """Return the numbers of the runs with the outcome that a rate counts."""
     if rows.empty or metric in ("false_alarm_rate", "detection_rate"):
         return pd.Index(rows.run_number.unique())
     found = outcomes(rows, faults)
@@ -116,14 +128,15 @@ def _counted(rows: pd.DataFrame, faults: AppliedFaults, metric: str) -> pd.Index
 
 @once
 def integrity(tables: Tables) -> pd.DataFrame:
-    """Return, for each case in which faults are tested for, shares of its runs with exact 95 % intervals.
+    """Return the outcomes of the tests for faults as fractions of the runs, with exact 95 % intervals.
 
-    Columns: case, fault, outcome, run_count, outcome_count, share_ratio, low_ratio, high_ratio, median_s after the
-    fault began, lincov_s: the same of linear covariance, which decides on the mean. Outcomes: false alarm (a decision
-    before the fault, or in a flight without one), detected, isolated, isolated in part, wrong isolation (by the
-    decisions within five epochs from the first one on, see `outcomes`), missed, recovered (position and velocity below
-    three times the root mean square of the case without the fault at every event from then on, where the campaign has
-    that case).
+    median_s: median time of the outcome after the start of the fault. lincov_s: this time by linear covariance, which
+    decides on the mean.
+
+    Outcomes: false alarm: a decision before the fault, or in a case without fault. detected. isolated, isolated in
+    part, wrong isolation: by the decisions within five epochs from the first, see `outcomes`. missed. recovered:
+    position and velocity are below three times the RMS error of the case without the fault at every later event, if the
+    campaign has that case.
     """
     found: list[tuple[Any, ...]] = []
     chosen = tables.cases[tables.cases.integrity.eq(True) & (tables.cases.run_count > 0)]
@@ -133,8 +146,8 @@ def integrity(tables: Tables) -> pd.DataFrame:
             _episodes(pick(table, case=case.case), faults, _interval(tables, case.case))
             for table in (tables.integrity, tables.nominal_integrity)
         )
-        every = pick(tables.integrity, case=case.case)
-        alarms = every[every.t_s < faults.start - SAME_TIME].run_number.nunique()
+        of_case = pick(tables.integrity, case=case.case)
+        alarms = of_case[of_case.t_s < faults.start - SAME_TIME].run_number.nunique()
         counted = [("false alarm", alarms, np.nan, np.nan)]
         if faults.names:
             counted += _found(rows, nominal, faults, runs) + _recovered(tables, case.case, faults)
@@ -148,7 +161,7 @@ def _interval(tables: Tables, case: str) -> float:
 
 
 def _episodes(rows: pd.DataFrame, faults: AppliedFaults, interval: float) -> pd.DataFrame:
-    """Return the decisions of each run within some epochs from its first one after the fault began."""
+    """Return the decisions of each run within `EPISODE` epochs from its first decision after the start of the fault."""
     after = rows[rows.t_s >= faults.start - SAME_TIME]
     since = after.t_s - after.groupby("run_number").t_s.transform("min")
     return after[since < (EPISODE - 0.5) * interval]
@@ -157,25 +170,26 @@ def _episodes(rows: pd.DataFrame, faults: AppliedFaults, interval: float) -> pd.
 def _found(
     rows: pd.DataFrame, nominal: pd.DataFrame, faults: AppliedFaults, runs: int
 ) -> list[tuple[str, int, float, float]]:
-    """Return outcome, count, median time and that of linear covariance: detected, how isolated, missed."""
-    first, own = (one.groupby("run_number").t_s.min() - faults.start for one in (rows, nominal))
-    how, nominally = (outcomes(one, faults) if len(one) else pd.Series(dtype=object) for one in (rows, nominal))
-    parts = [
+    """Return outcome, count, median time and time by linear covariance: detected, isolated, missed."""
+    first, nominal_first = (each.groupby("run_number").t_s.min() - faults.start for each in (rows, nominal))
+    by_run, nominal_outcome = (
+        outcomes(each, faults) if len(each) else pd.Series(dtype=object) for each in (rows, nominal)
+    )
+    isolation = [
         (
             name,
-            int((how == name).sum()),
-            float(first.loc[how.index[how == name]].median()),
-            float(own.loc[mine].median()),
+            int((by_run == name).sum()),
+            float(first.loc[by_run.index[by_run == name]].median()),
+            float(nominal_first.loc[nominal_outcome.index[nominal_outcome == name]].median()),
         )
         for name in (ISOLATED, IN_PART, WRONG)
-        for mine in (nominally.index[nominally == name],)
     ]
-    detected = ("detected", len(first), float(first.median()), float(own.median()))
-    return [detected, *parts, ("missed", runs - len(first), np.nan, np.nan)]
+    detected = ("detected", len(first), float(first.median()), float(nominal_first.median()))
+    return [detected, *isolation, ("missed", runs - len(first), np.nan, np.nan)]
 
 
 def _recovered(tables: Tables, case: str, faults: AppliedFaults) -> list[tuple[str, int, float, float]]:
-    """Return how many runs recover, and when; nothing where no case is alike but for the fault, or without events."""
+    """Return the number and median time of runs that recover; empty without a case without the fault, or events."""
     other = without_fault(tables, case)
     end = flight_events(tables, case).set_index("event").t_s.get(final_event(tables, case), -np.inf)
     if not other or end <= faults.start:
@@ -184,31 +198,33 @@ def _recovered(tables: Tables, case: str, faults: AppliedFaults) -> list[tuple[s
         converged(tables, case, quantity, (faults.start, float(end)), f"{TIMES:g} rms", other)
         for quantity in ("position", "velocity")
     ]
-    known = [one for one in both if one is not None]
+    known = [quantity for quantity in both if quantity is not None]
     if len(known) < 2:
         return []
-    times, done = np.max([one.times for one in known], axis=0), np.all([one.done for one in known], axis=0)
+    times = np.max([quantity.times for quantity in known], axis=0)
+    done = np.all([quantity.done for quantity in known], axis=0)
     median = float(np.median(times[done])) if done.any() else np.nan
-    own = max(one.expected for one in known) if all(one.expected_done for one in known) else np.nan
-    return [("recovered", int(done.sum()), median, own)]
+    has_recovered = all(quantity.expected_done for quantity in known)
+    by_covariance = max(quantity.expected for quantity in known) if has_recovered else np.nan
+    return [("recovered", int(done.sum()), median, by_covariance)]
 
 
 def without_fault(tables: Tables, case: str) -> str:
-    """Return the case that differs in one axis alone and has no fault; empty where there is none."""
-    mine = tables.levels[case]
+    """Return the case that differs in one axis only and has no fault; empty if there is none."""
+    of_case = tables.levels[case]
     for other, levels in tables.levels.items():
-        differing = [axis for axis, level in levels.items() if mine.get(axis) != level]
+        differing = [axis for axis, level in levels.items() if of_case.get(axis) != level]
         if len(differing) == 1 and pick(tables.events, case=other, kind="fault").empty:
             return other
     return ""
 
 
 def decisions(tables: Tables) -> pd.DataFrame:
-    """Return what filters that test for faults decide, and when: of each epoch the runs that isolate the same.
+    """Return the decisions of the tests for faults over time, with the number of runs that make each decision.
 
-    Columns: case, t_s, isolated (channel, clock, inertial, unit, separation), satellites (that are excluded there, that
-    an alarm of separation names, or the inertial unit), run_count, run_ratio, lincov (whether linear covariance decides
-    so too).
+    isolated: channel, clock, inertial, unit (one of several IMUs) or separation. satellites: satellites that are
+    excluded or named by an alarm of solution separation, or the IMU. run_count, run_ratio: number and fraction of runs
+    with this decision at the epoch. lincov: whether linear covariance makes it too.
     """
     keys = ["case", "t_s", "isolated", "satellites"]
     if tables.integrity.empty and tables.nominal_integrity.empty:
@@ -227,7 +243,7 @@ def decisions(tables: Tables) -> pd.DataFrame:
 
 
 def _by_epoch(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each run and epoch with a decision, its satellites in one text."""
+    """Return one row per run and epoch with a decision, with its satellites as one text."""
     names = rows.channel.fillna("")
     named = rows.assign(satellites=names.where(rows.isolated == "unit", names.str.split(" ").str[0].fillna("")))
     named = named.drop_duplicates(["case", "run_number", "t_s", "isolated", "satellites"])
@@ -237,10 +253,10 @@ def _by_epoch(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def tested_errors(tables: Tables) -> pd.DataFrame:
-    """Return what the tests are worth: root mean square errors at the last event with them, and of the case that is
-    alike but for them.
+    """Return the benefit of the tests for faults: RMS errors at the last event with the tests and without.
 
-    Columns: case, fault, event, metric, unit, without, with_tests, ratio. Of the runs, or of linear covariance without.
+    The case without tests differs in one axis only. The errors are those of the runs, or of linear covariance without
+    runs.
     """
     rows, tested = [], tables.cases.set_index("case").integrity.eq(True)
     for case, label in tables.labels.items():
@@ -248,7 +264,7 @@ def tested_errors(tables: Tables) -> pd.DataFrame:
         event = final_event(tables, case)
         for quantity in ("position", "velocity", "attitude") if other else ():
             unit, factor = tables.people[quantity, "3d"]
-            without, with_tests = (_at_event(tables, one, event, quantity) * factor for one in (other, case))
+            without, with_tests = (_at_event(tables, each, event, quantity) * factor for each in (other, case))
             head = (label, applied_faults(tables, case).names, event, f"{quantity}_error", unit)
             rows.append((*head, without, with_tests, with_tests / without if without > 0.0 else np.nan))
     names = ["case", "fault", "event", "metric", "unit", "without", "with_tests", "ratio"]
@@ -256,10 +272,10 @@ def tested_errors(tables: Tables) -> pd.DataFrame:
 
 
 def _alike(tables: Tables, case: str, tested: pd.Series) -> str:
-    """Return the case without tests that differs in one axis alone; empty where there is none."""
-    mine = tables.levels[case]
+    """Return the case without tests that differs in one axis only; empty if there is none."""
+    of_case = tables.levels[case]
     for other, levels in tables.levels.items():
-        if not tested[other] and sum(mine.get(axis) != level for axis, level in levels.items()) == 1:
+        if not tested[other] and sum(of_case.get(axis) != level for axis, level in levels.items()) == 1:
             same = applied_faults(tables, other)[:2] == applied_faults(tables, case)[:2]
             if same:
                 return other

@@ -15,7 +15,7 @@ from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
 
-# Totals: column, its unit for people, SI unit of the card's quantity (empty: a plain number), factor
+# Totals by name: display unit, SI unit of the card's quantity (empty for a plain number), factor from SI to display
 TOTALS = {
     "cost": ("", "", 1.0),
     "mass": ("kg", "kg", 1.0),
@@ -34,21 +34,21 @@ _HOUR = 3600.0
 
 
 def totals(tables: Tables) -> pd.DataFrame:
-    """Return for each case what its devices (inertial units, receiver, sensors) cost and need together.
+    """Return the total cost, mass, power and volume of the devices (IMUs, receiver, sensors) of each case.
 
-    Columns: case, cost, mass_kg, power_w, volume_l, mtbf_h (of all devices in series: failure rates add), devices (so
-    many state something), unknown (so many state no cost). NaN where no device states a number. No rows where none
-    states anything.
+    mtbf_h: mean time between failures of all devices in series; failure rates add. devices: number of devices with
+    given resources; unknown: number of these without cost. A total is NaN if no device gives it. Cases without any
+    resources have no row.
     """
     rows = []
     for case, label in tables.labels.items():
-        if found := total_of(scenario_of(tables, case)):
-            rows.append({"case": label, **found})
+        if total := total_of(scenario_of(tables, case)):
+            rows.append({"case": label, **total})
     return pd.DataFrame(rows, columns=["case", *TOTALLED])
 
 
 def scenario_of(tables: Tables, case: str) -> dict[str, Any]:
-    """Return the resolved scenario of a case, as a campaign states it."""
+    """Return the resolved scenario of a case as plain data, in the form of a campaign file."""
     data: Any = tables.campaign.get("base") or {}
     names = list(tables.levels[case])
     for name, axis in zip(names, tables.campaign.get("axes") or (), strict=False):
@@ -65,13 +65,13 @@ def _put(data: Any, path: Sequence[str], value: Any) -> Any:
         return value
     if isinstance(data, list):
         at = int(path[0])
-        return [_put(one, path[1:], value) if k == at else one for k, one in enumerate(data)]
+        return [_put(item, path[1:], value) if k == at else item for k, item in enumerate(data)]
     data = unmarked(data or {}, path)
     return {**data, path[0]: _put(data.get(path[0]), path[1:], value)}
 
 
 def _resources(scenario: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """Yield what the devices of a scenario state: those of the vehicle, not those that a filter assumes."""
+    """Yield the resources of the devices of the vehicle, not of the models that a filter assumes."""
     imu = scenario.get("imu") or {}
     devices = [*(imu.get("units") or [imu]), scenario.get("receiver") or {}, *(scenario.get("sensors") or {}).values()]
     for device in devices:
@@ -80,41 +80,38 @@ def _resources(scenario: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 def total_of(scenario: Mapping[str, Any]) -> dict[str, float]:
-    """Return what the devices of a resolved scenario cost and need together (`TOTALLED`); nothing where none states
-    anything.
-    """
-    found = list(_resources(scenario))
+    """Return the totals (`TOTALLED`) of the devices of a resolved scenario; empty if no device gives resources."""
+    devices = list(_resources(scenario))
 
     def total(name: str) -> float:
         _, si, factor = TOTALS[name]
-        known = [one[name] for one in found if one.get(name) is not None]
+        known = [device[name] for device in devices if device.get(name) is not None]
         numbers = [parse(value, si) if si and isinstance(value, str) else float(value) for value in known]
         return factor * sum(numbers) if numbers else math.nan
 
-    if not found:
+    if not devices:
         return {}
-    rates = [1.0 / parse(str(one["mtbf"]), "s") for one in found if one.get("mtbf") is not None]
+    rates = [1.0 / parse(str(device["mtbf"]), "s") for device in devices if device.get("mtbf") is not None]
     return {
         "cost": total("cost"),
         "mass_kg": total("mass"),
         "power_w": total("power"),
         "volume_l": total("volume"),
         "mtbf_h": 1.0 / sum(rates) / _HOUR if rates else math.nan,
-        "devices": len(found),
-        "unknown": sum(one.get("cost") is None for one in found),
+        "devices": len(devices),
+        "unknown": sum(device.get("cost") is None for device in devices),
     }
 
 
 @once
 def pareto(tables: Tables) -> pd.DataFrame:
-    """Return every case with its totals and, of each requirement, its error over its limit; which are on the front.
+    """Return every case with its totals, its largest error over the limit, and whether it is on the Pareto front.
 
-    Smaller is better in all of them (totals that not every case states do not count, nor does the mean time between
-    failures). error_ratio: the largest error over its limit, by linear covariance where it applies and is confirmed,
-    else by the runs. verdict: the worst of the requirements' verdicts, by the runs where there are any. meets: all
-    verdicts are "met". front: no other case is as good in
-    everything and better in something; dominated_by: the first that is.
-    No rows without totals or requirements.
+    error_ratio: largest ratio of an error to its limit, by linear covariance if it is applicable and confirmed, else by
+    the runs. verdict: worst verdict on the requirements, by the runs if there are any. meets: whether all verdicts are
+    "met". front: whether no other case is at least as good in all criteria and better in one; dominated_by: the first
+    such case. Criteria are the error ratio and the totals known for every case, without the time between failures. The
+    table is empty without totals or requirements.
     """
     found = totals(tables)
     stated = tables.campaign.get("requirements") or ()
@@ -127,15 +124,13 @@ def pareto(tables: Tables) -> pd.DataFrame:
     by = [dominating(values, k) for k in range(len(values))]
     return frame.assign(
         meets=frame.verdict == "met",
-        front=[one < 0 for one in by],
-        dominated_by=[str(frame.case.iloc[one]) if one >= 0 else "" for one in by],
+        front=[k < 0 for k in by],
+        dominated_by=[str(frame.case.iloc[k]) if k >= 0 else "" for k in by],
     )
 
 
 def _ratios(tables: Tables) -> pd.DataFrame:
-    """Return case, the largest ratio of error to limit over the requirements, the requirement that has it, and the
-    worst verdict.
-    """
+    """Return for each case the largest ratio of an error to its limit, the limiting requirement, the worst verdict."""
     verdict = margins(tables).groupby("case").verdict.agg(worst)
     expected = confirmation.expected(tables).set_index(["requirement", "case"])
     runs = requirements.verdicts(tables).set_index(["requirement", "case"])
@@ -153,17 +148,19 @@ def _ratios(tables: Tables) -> pd.DataFrame:
 
 
 def dominating(values: Floats, k: int) -> int:
-    """Return the first row that is no worse than row k in any column and better in one; -1 where none is."""
+    """Return the first row that is no worse than row k in any column and better in one; -1 if there is none."""
     better = np.all(values <= values[k], axis=1) & np.any(values < values[k], axis=1)
     return int(np.argmax(better)) if better.any() else -1
 
 
 def ranked(frame: pd.DataFrame, prefer: Sequence[str]) -> pd.DataFrame:
-    """Return the rows of `pareto`: those that meet everything, then those that are undecided and whose error is below
-    every limit, then the others; among them by the columns preferred, smallest first.
+    """Return the rows of `pareto` in order of preference.
+
+    Cases that meet all requirements come first, then undecided cases with errors below all limits, then the others;
+    within these groups the order is by the columns named in `prefer`, smallest first.
     """
-    columns = [PREFERRED[one] for one in prefer]
-    open_ones = (frame.verdict == "undecided") & (frame.error_ratio <= 1.0)
-    rank = np.where(frame.meets, 0, np.where(open_ones, 1, 2))
-    found = frame.assign(rank_first=rank).sort_values(["rank_first", *columns], kind="stable")
-    return found.drop(columns="rank_first").reset_index(drop=True)
+    columns = [PREFERRED[name] for name in prefer]
+    promising = (frame.verdict == "undecided") & (frame.error_ratio <= 1.0)
+    rank = np.where(frame.meets, 0, np.where(promising, 1, 2))
+    ordered = frame.assign(rank_first=rank).sort_values(["rank_first", *columns], kind="stable")
+    return ordered.drop(columns="rank_first").reset_index(drop=True)

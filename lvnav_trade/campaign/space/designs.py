@@ -1,4 +1,4 @@
-"""Designs by number: their scenarios are made where they are evaluated, and those that are impossible say why."""
+"""Designs of a design space by number; their scenarios are created where they are evaluated."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _NUMBER = re.compile(r"(?<![A-Za-z_\d.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
 class Axes(NamedTuple):
-    """What the axes of a campaign vary.
+    """Axes of a campaign.
 
     names : Name of each axis.
-    steps : Steps of the path of each below the scenario.
+    steps : Steps of the path of each axis below the scenario.
     """
 
     names: tuple[str, ...]
@@ -42,12 +42,12 @@ class Part(NamedTuple):
     """Some designs of a campaign, for one worker.
 
     base : Scenario that the axes vary.
-    axes : What they vary.
+    axes : The axes.
     numbers : Number of each design, from 0.
-    values : Value of every axis in each design; `Unvaried` leaves the base's own.
+    values : Value of every axis in each design; `Unvaried` is the value of the base.
     labels : Label of every axis in each design.
     seed : Seed of the campaign.
-    history : Step (s) of stored histories, which counts in the digest of a case.
+    history : Step (s) of stored histories, which enters the digest of a case.
     """
 
     base: Scenario
@@ -60,17 +60,17 @@ class Part(NamedTuple):
 
 
 class Unvaried:
-    """The value of an axis that leaves what the base has."""
+    """Value of an axis that does not change the base."""
 
 
 class Design(NamedTuple):
     """A design.
 
-    number : Its number, from 0.
+    number : Number of the design, from 0.
     values : Value of every axis.
-    case : The case; None where it is impossible.
+    case : The case; None if the design is impossible.
     levels : Label of the level of each axis.
-    reason : Why it is impossible, its numbers left out so that like reasons are equal; empty where it is possible.
+    reason : Reason why the design is impossible, without numbers, so that similar reasons are equal; else empty.
     """
 
     number: int
@@ -109,7 +109,7 @@ class Designs:
         )
 
     def part(self, numbers: Sequence[int]) -> Part:
-        """Return some designs, for one worker."""
+        """Return the designs with these numbers as work for one worker."""
         return Part(
             self.campaign.base,
             self.axes,
@@ -121,14 +121,14 @@ class Designs:
         )
 
     def case(self, number: int) -> Case:
-        """Return the case of a design; InputError where it is impossible."""
+        """Return the case of a design; InputError if it is impossible."""
         (design,) = made(self.part([number]))
         if design.case is None:
             raise InputError(f"design {number}: {design.reason}")
         return design.case
 
     def cases(self) -> Iterator[Case]:
-        """Yield the cases in the order of the designs, without those that are impossible."""
+        """Yield the cases of all possible designs in order."""
         for first in range(0, len(self), 200):
             for design in made(self.part(range(first, min(first + 200, len(self))))):
                 if design.case is not None:
@@ -136,10 +136,10 @@ class Designs:
 
 
 def made(part: Part) -> Iterator[Design]:
-    """Yield the designs of a part. Sections of the scenario that designs have in common are one object."""
+    """Yield the designs of a part; designs share the sections of the scenario that they have in common."""
     base = part.base.model_dump(mode="json")
     whole = {name: getattr(part.base, name) for name in base}
-    own = {name: value if isinstance(value, BaseModel) else base[name] for name, value in whole.items()}
+    of_base = {name: value if isinstance(value, BaseModel) else base[name] for name, value in whole.items()}
     varied = list(dict.fromkeys(steps[0] for steps in part.axes.steps))
     sections: dict[tuple[str, tuple[str, ...]], Any] = {}
     known: dict[int, tuple[BaseModel, Any]] = {}
@@ -147,11 +147,11 @@ def made(part: Part) -> Iterator[Design]:
     fixed = dict(known)
     for number, values, labels in zip(part.numbers, part.values, part.labels, strict=True):
         levels = dict(zip(part.axes.names, labels, strict=True))
-        data, keys = dict(own), {}
+        data, keys = dict(of_base), {}
         for name in varied:
-            mine = [k for k, steps in enumerate(part.axes.steps) if steps[0] == name]
-            keys[name] = (name, tuple(labels[k] if isinstance(values[k], dict) else repr(values[k]) for k in mine))
-            data[name] = sections.get(keys[name]) or _section(base, name, mine, part.axes, values)
+            axes = [k for k, steps in enumerate(part.axes.steps) if steps[0] == name]
+            keys[name] = (name, tuple(labels[k] if isinstance(values[k], dict) else repr(values[k]) for k in axes))
+            data[name] = sections.get(keys[name]) or _section(base, name, axes, part.axes, values)
         try:
             scenario = Scenario.model_validate(data)
         except (ValidationError, InputError) as error:
@@ -164,32 +164,32 @@ def made(part: Part) -> Iterator[Design]:
         for name, key in keys.items():
             sections.setdefault(key, getattr(scenario, name))
         digest = case_id(scenario, part.seed, part.history, known)
-        known = known if len(known) < 400 else dict(fixed)
+        known = known if len(known) < 400 else dict(fixed)  # limits the memory of the cache
         yield Design(number, values, Case(digest, label_of(number), levels, scenario), levels)
 
 
 def label_of(number: int) -> str:
-    """Return the label of a design: the levels of all its axes would fill a line."""
+    """Return the label of a design, its number; the levels of all axes would be too long."""
     return f"{_LABEL}{number}"
 
 
 def number_in(label: str) -> int | None:
-    """Return the number of the design with a label; None where it is no such label."""
+    """Return the number of the design with a label; None if it is not a label of a design."""
     number = label.removeprefix(_LABEL)
     return int(number) if label.startswith(_LABEL) and number.isdecimal() and number.isascii() else None
 
 
-def _section(base: dict[str, Any], name: str, mine: list[int], axes: Axes, values: tuple[Any, ...]) -> Any:
-    """Return the plain data of a section of a design."""
+def _section(base: dict[str, Any], name: str, varied: list[int], axes: Axes, values: tuple[Any, ...]) -> Any:
+    """Return a section of a design as plain data; `varied`: indices of the axes that vary it."""
     section: Any = {name: base.get(name)}
-    for k in mine:
+    for k in varied:
         if values[k] is not Unvaried:
             section = put(section, axes.steps[k], values[k])
     return section[name]
 
 
 def number_of(value: Any) -> tuple[float, str] | None:
-    """Return number and SI unit of the value of an axis; None where it is neither number nor quantity."""
+    """Return number and SI unit of the value of an axis; None if it is neither a number nor a quantity."""
     if value is Unvaried or isinstance(value, bool):
         return None
     if isinstance(value, int | float):
@@ -198,7 +198,7 @@ def number_of(value: Any) -> tuple[float, str] | None:
 
 
 def reason_of(error: Exception) -> str:
-    """Return why a design is impossible, from the error that it raised: its first line, numbers left out."""
+    """Return the reason why a design is impossible: the first line of its error, without numbers."""
     if isinstance(error, ValidationError):
         first = error.errors()[0]
         where = ".".join(str(step) for step in first["loc"])

@@ -1,4 +1,4 @@
-"""Designs evaluated by linear covariance: errors at the last event, what the requirements say, one row each."""
+"""Evaluation of designs by linear covariance, one row each: errors at the last event, requirements, cost."""
 
 from __future__ import annotations
 
@@ -33,11 +33,12 @@ _LITRE = 1e-3
 
 
 class Question(NamedTuple):
-    """What is evaluated of every design.
+    """Data to evaluate for every design.
 
-    requirements : The requirements, as a campaign states them.
-    history : Step (s) of the history; coarse where only events count.
-    shared : Axes (their places) that change true sigmas alone, so that designs which differ in them share passes.
+    requirements : The requirements, as in the campaign.
+    history : Step (s) of the history; coarse if only events matter.
+    shared : Indices of the axes that change true sigmas alone, so that designs differing in them share covariance
+        passes.
     every_event : Whether a row has the errors at every event of the flight.
     """
 
@@ -53,9 +54,9 @@ class Rows(NamedTuple):
     number : (n,). Number of each design.
     texts : Columns of text, by the names of `TEXTS`.
     numbers : Columns of numbers, (n,) each, SI.
-    passes : Passes of linear covariance that were computed.
-    covariance_s : CPU time (s) of these.
-    seconds : CPU time (s) of everything.
+    passes : Number of covariance passes that were computed.
+    covariance_s : CPU time (s) of these passes.
+    seconds : Total CPU time (s).
     """
 
     number: Ints
@@ -69,25 +70,25 @@ class Rows(NamedTuple):
 def evaluate(question: Question, part: Part) -> Rows:
     """Evaluate the designs of a part.
 
-    Designs that differ in the axes `shared` alone, and are enough of them, are evaluated from passes that they share.
-    What is impossible has a reason and no numbers.
+    Designs that differ only in the axes `shared` are evaluated from common covariance passes if there are enough of
+    them. The row of an impossible design has a reason and no numbers.
     """
     begun, passes = time.process_time(), Passes()
     groups: dict[tuple[str, ...], list[Design]] = defaultdict(list)
-    found: dict[int, dict[str, Any]] = {}
+    by_number: dict[int, dict[str, Any]] = {}
     for design in made(part):
         if design.case is None:
-            found[design.number] = _row(design, part.axes) | {"reason": design.reason}
+            by_number[design.number] = _row(design, part.axes) | {"reason": design.reason}
         else:
             groups[_others(design, question.shared)].append(design)
     for designs in groups.values():
         for design, row in _evaluated(question, part, designs, passes):
-            found[design.number] = _row(design, part.axes) | row
-    return _rows([found[number] for number in part.numbers], part.numbers, passes, time.process_time() - begun)
+            by_number[design.number] = _row(design, part.axes) | row
+    return _rows([by_number[number] for number in part.numbers], part.numbers, passes, time.process_time() - begun)
 
 
 def _others(design: Design, shared: Sequence[int]) -> tuple[str, ...]:
-    """Return the levels of the axes that designs of one group have in common."""
+    """Return the levels that are common to the designs of a group."""
     return tuple(level for k, level in enumerate(design.levels.values()) if k not in shared)
 
 
@@ -107,7 +108,7 @@ def _rows(rows: Sequence[Mapping[str, Any]], numbers: Sequence[int], passes: Pas
 
 
 def _row(design: Design, axes: Axes) -> dict[str, Any]:
-    """Return what is known of a design before it is evaluated: levels of its axes, numbers in SI, cost."""
+    """Return the part of a row that needs no evaluation: levels of the axes, numbers in SI, cost."""
     case = design.case
     row: dict[str, Any] = {
         "case": "" if case is None else case.id,
@@ -127,28 +128,31 @@ _known_totals: dict[tuple[int, ...], tuple[Any, dict[str, float]]] = {}
 
 
 def _totals(case: Case) -> dict[str, float]:
-    """Return cost, mass, power and volume of the devices of a case, as far as they are stated."""
+    """Return cost, mass, power and volume of the devices of a case, as far as they are given."""
     scenario = case.scenario
     devices = (scenario.imu, scenario.receiver, *scenario.sensors.values())
     key = tuple(map(id, devices))
     if key not in _known_totals:
         if len(_known_totals) > 200:
             _known_totals.clear()
-        stated = {
+        sensors = {name: card.model_dump(mode="json") for name, card in scenario.sensors.items() if card is not None}
+        settings = {
             "imu": scenario.imu.model_dump(mode="json"),
             "receiver": scenario.receiver.model_dump(mode="json"),
-            "sensors": {name: one.model_dump(mode="json") for name, one in scenario.sensors.items() if one is not None},
+            "sensors": sensors,
         }
-        found = total_of(stated)
-        known = {name: found[name] for name in ("cost", "mass_kg", "power_w") if found and found[name] == found[name]}
-        if found and found["volume_l"] == found["volume_l"]:
-            known["volume_m3"] = _LITRE * found["volume_l"]
-        _known_totals[key] = devices, known  # the devices are kept, so that no other has their identity
+        totals = total_of(settings)
+        known = {
+            name: totals[name] for name in ("cost", "mass_kg", "power_w") if totals and totals[name] == totals[name]
+        }
+        if totals and totals["volume_l"] == totals["volume_l"]:
+            known["volume_m3"] = _LITRE * totals["volume_l"]
+        _known_totals[key] = devices, known  # a reference to the devices, so that no new object gets their identity
     return _known_totals[key][1]
 
 
 def metrics_of(question: Question, prepared: Prepared, history: CovHistory) -> dict[str, Any]:
-    """Return the numbers and words of a row from the linear covariance of a case."""
+    """Return the numbers and texts of a row from the linear covariance of a case."""
     results = CaseArrays(prepared, history)
     row = _navigation(prepared, results)
     outside = why_outside(
@@ -157,45 +161,46 @@ def metrics_of(question: Question, prepared: Prepared, history: CovHistory) -> d
     ratios: dict[str, float] = {}
     words: dict[str, str] = {}
     reasons = [outside]
-    for one in question.requirements:
-        error, probability, _ = requirement_columns(one)
-        law = asked_of(results, one)
+    for requirement in question.requirements:
+        name = requirement["name"]
+        error, probability, _ = requirement_columns(requirement)
+        law = asked_of(results, requirement)
         if isinstance(law, str):
-            words[one["name"]], ratios[one["name"]] = NOT_APPLICABLE, np.nan
-            reasons.append(f"{one['name']}: {law}")
+            words[name], ratios[name] = NOT_APPLICABLE, np.nan
+            reasons.append(f"{name}: {law}")
             continue
         size, kept = law.quantile(law.probability), law.kept()
         row |= {error: size, probability: kept}
-        ratios[one["name"]] = size / law.bound
+        ratios[name] = size / law.bound
         verdict = "met" if kept >= law.probability else "violated"
+        # the probability at the worst time of a phase is an upper limit, which cannot show that the requirement is met
         is_bound = verdict == "met" and law.distribution.above_only
-        words[one["name"]] = NOT_APPLICABLE if outside or is_bound else verdict
+        words[name] = NOT_APPLICABLE if outside or is_bound else verdict
         if is_bound and not outside:
-            reasons.append(f"{one['name']}: {ABOVE_ONLY}")
+            reasons.append(f"{name}: {ABOVE_ONLY}")
     if question.every_event:
         row |= _at_events(results, question.requirements)
     return row | _together(ratios, words) | {"reason": "; ".join(filter(None, reasons))}
 
 
 def _at_events(results: CaseArrays, requirements: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Return the errors at every event: those of navigation, and what each requirement that is asked at an event would
-    compare with its limit there.
-    """
+    """Return the navigation errors at every event, and the error of each requirement at an event, evaluated there."""
     row: dict[str, float] = {}
     for event in results.events():
         for quantity, unit in NAVIGATION_UNITS.items():
             law = results.gaussian(event, quantity, "3d")
             if law is not None:
                 row[at_event(f"{quantity}_{unit_suffix(unit)}", event)] = _size(law)
-        for one in requirements:
-            there = asked_of(results, {**one, "at": event}) if one.get("at") else ""
-            if not isinstance(there, str):
-                row[at_event(requirement_columns(one)[0], event)] = there.quantile(there.probability)
+        for requirement in requirements:
+            law_there = asked_of(results, {**requirement, "at": event}) if requirement.get("at") else ""
+            if not isinstance(law_there, str):
+                quantile = law_there.quantile(law_there.probability)
+                row[at_event(requirement_columns(requirement)[0], event)] = quantile
     return row
 
 
 def _size(law: Gaussian) -> float:
-    """Return the root mean square of an error, mean and covariance together."""
+    """Return the RMS of an error, sqrt(tr P + m' m)."""
     return float(np.sqrt(np.trace(law.covariance) + law.mean @ law.mean))
 
 
@@ -213,7 +218,7 @@ def _together(ratios: Mapping[str, float], words: Mapping[str, str]) -> dict[str
 
 
 def _navigation(prepared: Prepared, results: CaseArrays) -> dict[str, Any]:
-    """Return the errors at injection, or else at the last event."""
+    """Return the errors at injection (or the last event)."""
     events, history = results.events(), results.covariance
     event = "injection" if "injection" in events else next(reversed(events), "")
     row: dict[str, Any] = {}
@@ -247,7 +252,7 @@ def _evaluated(
 
 
 def _alone(question: Question, design: Design, passes: Passes) -> dict[str, Any]:
-    """Return the metrics of a design from a pass of its own, or the reason why it has none."""
+    """Return the metrics of a design from its own covariance pass, or the reason why it has none."""
     assert design.case is not None
     try:
         prepared = prepare(design.case.scenario, question.history)

@@ -1,4 +1,4 @@
-"""Passes of linear covariance that designs share: those that differ in true sigmas alone, with the same filter."""
+"""Covariance passes shared by designs with the same filter that differ in true sigmas only."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError
 from lvnav_trade.records import CovHistory
 
-HISTORY = 60.0  # s between history times, beside events, where nothing between events is asked
-_FURTHER = 2  # passes beside one for each axis: that of the smallest sigmas, and one that is tried
+HISTORY = 60.0  # s between history times if only events matter, which are history times too
+_FURTHER = 2  # passes in addition to one per axis: with the smallest sigmas, and for the test
 
 
 class Passes:
-    """Passes of linear covariance, counted.
+    """Computes covariance passes and counts them.
 
-    count : Passes so far.
+    count : Number of passes so far.
     seconds : Their CPU time (s).
     """
 
@@ -39,17 +39,17 @@ class Passes:
     def __call__(self, prepared: Prepared) -> CovHistory:
         """Return the linear covariance of a case."""
         begun = time.process_time()
-        found = covariance(prepared)
+        history = covariance(prepared)
         self.count += 1
         self.seconds += time.process_time() - begun
-        return found
+        return history
 
 
 class Together(NamedTuple):
-    """Passes that the designs of a group share.
+    """Covariance passes shared by the designs of a group.
 
-    prepared : A case of the group.
-    axes : Places of the axes that vary true sigmas.
+    prepared : A prepared case of the group.
+    axes : Indices of the axes that vary true sigmas.
     passes : The passes.
     """
 
@@ -63,35 +63,37 @@ class Together(NamedTuple):
 
 
 def _sigma(design: Design, axis: int) -> float:
-    found = number_of(design.values[axis])
-    return float("nan") if found is None else found[0]
+    number = number_of(design.values[axis])
+    return float("nan") if number is None else number[0]
 
 
 def together_of(
     part: Part, designs: Sequence[Design], shared: Sequence[int], history: float, passes: Passes
 ) -> Together | None:
-    """Return the passes that the designs of a group share; None where they are too few, or do not share them.
+    """Return the covariance passes shared by the designs of a group, or None.
 
-    Whether they do is tried: with all sigmas in the middle of their range, a pass of its own must be what the shared
-    ones give.
+    None is returned if there are too few designs, or if they cannot share passes. The latter is tested with all sigmas
+    in the middle of their range: a separate pass must agree with the result of the shared passes.
 
     Parameters
     ----------
-    part
-        Part that the designs are of.
-    designs
-        Designs that differ in the axes `shared` alone.
-    shared
-        Places of axes that may vary true sigmas alone.
-    history
+    part : Part
+        Part of the designs.
+    designs : sequence of Design
+        Designs that differ only in the axes `shared`.
+    shared : sequence of int
+        Indices of axes that may vary true sigmas only.
+    history : float
         Step (s) of the history.
-    passes
-        Counts the passes.
+    passes : Passes
+        Computes and counts the passes.
     """
-    values = np.array([[_sigma(one, axis) for axis in shared] for one in designs]).reshape(len(designs), len(shared))
+    values = np.array([[_sigma(design, axis) for axis in shared] for design in designs])
+    values = values.reshape(len(designs), len(shared))
     moving = [k for k in range(len(shared)) if np.isfinite(values[:, k]).all() and np.ptp(values[:, k]) > 0.0]
-    fixed = [k for k in range(len(shared)) if k not in moving and len({one.values[shared[k]] for one in designs}) > 1]
-    if not moving or fixed or len(designs) <= len(moving) + _FURTHER:
+    others = [k for k in range(len(shared)) if k not in moving]
+    is_mixed = any(len({design.values[shared[k]] for design in designs}) > 1 for k in others)
+    if not moving or is_mixed or len(designs) <= len(moving) + _FURTHER:
         return None
     axes = tuple(shared[k] for k in moving)
     least, largest = values[:, moving].min(axis=0), values[:, moving].max(axis=0)
@@ -103,50 +105,53 @@ def together_of(
             )
             for k in range(len(axes))
         ]
-        found = shared_pass(
-            prepared.model.gate_squared, least.tolist(), largest.tolist(), base, [one for _, one in raised]
+        common = shared_pass(
+            prepared.model.gate_squared,
+            least.tolist(),
+            largest.tolist(),
+            base,
+            [history_of for _, history_of in raised],
         )
         middle = (0.5 * (least + largest)).tolist()
         _, tried = _passed(part, designs[0], axes, middle, history, passes)
     except (InputError, ValueError, ArithmeticError):
         return None
-    sound = is_same_filter(base, tried) and largest_difference(covariance_of(found, middle), tried) < TOLERANCE
-    return Together(prepared, axes, found) if sound else None
+    agrees = is_same_filter(base, tried) and largest_difference(covariance_of(common, middle), tried) < TOLERANCE
+    return Together(prepared, axes, common) if agrees else None
 
 
 def _passed(
     part: Part, design: Design, axes: Sequence[int], sigmas: Sequence[float], history: float, passes: Passes
 ) -> tuple[Prepared, CovHistory]:
-    """Return a design with other sigmas, prepared, and its linear covariance; ValueError where it is impossible."""
+    """Return a prepared design with other sigmas, and its linear covariance; ValueError if it is impossible."""
     values = list(design.values)
     for axis, sigma in zip(axes, sigmas, strict=True):
-        found = number_of(values[axis])
-        values[axis] = f"{float(sigma)!r} {found[1]}" if found is not None and found[1] else float(sigma)
+        number = number_of(values[axis])
+        values[axis] = f"{float(sigma)!r} {number[1]}" if number is not None and number[1] else float(sigma)
     labels = tuple(design.levels.values())
-    one = part._replace(numbers=(design.number,), values=(tuple(values),), labels=(labels,))
-    (made_of,) = made(one)
-    if made_of.case is None:
-        raise ValueError(made_of.reason)
-    prepared = prepare(made_of.case.scenario, history)
+    (changed,) = made(part._replace(numbers=(design.number,), values=(tuple(values),), labels=(labels,)))
+    if changed.case is None:
+        raise ValueError(changed.reason)
+    prepared = prepare(changed.case.scenario, history)
     return prepared, passes(prepared)
 
 
 def shared_axes(designs: Designs, history: float) -> tuple[int, ...]:
-    """Return the places of the axes that vary true sigmas alone in the first possible design.
+    """Return the indices of the axes that vary only true sigmas in the first possible design.
 
-    An axis is one where its smallest and its largest value give the same filter, the same mean and other true errors.
-    Whether designs do share passes is tried again for each group (`together_of`).
+    These are axes whose smallest and largest value give the same filter, the same mean error and different true errors.
+    Whether designs can share passes is tested again for each group (`together_of`).
     """
     count = min(len(designs), 1000)
     part = designs.part(range(count))
-    first = next((one for one in made(part) if one.case is not None), None)
+    first = next((design for design in made(part) if design.case is not None), None)
     if first is None:
         return ()
-    found = []
+    shared = []
     passes = Passes()
     for axis in range(len(part.axes.names)):
         numbers = [number_of(values[axis]) for values in part.values]
-        known = [one[0] for one in numbers if one is not None]
+        known = [number[0] for number in numbers if number is not None]
         if len(known) < count or not min(known) < max(known):
             continue
         try:
@@ -154,5 +159,5 @@ def shared_axes(designs: Designs, history: float) -> tuple[int, ...]:
         except (InputError, ValueError, ArithmeticError):
             continue
         if is_same_filter(low, high):
-            found.append(axis)
-    return tuple(found)
+            shared.append(axis)
+    return tuple(shared)

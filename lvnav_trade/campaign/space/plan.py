@@ -1,4 +1,4 @@
-"""What many designs take: time, disk and memory, and whether this machine has them."""
+"""Estimated time, disk and memory of a design space, and comparison with those of the machine."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from lvnav_trade.campaign.space.designs import Designs
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.metric import NAVIGATION_UNITS
 
-# Measured on one core of a small virtual machine: preparation, metrics and row of a design beside its covariance, and
-# bytes of a design in memory of the process that deals them out
+# Measured on one core of a small virtual machine: time of preparation, metrics and row of a design, in addition to its
+# covariance; memory per design of the process that distributes them
 _DESIGN_S, _DESIGN_BYTES = 0.035, 6e3
-# Bytes of a design on disk: table and CSV table, the page, and until the end the part that it was evaluated in
+# Bytes of a design on disk: table and CSV table; report; until the end the part in which it was evaluated
 _ROW_BYTES, _PAGE_BYTES, _PART_BYTES = 1020.0, 150.0, 1160.0
-_EVENT_BYTES, _EVENT_PART_BYTES = 27.0, 8.0  # the same of one more number
-_CASE_TABLES = 2.0  # of the tables of designs that are analysed whole: what tables of single ones take until the end
+_EVENT_BYTES, _EVENT_PART_BYTES = 27.0, 8.0  # bytes of one more number, in the tables and in the part
+_CASE_TABLES = 2.0  # size of the tables of single cases until the end, over that of the final tables
 
 
 class DesignsPlan(NamedTuple):
-    """What the designs of a campaign take.
+    """Estimated cost of a design space.
 
-    store : What is stored of each: metrics, or events.
-    designs : How many there are.
-    whole : How many of them are analysed whole at most.
-    runs : How many runs these have together at most.
-    seconds : Time (s) of one core, without compilation.
+    store : Data stored for each design: metrics or events.
+    designs : Number of designs.
+    whole : Largest number of designs with a full analysis.
+    runs : Largest number of runs of these together.
+    seconds : Time (s) on one core, without compilation.
     disk_mb : Size (MB) of the results.
-    most_mb : Disk (MB) that is taken at most, before parts, blocks of runs and tables of single designs are removed.
-    memory_mb : Memory (MB) of the process that deals the designs out.
+    most_mb : Peak size (MB) on disk, before parts, blocks of runs and tables of single designs are removed.
+    memory_mb : Memory (MB) of the process that distributes the designs.
     seconds_of_designs : Part of `seconds` for the rows.
     """
 
@@ -51,9 +51,16 @@ class DesignsPlan(NamedTuple):
 
 
 def planned(campaign: Campaign, folder: Path, flights: Mapping[str, Mapping[str, float]]) -> DesignsPlan:
-    """Return what the designs of a campaign take, each with a pass of its own: those that share passes take less.
+    """Estimate the cost of a design space, with one covariance pass per design; shared passes take less time.
 
-    flights : Times (s) of the events of each flight, by name of the event, the first and the last of them included.
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    folder : Path
+        Folder of its results, which need not exist.
+    flights : mapping of str to mapping of str to float
+        Times (s) of the events by digest of the case and by name; the first and last give the duration.
     """
     designs = Designs(campaign)
     duration = max(max(times.values()) - min(times.values()) for times in flights.values())
@@ -84,16 +91,16 @@ def planned(campaign: Campaign, folder: Path, flights: Mapping[str, Mapping[str,
 
 
 def _further_numbers(campaign: Campaign, flights: Mapping[str, Mapping[str, float]]) -> int:
-    """Return how many numbers a row has of all events together."""
+    """Return the number of further numbers of a row, of all events together."""
     if campaign.store != "events":
         return 0
-    of_requirements = sum(one.at is not None for one in campaign.requirements)
+    of_requirements = sum(requirement.at is not None for requirement in campaign.requirements)
     return max(map(len, flights.values())) * (len(NAVIGATION_UNITS) + of_requirements)
 
 
 def refuse_too_large(plan: DesignsPlan, folder: Path) -> None:
-    """InputError where the disk of a folder, or the memory, has no room for what is planned."""
-    place = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+    """Raise an InputError if the disk of a folder or the memory is too small for a planned design space."""
+    place = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     free = shutil.disk_usage(place).free / 1e6
     if plan.most_mb > free:
         raise InputError(f"{plan.designs} designs take about {plan.most_mb:.0f} MB of disk; {free:.0f} MB are free")
@@ -105,7 +112,7 @@ def refuse_too_large(plan: DesignsPlan, folder: Path) -> None:
 
 
 def _memory_mb() -> float:
-    """Return the memory of this machine (MB); infinite where it is not known."""
+    """Return the memory of this machine (MB); infinite if it is not known."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e6
     except (AttributeError, OSError, ValueError):

@@ -1,4 +1,4 @@
-"""The stage of a run that evaluates many designs, part by part, and says which of them are analysed whole."""
+"""Stage of a campaign that evaluates a design space, part by part, and selects designs for a full analysis."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.store import designs as stored
 from lvnav_trade.store import scratch
 
-PART = 100  # designs of a work item
-_SHOWN = 5  # reasons that a message lists
+PART = 100  # designs per work item
+_SHOWN = 5  # largest number of reasons in a message
 
 Stage = Callable[[str, Callable[..., Any], Sequence[tuple[Any, ...]]], Iterator[Any]]
 
 
 class Evaluated(NamedTuple):
-    """What the stage leaves.
+    """Result of the stage.
 
-    cases : Cases that are analysed whole.
-    remark : Entry of the manifest: counts, and why which cases are analysed whole.
+    cases : Cases for a full analysis.
+    remark : Entry of the manifest: numbers of designs, and of cases for a full analysis by reason.
     """
 
     cases: tuple[Case, ...]
@@ -39,9 +39,9 @@ class Evaluated(NamedTuple):
 
 
 class Space:
-    """The designs of a campaign, evaluated in the course of its run.
+    """Design space of a campaign, evaluated while the campaign runs.
 
-    campaign : A loaded campaign that stores metrics.
+    campaign : A loaded campaign with a design space.
     """
 
     def __init__(self, campaign: Campaign) -> None:
@@ -49,7 +49,7 @@ class Space:
         self.designs = Designs(campaign)
 
     def evaluate(self, job: work.Job, stage: Stage, parts: Sequence[int] | None = None) -> None:
-        """Evaluate the designs that are not stored yet, or those of some parts; each part is stored when it is done."""
+        """Evaluate all designs that are not stored yet, or those of some parts; each part is stored when finished."""
         if parts is None and self._stored(job) is not None:
             return
         question = self._question
@@ -62,13 +62,13 @@ class Space:
             pass
 
     def finish(self, job: work.Job) -> Evaluated:
-        """Store the table of all designs and return which are analysed whole; InputError where all are impossible."""
+        """Store the table of all designs; return the cases for a full analysis. InputError if all are impossible."""
         earlier = self._stored(job)
         if earlier is None:
             places = [_place(job, self._question, number) for number in range(self.parts)]
             rows = [scratch.read(file, Rows, identity) for file, identity in places]
             identity = _identity(job, self._question, "designs")
-            table = stored.table_of(rows, identity, sum(one.passes for one in rows))
+            table = stored.table_of(rows, identity, sum(part.passes for part in rows))
         else:
             table = earlier
         impossible = stored.impossible(table)
@@ -96,7 +96,7 @@ class Space:
         return sum(min(len(self.designs), (number + 1) * PART) - number * PART for number in parts)
 
     def names(self, folder: Path) -> list[str]:
-        """Return the names that parts are left under in a folder of scratch files."""
+        """Return the names of the evaluated parts in a folder of scratch files."""
         return sorted(path.name.partition(".")[0] for path in folder.glob("part-*.designs"))
 
     def _whole(self, found: Chosen) -> tuple[Case, ...]:
@@ -104,20 +104,21 @@ class Space:
         return tuple(self.designs.case(number) for number in numbers)
 
     def _stored(self, job: work.Job) -> pa.Table | None:
-        """Return the table of all designs that an earlier run has left, where it answers the same question."""
+        """Return the table of all designs of an earlier run, if it has the same origin."""
         return stored.earlier_table(job.results.folder / stored.FILE, _identity(job, self._question, "designs"))
 
     @cached_property
     def _question(self) -> Question:
-        """What is evaluated of every design."""
+        """Data to evaluate for every design."""
         requirements = self.campaign.requirements
-        history = self.campaign.keep.history if any(one.during for one in requirements) else HISTORY
+        has_phase = any(requirement.during for requirement in requirements)
+        history = self.campaign.keep.history if has_phase else HISTORY
         shared = shared_axes(self.designs, history)
-        asked = tuple(one.model_dump(mode="json") for one in requirements)
-        return Question(asked, history, shared, self.campaign.store == "events")
+        settings = tuple(requirement.model_dump(mode="json") for requirement in requirements)
+        return Question(settings, history, shared, self.campaign.store == "events")
 
     def _order(self, question: Question) -> list[int]:
-        """Return the designs in an order in which those that share passes are neighbours."""
+        """Return the numbers of the designs in an order in which designs that share passes are adjacent."""
 
         def others(number: int) -> tuple[str, ...]:
             labels = self.designs.labels(number)
@@ -129,19 +130,19 @@ class Space:
 
 
 def _identity(job: work.Job, question: Question, name: str) -> str:
-    """Return what something of the designs is computed from, as one text."""
+    """Return the origin of a part or table of designs, as text."""
     asked = hashlib.sha256(f"{job.asked!r} {question!r}".encode()).hexdigest()[:16]
     return f"{job.results.identity_of_case(name)} {job.history!r} {asked}"
 
 
 def _place(job: work.Job, question: Question, number: int) -> tuple[Path, str]:
-    """Return where a part is left, and what it is computed from."""
+    """Return the scratch file of a part, and its origin."""
     identity = _identity(job, question, f"part {number}")
     return job.scratch / f"part-{number:05d}.{identity.rpartition(' ')[2]}.designs", identity
 
 
 def evaluate_part(job: work.Job, question: Question, number: int, part: Part) -> work.Done:
-    """Evaluate a part and leave it on disk; one that is there is not evaluated again."""
+    """Evaluate a part and write it to disk; an existing part is not evaluated again."""
     file, identity = _place(job, question, number)
     try:
         if not scratch.is_sound(file, Rows, identity):

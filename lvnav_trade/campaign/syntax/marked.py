@@ -1,4 +1,4 @@
-"""Trees of cards with marks (assumed, second hand): a mark goes when an override replaces the number that it is on."""
+"""Marks (assumed, second hand) in trees of cards; a mark is removed when an override replaces its number."""
 
 from collections.abc import Iterator, Sequence
 
@@ -8,20 +8,20 @@ from lvnav_trade.marks import MARKS
 
 
 def with_marks_of(base: Node, result: Node, over: Node) -> Node:
-    """Return an overridden card with the marks of `base` whose numbers are still there, and those of the override."""
+    """Return an overridden card with the marks of `base` whose numbers remain, and the marks of the override."""
     for mark in MARKS:
-        marks, own = base.value.get(mark), over.value.get(mark)
+        marks, of_override = base.value.get(mark), over.value.get(mark)
         if marks is None or not marks.is_map:
             continue
         kept = {path for path in marks.value if _is_kept(base, result, path.split("."))}
-        if own is not None and own.is_map:
-            kept |= set(own.value)
+        if of_override is not None and of_override.is_map:
+            kept |= set(of_override.value)
         result = tree.with_child(result, mark, _chosen(result.value[mark], kept), result.keys[mark])
     return result
 
 
 def unmarked_at(node: Node, steps: Sequence[str]) -> Node:
-    """Return a mapping without its marks of the field at `steps`, and of all that is below it."""
+    """Return a mapping without its marks on the field at `steps` and on fields below it."""
     for mark in MARKS if node.is_map else ():
         marks = node.value.get(mark)
         if marks is not None and marks.is_map:
@@ -31,7 +31,7 @@ def unmarked_at(node: Node, steps: Sequence[str]) -> Node:
 
 
 def put(node: Node, path: Sequence[str], child: Node) -> Node:
-    """Return the tree with `child` at `path`, as `tree.put`, without the marks on what it replaces."""
+    """Return the tree with `child` at `path`, as `tree.put`, without the marks on replaced values."""
     for depth in range(len(path)):
         above = tree.find(node, path[:depth])
         if above is not None and above.is_map and any(mark in above.value for mark in MARKS):
@@ -47,15 +47,13 @@ def _chosen(marks: Node, kept: set[str]) -> Node:
 
 
 def _is_kept(base: Node, result: Node, steps: Sequence[str]) -> bool:
-    """Return whether any of the words at a path is that of the base still; where the base has none, nor has the
-    result.
-    """
+    """Whether a mark remains: one of the values at its path is still that of the base, or neither tree has any."""
     before, after = ({id(word) for word in _words(node, steps)} for node in (base, result))
     return bool(before & after) or not (before or after)
 
 
 def _words(node: Node, steps: Sequence[str]) -> Iterator[Node]:
-    """Yield the words at and below a path; a step that is no number goes into every item of a list."""
+    """Yield the scalars at and below a path; a step that is not an index applies to every item of a list."""
     if node.is_list and steps and not is_index(steps[0]):
         for item in node.value:
             yield from _words(item, steps)

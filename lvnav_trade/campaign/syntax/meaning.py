@@ -1,9 +1,9 @@
-"""Common names of settings that have another name here, for suggestions."""
+"""Synonyms of the names of settings, for suggestions in messages."""
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-# Each line: words, then the parts of names that mean the same, the nearest first.
+# Each line: words, and parts of names with the same meaning, the closest first
 _LINES = (
     ("sextant star_sensor stellar", "star_tracker stellar"),
     ("compass", "magnetometer magnetic_field azimuth heading"),
@@ -50,14 +50,16 @@ MEANINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def meant(word: str, known: Iterable[str]) -> str:
-    """Return the known name that means the same as a word, or nothing: one that is the term, or else one of its folder,
-    or else one that begins with it or holds it.
+    """Return the known name with the same meaning as a word; empty if there is none.
+
+    A name equal to a term of the same meaning has priority, then a name in a folder of the term, then a name that
+    begins with the term or contains it.
     """
     names = list(known)
     for term in MEANINGS.get(word.rpartition("/")[2].lower().replace("-", "_").replace(" ", "_"), ()):
         near = [(rank, name) for name in names if (rank := _rank(name.lower(), term))]
         if near:
-            return min(near, key=lambda one: one[0])[1]
+            return min(near, key=lambda ranked: ranked[0])[1]
     return ""
 
 

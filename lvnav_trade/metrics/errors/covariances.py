@@ -18,22 +18,20 @@ from lvnav_trade.metrics.basics.select import (
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
-# A gate that rejects more than this part of good rows is not what linear covariance describes.
+# Largest fraction of good measurements that a gate may reject if linear covariance is to describe the case
 REJECTS_TOO_MUCH = 0.01
-# rad; a larger one-sigma of attitude at or before lift-off is beyond the linear form: 1 - cos is 4 % of 5 deg.
+# rad; a larger attitude sigma at or before lift-off is beyond the small-angle approximation
 LINEAR_ATTITUDE = math.radians(5.0)
-# Of the expected size: what linear covariance is trusted with, however many runs there are and however little they
-# spread.
+# Accuracy attributed to linear covariance, relative to the expected RMS, for any number of runs
 FIRST_ORDER = 0.01
-# sigma; an error whose mean is larger is nearly the same in every run: its second order is no smaller than the spread.
+# sigma; if the mean error is larger, it is nearly equal in all runs, and its second order is as large as the spread
 LARGE_MEAN = 5.0
 AGREEMENT = ["case", "event", "state", "unit", "monte_carlo", "lincov", "ratio", "low", "high", "agree"]
-# Probability that any row of a case disagrees although both engines describe the same errors.
+# Probability that any row of a case disagrees by chance, with both engines describing the same errors
 ALPHA = 0.01
-# Share of the variance below which a source counts as zero: smaller ones have fewer than six digits, and other ones on
-# another machine.
+# Share of the variance below which a source counts as zero: it has fewer than six digits, which depend on the machine
 LEAST_SHARE = 1e-9
-# Of the largest singular value: what is below is lost to rounding.
+# Fraction of the largest singular value below which a singular value is rounding error
 NUMERICAL = 1e-10
 NOT_APPLICABLE = "not applicable"
 OBSERVED = [
@@ -49,13 +47,13 @@ OBSERVED = [
 
 
 def beyond_linear(attitude: float, when: str = "") -> str:
-    """Say that a one-sigma of attitude (rad) is no small angle; `when` begins with a space."""
+    """Return the message on an attitude sigma (rad) that is not a small angle; `when` begins with a space."""
     size, limit = math.degrees(attitude), math.degrees(LINEAR_ATTITUDE)
     return f"an attitude error of {size:.2g} deg (one sigma){when} is beyond the linear form ({limit:.0f} deg)"
 
 
 def beyond_at_start(tables: Tables, case: str) -> str:
-    """Say that the attitude of a case at or before lift-off is no small angle; empty where it is."""
+    """Return the message if the attitude error of a case at or before lift-off is not a small angle, else empty."""
     largest, t = _first_tilts(tables).get(case, (0.0, 0.0))
     return _beyond_at(largest, t) if largest > LINEAR_ATTITUDE else ""
 
@@ -66,7 +64,7 @@ def _beyond_at(attitude: float, t: float) -> str:
 
 @once
 def _first_tilts(tables: Tables) -> dict[str, tuple[float, float]]:
-    """Return by case the largest sigma of attitude (rad) of an axis at or before lift-off, and its time (s)."""
+    """Return by case the largest attitude sigma (rad) of any axis at or before lift-off, and its time (s)."""
     rows = tables.history[tables.history.t_s <= SAME_TIME]
     rows = rows[(rows.quantity == "attitude") & (rows.axis != "3d")].dropna(subset=["lincov_true_si"])
     largest = rows.sort_values("lincov_true_si", ascending=False, kind="stable").drop_duplicates("case")
@@ -74,9 +72,9 @@ def _first_tilts(tables: Tables) -> dict[str, tuple[float, float]]:
 
 
 def why_not_applicable(tables: Tables, case: str) -> str:
-    """Say why linear covariance does not describe a case at every epoch; empty where it does."""
-    found: str = _why_not(tables, case)[0]
-    return found
+    """Return the reason why linear covariance does not describe a case at every epoch; empty if it does."""
+    reason: str = _why_not(tables, case)[0]
+    return reason
 
 
 @once
@@ -85,7 +83,8 @@ def _why_not(tables: Tables, case: str) -> list[str]:
 
 
 def _why_not_applicable(tables: Tables, case: str) -> str:
-    checked = (tables.campaign.get("covariance") or {}).get("spot_check")  # then that tells, by runs
+    # with a spot check, its runs decide whether the attitude error is too large
+    checked = (tables.campaign.get("covariance") or {}).get("spot_check")
     rows = pick(tables.innovations, case=case)
     return why_outside(
         bool(pick(tables.cases, case=case).logic.any()),
@@ -96,12 +95,18 @@ def _why_not_applicable(tables: Tables, case: str) -> str:
 
 
 def why_outside(has_logic: bool, first_tilt: tuple[float, float], t: Floats, rejected: Floats) -> str:
-    """Say why linear covariance does not describe a case at every epoch; empty where it does.
+    """Return the reason why linear covariance does not describe a case at every epoch; empty if it does.
 
-    has_logic : Whether a mode logic decides run by run what the filter uses.
-    first_tilt : Largest sigma of attitude (rad) of an axis at or before lift-off, and its time (s).
-    t : (n_epoch,) s since lift-off.
-    rejected : (n_epoch,). Largest probability that the gate rejects a good scalar measurement.
+    Parameters
+    ----------
+    has_logic : bool
+        Whether a mode logic decides in each run which measurements the filter uses.
+    first_tilt : (float, float)
+        Largest attitude sigma (rad) of any axis at or before lift-off, and its time (s).
+    t : (n_epoch,) array
+        Times of the epochs, s since lift-off.
+    rejected : (n_epoch,) array
+        Largest probability at each epoch that the gate rejects a good scalar measurement.
     """
     if has_logic:
         return "the filter starts, leaves out and stops by a logic of its own, run by run"
@@ -114,8 +119,9 @@ def why_outside(has_logic: bool, first_tilt: tuple[float, float], t: Floats, rej
 
 
 def why_second_order(tables: Tables, case: str) -> str:
-    """Say what of a case is too large for a first order, where engines disagree: attitude in flight, or a mean that
-    the runs hardly spread about; empty where neither is.
+    """Return the reason why first-order errors are not sufficient for a case in which the engines disagree.
+
+    It is a large attitude error in flight, or a mean error much larger than its spread; empty if neither applies.
     """
     rows = _navigation_history(tables, case)
     tilted = rows[rows.quantity == "attitude"]
@@ -126,13 +132,13 @@ def why_second_order(tables: Tables, case: str) -> str:
 
 
 def _navigation_history(tables: Tables, case: str) -> pd.DataFrame:
-    """Return the history of the navigation errors by axis, where they have a spread."""
+    """Return the history of the navigation errors by axis, where their sigma is not zero."""
     rows = pick(tables.history, case=case)
     return rows[rows.quantity.isin(NAVIGATION) & (rows.axis != "3d") & (rows.lincov_true_si > 0.0)]
 
 
 def why_large_mean(tables: Tables, case: str) -> str:
-    """Say that runs of a case hardly spread about their mean error at some time; empty where they do at all times."""
+    """Return the message if the mean error of a case is much larger than its spread at some time, else empty."""
     rows = _navigation_history(tables, case)
     ratio = rows.lincov_mean_si.abs() / rows.lincov_true_si
     if not ratio.max() > LARGE_MEAN:
@@ -146,12 +152,12 @@ def why_large_mean(tables: Tables, case: str) -> str:
 
 @once
 def agreement(tables: Tables) -> pd.DataFrame:
-    """Return Monte-Carlo RMS over LinCov RMS at every event for the nine navigation errors, in the units of people.
+    """Return the ratio of Monte Carlo RMS to LinCov RMS at every event for the nine navigation errors.
 
-    low and high bound the ratio: chi-square with the runs' degrees of freedom, two-sided, Bonferroni over the rows of a
-    case, and never closer to one than `FIRST_ORDER`. agree is "agree", "disagree", "no runs", or "not applicable":
-    where linear covariance does not describe the case (`why_not_applicable`: a gate that rejects more than 1 % of good
-    rows), and where the engines disagree over what is no first order (`why_second_order`).
+    monte_carlo, lincov: RMS errors in display units. low, high: acceptance limits of the ratio: two-sided chi-square
+    with the degrees of freedom of the runs, with Bonferroni's correction over the rows of a case, and at least
+    `FIRST_ORDER` from one. agree: "agree", "disagree", "no runs", or "not applicable" if linear covariance does not
+    describe the case (`why_not_applicable`), or if the engines disagree about second-order errors (`why_second_order`).
     """
     rows = []
     names = ("t_s", "rms_si", "lincov_true_si", "lincov_mean_si", "run_count", "dof_ratio")
@@ -199,18 +205,18 @@ def _with_verdicts(frame: pd.DataFrame) -> pd.DataFrame:
 
 @once
 def by_case(tables: Tables) -> pd.DataFrame:
-    """Return one verdict per case, with the row that is furthest from agreement.
+    """Return one verdict per case, with the row of `agreement` that is furthest from agreement.
 
-    Columns: case, verdict, reason (why not applicable), alpha_ratio (level of the whole case), tested_count,
-    outside_count, state, event, ratio, low, high, source (the largest of that state at that event; empty where no
-    budget is stored), share_ratio (its part of the variance).
+    reason: why linear covariance is not applicable. alpha_ratio: significance level of the whole case. tested_count,
+    outside_count: number of rows, and of those outside their limits. source, share_ratio: largest error source of the
+    state at the event, and its share of the variance; empty without an error budget.
     """
     digests = {label: case for case, label in tables.labels.items()}
     found = []
     for label, group in agreement(tables).groupby("case", sort=False):
         case = digests[label]
         verdict = next((v for v in ("no runs", NOT_APPLICABLE, "disagree") if (group.agree == v).any()), "agree")
-        # in units of the half-width on a logarithmic scale: 1 is the bound itself
+        # logarithmic distance from 1 over that of the limit: above 1 the ratio is outside
         distance = np.abs(np.log(group.ratio)) / np.where(group.ratio > 1, np.log(group.high), -np.log(group.low))
         worst = group.iloc[0 if verdict == "no runs" else int(np.nanargmax(distance.to_numpy()))]
         outside = int(((group.ratio < group.low) | (group.ratio > group.high)).sum())
@@ -228,11 +234,11 @@ def by_case(tables: Tables) -> pd.DataFrame:
 
 
 def budget(tables: Tables) -> pd.DataFrame:
-    """Return LinCov's 3-D navigation errors by source at every event, in the units of people.
+    """Return the error budget: 3-D navigation errors by source at every event, by linear covariance.
 
-    Columns: case, event, source, metric, unit, sigma (of this source alone; squares of sources add), share_ratio (of
-    the variance); both are zero below `LEAST_SHARE`. Largest first within case, event and metric. Empty where the
-    campaign asked for no budget.
+    sigma: error of this source alone, in display units; squares of sources add. share_ratio: share of the variance.
+    Both are zero below `LEAST_SHARE`. The largest source comes first within case, event and metric. The table is empty
+    if the campaign does not store the budget.
     """
     rows = tables.budget
     rows = rows[(rows.event != "") & (rows.axis == "3d") & rows.quantity.isin(NAVIGATION)]
@@ -248,7 +254,7 @@ def budget(tables: Tables) -> pd.DataFrame:
 
 
 def _labelled(tables: Tables, rows: pd.DataFrame, *columns: str) -> pd.DataFrame:
-    """Return case and columns of rows with the name of the metric, a 3-D error, and its unit for people."""
+    """Return case and columns of rows, with the name of the metric (a 3-D error) and its display unit."""
     units = rows.quantity.map({quantity: unit for (quantity, axis), (unit, _) in tables.people.items() if axis == "3d"})
     found = rows[["case", *columns]].assign(metric=rows.quantity + "_error", unit=units)
     return found.assign(case=rows.case.map(tables.labels))
@@ -260,10 +266,10 @@ def _factors(tables: Tables, rows: pd.DataFrame) -> pd.Series:
 
 
 def contributions(tables: Tables) -> pd.DataFrame:
-    """Return what each source put into the 3-D navigation errors at the explained event, and when.
+    """Return the contributions of each source to the 3-D navigation errors at one event, by time of their origin.
 
-    Columns: case, event, metric, source, t_start_s, t_end_s, share_ratio (of the variance at the event; over sources
-    and bins they sum to 1).
+    t_start_s, t_end_s: time bin of the origin. share_ratio: share of the variance at the event; the sum over sources
+    and bins is 1.
     """
     rows = tables.adjoint[tables.adjoint.axis == "3d"]
     total = rows.groupby(["case", "quantity"], sort=False).variance_si2.transform("sum")
@@ -274,10 +280,10 @@ def contributions(tables: Tables) -> pd.DataFrame:
 
 
 def sensitivity(tables: Tables) -> pd.DataFrame:
-    """Return the 3-D navigation errors at the explained event with each source's sigma multiplied.
+    """Return the 3-D navigation errors at one event with the sigma of each source scaled by a factor.
 
-    Columns: case, event, metric, unit, source, factor_ratio, frozen (with the gains of the campaign's filter), retuned
-    (with a filter that knows the new sigma); root mean squares by linear covariance, in the units of people.
+    frozen: RMS error by linear covariance with the gains of the campaign's filter, in display units. retuned: with the
+    filter model matched to the scaled sigma.
     """
     rows, factors = tables.sensitivity, _factors(tables, tables.sensitivity)
     found = _labelled(tables, rows, "event", "source", "factor_ratio")
@@ -286,10 +292,11 @@ def sensitivity(tables: Tables) -> pd.DataFrame:
 
 
 def observability(tables: Tables) -> pd.DataFrame:
-    """Return per case and phase what the measurements tell of the filter's states.
+    """Return the observability of the filter's states from the measurements, by case and phase.
 
-    Columns: case, phase, t_start_s, t_end_s, row_count, rank_count, state_count, tolerance_ratio, smallest_ratio,
-    second_ratio, third_ratio (singular values from the smallest up), weakest.
+    row_count: number of scalar measurements. rank_count, state_count: rank of the observability matrix and number of
+    states; tolerance_ratio: relative tolerance of the rank. smallest_ratio, second_ratio, third_ratio: relative
+    singular values, from the smallest. weakest: direction of the smallest.
     """
     counts = ["row_count", "rank_count", "state_count", "tolerance_ratio"]
     smallest = ["smallest_ratio", "second_ratio", "third_ratio"]
@@ -303,8 +310,10 @@ def observability(tables: Tables) -> pd.DataFrame:
 
 
 def nonlinearity(tables: Tables) -> pd.DataFrame:
-    """Return the nonlinearity at every event: case, event, t_s, motion_ratio, state, transition_ratio, row_ratio,
-    remark: where the measure does not apply, since it is that of the spread about the mean.
+    """Return the nonlinearity indices at every event.
+
+    remark: reason why the index does not apply. It measures the nonlinearity of the spread about the mean, and has no
+    meaning for a mean error much larger than the spread.
     """
     rows = tables.nonlinearity
     means = {case: why_large_mean(tables, case) for case in tables.labels}
@@ -313,23 +322,26 @@ def nonlinearity(tables: Tables) -> pd.DataFrame:
 
 
 def observed(tables: Tables) -> pd.DataFrame:
-    """Return the least rank of any stretch (singular values above 1e-10 of the largest), the least rank with
-    information (above the tolerance of the results), the smallest singular value, the smallest of a direction in
-    which a position trades with its bias (NaN where there is none), and the direction of the smallest of all, in words.
+    """Return the smallest rank of the observability matrix over all phases, with its smallest singular values.
+
+    least_rank: number of singular values above 1e-10 of the largest; least_rank_with_information: above the tolerance
+    of the results. smallest_ratio: smallest singular value; weakest: its direction in words.
+    position_against_bias_ratio: smallest singular value of a direction in which position and its bias cannot be
+    separated; NaN if there is none.
     """
     rows = []
-    for case, one in tables.observability.groupby("case", sort=False):
-        stretches = [part for _, part in one.groupby("t_s")]
-        ranks = [int((part.singular_ratio > NUMERICAL * part.singular_ratio.max()).sum()) for part in stretches]
-        apart = one.singular_ratio[np.array([is_position_bias(text) for text in one.direction], dtype=bool)]
-        counts = (len(stretches), int(one.state_count.iloc[0]), min(ranks), int(one.rank_count.min()))
-        smallest = (float(one.singular_ratio.min()), float(apart.min()) if len(apart) else np.nan)
-        rows.append((tables.labels[str(case)], *counts, *smallest, str(one.direction[one.singular_ratio.idxmin()])))
+    for case, group in tables.observability.groupby("case", sort=False):
+        phases = [phase for _, phase in group.groupby("t_s")]
+        ranks = [int((phase.singular_ratio > NUMERICAL * phase.singular_ratio.max()).sum()) for phase in phases]
+        of_bias = group.singular_ratio[np.array([is_position_bias(text) for text in group.direction], dtype=bool)]
+        counts = (len(phases), int(group.state_count.iloc[0]), min(ranks), int(group.rank_count.min()))
+        smallest = (float(group.singular_ratio.min()), float(of_bias.min()) if len(of_bias) else np.nan)
+        rows.append((tables.labels[str(case)], *counts, *smallest, str(group.direction[group.singular_ratio.idxmin()])))
     return pd.DataFrame(rows, columns=OBSERVED)
 
 
 def is_position_bias(direction: str) -> bool:
-    """Say whether a direction in words is one in which a position trades with its bias."""
+    """Whether a direction in words is a combination of position and its bias alone."""
     names = [part.split(" ", 1)[1] for part in direction.split(", ") if " " in part]
     of_bias = any(name.startswith("position bias") for name in names)
     return of_bias and all(name.startswith("position") for name in names)
