@@ -1,4 +1,4 @@
-"""Errors over time, of one case or several, and how a filter behaves: consistency, autocorrelations, mode logic."""
+"""Figures of errors over time, of one case or several, and of a filter: consistency, autocorrelation, mode logic."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from lvnav_trade.plots.style import MARKERS, PALETTE, drawing, line_of, message,
 from lvnav_trade.records import MODES
 from lvnav_trade.store.read import Tables
 
-MOST_COMPARED = 12  # cases whose errors stand in one panel; of more the best and the two worst
-_MARKED = 12  # markers on a line that has no dashes of its own
-MOST_RANKED = 30  # cases of the ranking that are drawn
-_LEAST = 0.2  # autocorrelation that is always within the panels: chance is not blown up
-_ONE_FLIGHT = 600  # innovations of a channel in one flight, one a second
+MOST_COMPARED = 12  # largest number of cases in one panel; of more cases the best and the two worst are drawn
+_MARKED = 12  # number of markers on a line without its own dashes
+MOST_RANKED = 30  # largest number of cases in the ranking
+_LEAST = 0.2  # smallest range of autocorrelation in a panel, so that random values are not magnified
+_ONE_FLIGHT = 600  # innovations of a channel in one flight, one per second
 _SLOW_FAST = "each range, position, attitude", "each range rate, velocity"  # channels in the first and second colour
 _OWN = "dots: filter's own sigma over its true error"
 Cases = Sequence[Mapping[str, str]]
-# Look of each mode: hatching tells them apart where there is no colour.
+# Style of each mode; hatching distinguishes them in grey prints
 _LOOKS = {
     "waiting": {"color": "#d1d5db"},
     "converging": {"color": PALETTE[5], "hatch": "..."},
@@ -38,10 +38,10 @@ _LOOKS = {
 
 @drawing
 def envelope(tables: Tables, case: str, quantity: str) -> Figure:
-    """Draw the errors of one quantity of a case, an axis below the other.
+    """Draw the errors of one quantity of a case over time, one panel per axis.
 
-    Monte-Carlo RMS with its 95 % interval, the filter's own sigma in the runs, LinCov formal (one sigma) and true (RMS:
-    sigma and mean together).
+    The lines are the Monte Carlo RMS with its 95 % interval, the formal sigma of the runs, and by linear covariance the
+    formal sigma and the true RMS error (sigma and mean combined).
     """
     axes_names = list(dict.fromkeys(tables.outputs[tables.outputs.quantity == quantity].axis))
     single = [name for name in axes_names if name != "3d"][:3] or axes_names
@@ -59,7 +59,7 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
 
 @drawing
 def worst_run(tables: Tables, case: str, run: str) -> Figure:
-    """Draw the errors of one run that is kept over time, beside three of the filter's own sigma and the RMS of all."""
+    """Draw the errors of one stored run over time, with three formal sigmas and the RMS of all runs."""
     rows = pick(tables.traces, case=case)
     rows = rows[rows.run_number == int(run)]
     if rows.empty:
@@ -67,19 +67,19 @@ def worst_run(tables: Tables, case: str, run: str) -> Figure:
     quantities = list(dict.fromkeys(rows.quantity))
     figure, grid = canvas(len(quantities), 1, 1.95, sharex=True)
     for ax, quantity in zip(grid[:, 0], quantities, strict=True):
-        mine, every = rows[rows.quantity == quantity], history_of(tables, case, quantity, "3d")
+        of_run, of_all = rows[rows.quantity == quantity], history_of(tables, case, quantity, "3d")
         unit, factor = tables.people[quantity, "3d"]
-        ax.plot(mine.t_s, mine.error_si * factor, color=PALETTE[1], label=f"run {run}")
-        ax.plot(mine.t_s, 3.0 * mine.sigma_si * factor, color=PALETTE[2], lw=1.0, label="3 x filter's own sigma")
-        ax.plot(every.t_s, every.rms_si * factor, color=PALETTE[0], ls="--", lw=1.0, label="RMS of all runs")
+        ax.plot(of_run.t_s, of_run.error_si * factor, color=PALETTE[1], label=f"run {run}")
+        ax.plot(of_run.t_s, 3.0 * of_run.sigma_si * factor, color=PALETTE[2], lw=1.0, label="3 x filter's own sigma")
+        ax.plot(of_all.t_s, of_all.rms_si * factor, color=PALETTE[0], ls="--", lw=1.0, label="RMS of all runs")
         ax.set(ylabel=f"{quantity},\n3D ({unit})")
-        scale_up(ax, "y", pd.concat([mine.error_si, every.rms_si]) * factor)
+        scale_up(ax, "y", pd.concat([of_run.error_si, of_all.rms_si]) * factor)
     over_time(grid[:, 0], tables, case)
     return figure
 
 
 def _outside(tables: Tables) -> set[str]:
-    """Return the labels of the cases with runs that linear covariance does not describe."""
+    """Return the labels of the cases with runs to which linear covariance is not applicable."""
     frame = by_case(tables)
     return set(frame.case[frame.verdict == "not applicable"])
 
@@ -99,7 +99,7 @@ def _lines(ax: Panel, rows: pd.DataFrame, factor: float, runs_alone: bool) -> No
 
 @drawing
 def comparison(tables: Tables, quantity: str) -> Figure:
-    """Draw the 3-D error of all cases on one axis: Monte-Carlo RMS, or LinCov's where there are no runs."""
+    """Draw the 3-D error of all cases over time in one panel: RMS of the runs, or of linear covariance without runs."""
     unit, factor = tables.people[quantity, "3d"]
     label = f"{quantity} error,\n3D RMS ({unit})"
     order = list(METRICS["ranking"](tables).case)
@@ -130,9 +130,9 @@ def _together(
 
 @drawing
 def rank(tables: Tables) -> Figure:
-    """Draw the cases in order of their 3-D velocity error at injection, position beside it, with 95 % intervals.
+    """Draw the cases in order of their 3-D velocity error at injection, and their position errors, with 95 % intervals.
 
-    Of many cases the best ones.
+    Of many cases only the best are drawn.
     """
     frame = METRICS["ranking"](tables).head(MOST_RANKED)
     quantities = [name for name in ("velocity", "position") if name in frame]
@@ -151,7 +151,11 @@ def rank(tables: Tables) -> Figure:
 
 @drawing
 def errors(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", during: str | None = None) -> Figure:
-    """Draw one error of chosen cases (all if none is) over time: Monte-Carlo RMS as lines, LinCov's as thin dashes."""
+    """Draw an error of several cases over time: RMS of the runs as lines, of linear covariance as thin dashes.
+
+    cases : levels of the cases; all cases if empty
+    during : phase; the whole history if None
+    """
     unit, factor = tables.people[quantity, axis]
     label = f"{_named(quantity, axis)}\n({unit}; short dashes: LinCov)"
     return _together(tables, _frames(tables, quantity, cases, axis, during), factor, label, 3.2, dashes=True)
@@ -159,9 +163,10 @@ def errors(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", d
 
 @drawing
 def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", during: str | None = None) -> Figure:
-    """Draw one error of chosen cases over that of the first one: Monte-Carlo RMS as lines, LinCov's as thin dashes.
+    """Draw an error of several cases relative to the first: of the runs as lines, of linear covariance as thin dashes.
 
-    Short dots: the filter's own sigma over its true error, which a filter that knows its errors keeps at one.
+    The dotted line is the formal sigma over the true error, which is one for a consistent filter. The arguments are
+    those of `errors`.
     """
     frames = _frames(tables, quantity, cases, axis, during or "flight")
     first, base = next(iter(frames.items()))
@@ -172,9 +177,9 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
             shown = _over(rows, "rms_si", base) if _has_runs(rows) and _has_runs(base) else expected
             _line(ax, number, rows.t_s, shown, expected, tables.labels[case])
             every += [*shown, *expected]
-        own = rows.lincov_formal_si / rows.expected_si
-        ax.plot(rows.t_s, own, color=line_of(number)["color"], ls=":", lw=1.2, label=None if number else _OWN)
-        every += [*own]
+        formal = rows.lincov_formal_si / rows.expected_si
+        ax.plot(rows.t_s, formal, color=line_of(number)["color"], ls=":", lw=1.2, label=None if number else _OWN)
+        every += [*formal]
     ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[first]} (the base)")
     scale_up(ax, "y", every, from_zero=max(every, default=0.0) > 1.5)  # a few percent should be seen
     ax.set(ylabel=f"{_named(quantity, axis)},\nover the base (-; short dashes: LinCov)")
@@ -183,8 +188,9 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
 
 
 def _frames(tables: Tables, quantity: str, cases: Cases, axis: str, during: str | None) -> dict[str, pd.DataFrame]:
-    """Return the history of an error of the chosen cases (all if none is) in a phase, with what LinCov expects: nothing
-    where it does not describe the case.
+    """Return the history of an error of several cases in a phase, by digest, with the RMS error by linear covariance.
+
+    The latter is NaN for a case to which linear covariance is not applicable.
     """
     frames = {}
     for case in dict.fromkeys(case for wanted in cases for case in cases_of(tables, wanted)) or tables.labels:
@@ -203,9 +209,9 @@ def _has_runs(rows: pd.DataFrame) -> bool:
 def _line(
     ax: Panel, number: int, t: pd.Series[float], shown: pd.Series[float], expected: pd.Series[float] | None, label: str
 ) -> None:
-    """Draw a case, and beside it what LinCov expects where that is another line."""
+    """Draw the line of a case, and the expectation of linear covariance as a second line if it is given."""
     style = line_of(number)
-    if expected is not None:  # its dashes say that it is expected: cases differ in markers
+    if expected is not None:  # dashes mark the expectation, so cases are distinguished by markers
         every = max(1, len(t) // _MARKED)
         ax.plot(t, shown, label=label, color=style["color"], marker=MARKERS[number % len(MARKERS)], ms=4.5, every=every)
         ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.9, group=label)
@@ -289,7 +295,7 @@ def _panel(ax: Panel, rows: pd.DataFrame, value: str, name: str) -> None:
 
 @drawing
 def logic(tables: Tables, case: str) -> Figure:
-    """Draw the part of runs in each mode over time, modes on top of each other; events as lines, faults shaded."""
+    """Draw the fraction of runs in each mode over time as stacked areas, with events as lines and faults shaded."""
     wide = pick(METRICS["modes"](tables), case=tables.labels[case]).pivot(
         index="t_s", columns="filter_mode", values="run_ratio"
     )

@@ -1,4 +1,4 @@
-"""Published numbers: all ratios, single flights among ours, a metric over a setting; figures of a study."""
+"""Figures of a study: ratios to published numbers, published single flights, a metric over a setting, process noise."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -15,25 +15,24 @@ from lvnav_trade.plots.style import PALETTE, drawing, line_of, scale_up
 from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
 
-_DRAWN = 0.02, 50.0  # ratios that are drawn where they are; one beyond is an arrow at the end of the axis
+_DRAWN = 0.02, 50.0  # limits of the axis of ratios; ratios beyond are drawn as arrows at its ends
 _AT_AN_EDGE = "in band, published flight none of ours"
 _FLOWN = "flown in the study"
 _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
 
 
 class Published(NamedTuple):
-    """A published number, in the unit of the figure, and the band about it that counts as equal."""
+    """A published number."""
 
-    value: float
-    band: tuple[float, float] = (0.5, 2.0)  # parts of the value
+    value: float  # in the unit of the figure
+    band: tuple[float, float] = (0.5, 2.0)  # band of agreement, as ratios to the value
 
 
 def ratios(references: pd.DataFrame) -> Figure:
-    """Draw ours over published of every number, with its band; those outside stand out, and so do those in band whose
-    published single flight is none of ours.
+    """Draw the ratio of the result to every published number, with its band.
 
-    A ratio below 0.02 or above 50 is an arrow at that end; a number that ours lack, or of the other sign, is a cross
-    there.
+    Ratios outside their band are marked, and so are published single flights that are unlikely among the runs. A ratio
+    below 0.02 or above 50 is an arrow at the end of the axis. A missing result, or one of opposite sign, is a cross.
     """
     frame = references[references.published.notna()].reset_index(drop=True)
     lacks = (frame.ratio.isna() | (frame.ratio <= 0.0)).to_numpy()
@@ -54,7 +53,7 @@ def ratios(references: pd.DataFrame) -> Figure:
 
 
 def _ratio_marks(ax: Panel, rows: pd.DataFrame, found: pd.Series, ratio: pd.Series) -> None:
-    """Draw ratios by how they fare; arrows where `found` lies beyond what is drawn. Their places are their index."""
+    """Draw ratios by their verdict, with arrows for `found` outside the axis; the ordinate is the index of the row."""
     inside, edge = rows.in_band.astype(bool), at_an_edge(rows)
     kinds = [
         (inside & ~edge, "in band", {"color": PALETTE[0], "marker": "o"}),
@@ -72,7 +71,7 @@ def _ratio_marks(ax: Panel, rows: pd.DataFrame, found: pd.Series, ratio: pd.Seri
 
 
 def _ratio_axes(ax: Panel, names: Sequence[str], label: str) -> None:
-    """Make the horizontal axis one of ratios, logarithmic, with plain numbers, and name items from the top down."""
+    """Make the horizontal axis logarithmic, for ratios, and label the items from the top down."""
     short = [name if len(name) <= 62 else name[:59] + "..." for name in names]
     ax.set(xscale="log", ylim=(len(names) - 0.4, -0.6), yticks=named_ticks(short), grid=False)
     ax.set(xlabel=label, ylabel="item")
@@ -80,9 +79,9 @@ def _ratio_axes(ax: Panel, names: Sequence[str], label: str) -> None:
 
 @drawing
 def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | None:
-    """Draw every published number of a single flight among the same of our flights, each by itself; None without any.
+    """Draw every published number of a single flight with the distribution of the runs; None if there is none.
 
-    Box: half of our flights, whiskers: 90 % of them; all over the published number.
+    The box has half of the runs, the whiskers 90 %. All values are ratios to the published number.
     """
     rows = []
     for published in references:
@@ -121,11 +120,24 @@ def locus(
     varied: str = "",
     flown: str = "",
 ) -> Figure:
-    """Draw a metric over the levels of an axis, with the published value and its band as lines, and a ring around what
-    the study flies: the level `flown`, or that of the base if empty, where its place is known.
+    """Draw a metric over the levels of an axis, one line for each combination of the other axes.
 
-    axis: name of the axis in the labels of cases; stated: metric, at or during, statistic; one line for each choice of
-    the other axes; cases: those drawn, all if empty; varied: the quantity that the axis varies, its name if empty.
+    Parameters
+    ----------
+    axis : str
+        Name of the axis in the labels of cases.
+    stated : mapping
+        Statement: metric, `at` or `during`, statistic.
+    unit : str
+        Unit of the metric.
+    published : Published, optional
+        Published value, drawn as a line with its band.
+    cases : sequence of mapping
+        Levels of the cases to draw; all if empty.
+    varied : str
+        Quantity that the axis varies, for the label; the name of the axis if empty.
+    flown : str
+        Level that the study uses, marked by a ring; the level of the base if empty.
     """
     chosen = {case for wanted in cases for case in cases_of(tables, wanted, ())} or set(tables.labels)
     rows = []
@@ -134,7 +146,7 @@ def locus(
             others = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis and level != "base")
             rows.append((levels[axis], others, evaluate_single(tables, case, stated, unit).value))
     frame = pd.DataFrame(rows, columns=["level", "others", "value"])
-    if set(frame.level) > {BASE}:  # one at a time: the base has a word in place of a level
+    if set(frame.level) > {BASE}:  # in a design one_at_a_time, the level of the base is a word
         frame = frame[frame.level != BASE]
     names = list(dict.fromkeys(frame.level))
     sizes, kind = level_sizes(names)
@@ -163,7 +175,7 @@ def locus(
 def _flown(
     tables: Tables, axis: str, flown: str, frame: pd.DataFrame, value_of: Callable[[str], float]
 ) -> pd.DataFrame:
-    """Return the points of what the study flies: of the level, or of the base where that is a case by itself."""
+    """Return the points of the level that the study uses, or of the base if this is a case of its own."""
     base = base_level(tables, axis)
     level = flown or base.label
     if (frame.level == level).any():
@@ -177,12 +189,12 @@ def _flown(
 
 
 def _rings(ax: Panel, mine: pd.DataFrame, kind: str | None) -> None:
-    """Draw rings; a dotted line where a logarithmic axis has no place for zero."""
-    there = _placed(ax, mine)
-    if there.any():
+    """Draw rings around points; a point at zero on a logarithmic axis becomes a dotted line."""
+    is_placed = _placed(ax, mine)
+    if is_placed.any():
         look = {"ls": "none", "marker": "o", "ms": 9, "mfc": "none", "color": "black"}
-        ax.plot(mine.x[there], mine.value[there], label=_FLOWN, **look)
-    for value in mine.value[~there]:
+        ax.plot(mine.x[is_placed], mine.value[is_placed], label=_FLOWN, **look)
+    for value in mine.value[~is_placed]:
         ax.axhline(value, color="black", ls=":", lw=1.1, label=f"{_FLOWN} (0{f' {kind}' if kind else ''})")
 
 
@@ -192,15 +204,18 @@ def _placed(ax: Panel, rows: pd.DataFrame) -> Any:
 
 
 def mark_levels(ax: Panel, sizes: Sequence[float], names: Sequence[str], kind: str | None) -> None:
-    """Mark the levels of an axis: by their names where they are no numbers of one unit."""
+    """Set the ticks of an axis of levels: by name unless they are numbers in one unit; `kind`: this unit or None."""
     if kind is None:
-        ax.set(xticks=list(zip(sizes, map(str, names), strict=False)))  # behind them is what is flown
+        ax.set(xticks=list(zip(sizes, map(str, names), strict=False)))  # further sizes are those of the base
     else:
         scale_up(ax, "x", sizes, from_zero=False)
 
 
 def level_sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
-    """Return where the levels of an axis stand, and their unit: their own numbers where all have one unit."""
+    """Return the positions (n,) of the levels of an axis and their unit.
+
+    The positions are the numbers of the levels if these have the same dimension; otherwise 0, 1, 2, ... and None.
+    """
     parts = [name.strip().partition(" ") for name in names]
     try:
         numbers = [float(number) for number, _, _ in parts]
@@ -214,9 +229,10 @@ def level_sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
 
 
 def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) -> Figure:
-    """Draw the unaided error and what the transition misses of it per step, one sigma per axis, logarithmic.
+    """Draw the error of unaided runs, and the part per step that the filter's transition does not predict.
 
-    table as of campaign.estimate.steps_table; phases: name, start and end s, marked by lines.
+    table : one sigma per axis, from `campaign.derived.steps_table`
+    phases : name, start and end (s), marked by lines
     """
     figure, grid = canvas(3, 1, 1.7)
     for ax, (name, unit, factor, label) in zip(grid[:, 0], _ERRORS, strict=True):
