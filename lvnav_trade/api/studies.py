@@ -48,8 +48,7 @@ def study(
     Parameters
     ----------
     folder : str, Path or StudyScript
-        Folder of campaigns with a `study.yaml` that describes the report, or the name of a study that comes with the
-        tool, or a script, which names its folder and extends the report.
+        Folder of campaigns with a `study.yaml`, name of a study that comes with the tool, or script with additions.
     keep : str or Path
         Folder of the report: report.md, figures/, references.csv and agreement.csv.
     runs : int, optional

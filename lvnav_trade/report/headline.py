@@ -106,9 +106,9 @@ def _short(rows: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
     The case of an item that occurs in one case only is replaced by its campaign. The expression of a row with an item
     is omitted, because the item describes it.
     """
-    said, cases = rows["item"] != "", whole.groupby("item")["case"].nunique()
-    alone = said & rows["item"].map(cases).eq(1)
-    expression = said & rows.metric.str.contains(_EXPRESSION)
+    has_item, cases = rows["item"] != "", whole.groupby("item")["case"].nunique()
+    alone = has_item & rows["item"].map(cases).eq(1)
+    expression = has_item & rows.metric.str.contains(_EXPRESSION)
     named = short_cases(rows)["case"]
     return rows.assign(
         case=named.where(~alone, rows["case"].str.partition(": ")[0]), metric=rows.metric.mask(expression, "")

@@ -166,7 +166,7 @@ def answer(study: Study, every: pd.DataFrame, script: StudyScript, campaigns: Se
 
 def line_of(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
     """Return the line of a campaign in the table of campaigns; frame: rows of all of them."""
-    mine = frame[frame["case"].str.startswith(f"{one.part.campaign}: ") & evidence(frame)]
+    of_campaign = frame[frame["case"].str.startswith(f"{one.part.campaign}: ") & evidence(frame)]
     counted, cases = by_case(one.tables), one.tables.cases
     tested = counted[counted.verdict.isin(["agree", "disagree"])]
     agree = int((tested.verdict == "agree").sum())
