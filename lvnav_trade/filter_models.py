@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from lvnav_trade.filters.base import ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filters.assumed import ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.kernels.transition import ACCEL, GYRO
 from lvnav_trade.layout import RELATIVE
 from lvnav_trade.observables.sensor import SensorCard

@@ -22,7 +22,7 @@ from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.engines.setup import flight as room
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.filter_models import filter_models
-from lvnav_trade.filters.base import ReceiverModel
+from lvnav_trade.filters.assumed import ReceiverModel
 from lvnav_trade.frames import quaternions
 from lvnav_trade.kernels.earth import gravity_j4
 from lvnav_trade.observables.sensors import SENSORS, kind_of

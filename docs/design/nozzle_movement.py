@@ -23,8 +23,7 @@ from lvnav_trade.metrics.vehicle import reduction
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, line_of, look
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
-from lvnav_trade.world.guided.course import ascend, changes
-from lvnav_trade.world.guided.loop import (
+from lvnav_trade.world.guided.autopilot import (
     INSIDE_JERK,
     INSIDE_TURNING,
     JERK,
@@ -37,6 +36,7 @@ from lvnav_trade.world.guided.loop import (
     TURNING_BOUND,
     TURNING_RATIO,
 )
+from lvnav_trade.world.guided.course import ascend, changes
 from lvnav_trade.world.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.sensors.imu import ImuCard
 

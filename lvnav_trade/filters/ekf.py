@@ -5,11 +5,12 @@ import numpy as np
 from lvnav_trade.filters.delayed import subtract_extra
 from lvnav_trade.filters.late import LAST, carry_on, correct_stored, place_of
 from lvnav_trade.kernels import processes, transition
-from lvnav_trade.kernels.covariance import add_turned, grow, inflate, predict, whiten
+from lvnav_trade.kernels.covariance import add_turned, grow, inflate, predict
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.kernels.transition import correct_motion
+from lvnav_trade.kernels.whitening import whiten
 from lvnav_trade.line_of_sight import antenna, line_of_sight
 from lvnav_trade.observables import solution
 from lvnav_trade.observables.base import N_ENTRY

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.envelope import EnvelopeCard
-from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filters.assumed import ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.filters.rows import TYPES, clock_gains, extra_tables, row_tables, row_types
 from lvnav_trade.filters.states import Taken
 from lvnav_trade.filters.strapdown import strapdown_of

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filters.base import BIASES, FilterCard, ImuModel, ReceiverModel
+from lvnav_trade.filters.assumed import ImuModel, ReceiverModel
+from lvnav_trade.filters.base import BIASES, FilterCard
 from lvnav_trade.filters.delayed import cloned_states
 from lvnav_trade.filters.rows import NOISE_STATES
 from lvnav_trade.layout import BY_SATELLITE, EXTRAS, PARAMETERS, RELATIVE, ErrorTerm, ExtraBlock, StateLayout

@@ -363,42 +363,6 @@ def update_covariance(P, work, gain, h, entries, columns, variance):
 
 
 @jit
-def whiten(R, z, H, n, n_entry):
-    """Decorrelate (whiten) n measurements z = H x + v with Cov v = R: their errors become independent, of variance 1.
-
-    With R = L L': z <- L^-1 z, H <- L^-1 H, in place. Row i becomes a combination of rows 0 to i, so it needs the
-    entries of all of them. Processing the rows one after the other with variance 1 is equivalent to the joint update
-    with R. A row without a measurement, or with a variance that is not positive, becomes not-a-number, and so do later
-    rows correlated with it.
-
-    Parameters
-    ----------
-    R : (n, n) symmetric; its lower triangle is overwritten by L
-    z : (n,) measured minus predicted, updated in place
-    H : (n, n_entry) Jacobian rows, updated in place
-    n, n_entry : number of rows and of entries
-    """
-    for i in range(n):
-        pivot = R[i, i]
-        for k in range(i):
-            pivot = pivot - R[i, k] * R[i, k]
-            z[i] = z[i] - R[i, k] * z[k]
-            for e in range(n_entry):
-                H[i, e] = H[i, e] - R[i, k] * H[k, e]
-        root = sqrt(where(pivot > 0.0, pivot, np.nan))
-        scale = 1.0 / root
-        R[i, i] = root
-        z[i] = z[i] * scale
-        for e in range(n_entry):
-            H[i, e] = H[i, e] * scale
-        for j in range(i + 1, n):
-            value = R[j, i]
-            for k in range(i):
-                value = value - R[j, k] * R[i, k]
-            R[j, i] = value * scale
-
-
-@jit
 def enter(P, y, variance, b, at):
     """Add an error component c, with a variance, to the states from `at` on: x += b c, b (m,).
 

@@ -13,7 +13,7 @@ from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control_cards import FeedbackCard
-from lvnav_trade.world.guided import loop
+from lvnav_trade.world.guided import autopilot
 from lvnav_trade.world.guided.course import Ascent, ascend
 from lvnav_trade.world.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.sensors.units import equivalent
@@ -75,7 +75,7 @@ def controlled(scenario: Scenario, seed: int, runs: int) -> Controlled | None:
         return None
     launch = launch_of(scenario)
     missions = [fly_missions(launch, feedback(scenario, feed), runs, seed) for feed in FEEDS]
-    moved = np.stack([flown.history[..., loop.MOVED] for flown in missions])
+    moved = np.stack([flown.history[..., autopilot.MOVED] for flown in missions])
     shown_t, shown = _shown(launch, feedback(scenario, "filtered"), seed)
     return Controlled(
         t=missions[0].t,
@@ -113,7 +113,7 @@ def _totals(missions: list[Missions], spans: Floats) -> Floats:
         found[feed, :, 0] = flown.movement
         for number, (begin, end) in enumerate(spans, start=1):
             at = np.minimum(np.searchsorted(flown.t, [begin, end + 1.0]), flown.t.size - 1)
-            rows = flown.history[..., loop.MOVED][:, at]
+            rows = flown.history[..., autopilot.MOVED][:, at]
             found[feed, :, number] = rows[:, 1] - rows[:, 0]
     return found
 
@@ -122,18 +122,18 @@ def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
     """Return what the ticks of each axis and phase add up to, (2, N_PHASE, 8); see Controlled."""
     sums = flown.sums.sum(axis=0)
     furthest = flown.sums.max(axis=0)
-    ticks = np.where(sums[..., loop.TICKS] > 0.0, sums[..., loop.TICKS], np.nan)
+    ticks = np.where(sums[..., autopilot.TICKS] > 0.0, sums[..., autopilot.TICKS], np.nan)
     raw = rms(launch.imu.gyro.random_walk) * np.sqrt(launch.imu.rate) if feed == "raw" else np.nan
     return np.stack(
         [
-            sums[..., loop.TICKS],
-            sums[..., loop.INSIDE_TURNING] / ticks,
-            sums[..., loop.INSIDE_JERK] / ticks,
-            furthest[..., loop.TURNING_RATIO],
-            furthest[..., loop.JERK_RATIO],
-            np.sqrt(sums[..., loop.SQUARE_ERROR] / ticks),
-            np.sqrt(sums[..., loop.SQUARE_RATE] / ticks),
-            _formal(launch, flown) if feed == "filtered" else np.full((2, loop.N_PHASE), raw),
+            sums[..., autopilot.TICKS],
+            sums[..., autopilot.INSIDE_TURNING] / ticks,
+            sums[..., autopilot.INSIDE_JERK] / ticks,
+            furthest[..., autopilot.TURNING_RATIO],
+            furthest[..., autopilot.JERK_RATIO],
+            np.sqrt(sums[..., autopilot.SQUARE_ERROR] / ticks),
+            np.sqrt(sums[..., autopilot.SQUARE_RATE] / ticks),
+            _formal(launch, flown) if feed == "filtered" else np.full((2, autopilot.N_PHASE), raw),
         ],
         axis=-1,
     )
@@ -143,9 +143,9 @@ def _formal(launch: Launch, flown: Missions) -> Floats:
     """Return the root mean square (2, N_PHASE) of the filter's sigma of the rate, NaN of a phase that there is not."""
     course = launch.course
     phase = course.phase[: -1 : max(1, round((course.t.size - 1) / flown.t.size))][: flown.t.size]
-    found = np.full((2, loop.N_PHASE), np.nan)
+    found = np.full((2, autopilot.N_PHASE), np.nan)
     for number in np.unique(phase):
-        found[:, number] = np.sqrt(np.mean(flown.history[:, phase == number, :, loop.FORMAL] ** 2, axis=(0, 1)))
+        found[:, number] = np.sqrt(np.mean(flown.history[:, phase == number, :, autopilot.FORMAL] ** 2, axis=(0, 1)))
     return found
 
 
@@ -156,7 +156,9 @@ def _shown(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, F
     n_bin = int(np.sum(one.t <= SHOWN)) // per_bin
     ticks = one.history[0, : n_bin * per_bin].reshape(n_bin, per_bin, 2, -1)
     found = np.empty((n_bin, 2, 4))
-    for column, (value, bound) in enumerate(((loop.TURNING, loop.TURNING_BOUND), (loop.JERK, loop.JERK_BOUND))):
+    for column, (value, bound) in enumerate(
+        ((autopilot.TURNING, autopilot.TURNING_BOUND), (autopilot.JERK, autopilot.JERK_BOUND))
+    ):
         furthest = np.argmax(np.abs(ticks[..., value]) / ticks[..., bound], axis=1)
         for axis in range(2):
             rows = ticks[np.arange(n_bin), furthest[:, axis], axis]

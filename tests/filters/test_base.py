@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.filters.base import FilterCard, ImuModel
+from lvnav_trade.filters.base import FilterCard
 
 PLAIN = {"name": "f", "source": "test", "measurements": ["pseudorange", "range_rate"]}
 
@@ -41,16 +39,6 @@ def test_a_plain_card_is_matched_second_order_at_ten_hertz_and_one_hertz_without
 def test_what_no_filter_understands_is_refused(wrong):
     with pytest.raises(ValidationError):
         FilterCard(**{**PLAIN, **wrong})
-
-
-def test_a_filter_model_is_read_in_the_datasheets_units():
-    model = ImuModel(
-        gyro_random_walk="0.03 deg/sqrt(h)", accel_random_walk="50 ug/sqrt(Hz)", gyro_bias="1 deg/h", accel_bias="2 mg"
-    )
-    assert model.gyro_random_walk == pytest.approx(math.radians(0.03) / 60.0, rel=1e-12)
-    assert model.accel_random_walk == pytest.approx(50e-6 * 9.80665, rel=1e-12)
-    assert model.gyro_bias == pytest.approx(math.radians(1.0) / 3600.0, rel=1e-12)
-    assert model.gyro_bias_time is None
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filters.assumed import ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.filters.model import build_filter_model, initial_covariance, window_tables
 from lvnav_trade.filters.rows import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.filters.states import Taken, state_layout

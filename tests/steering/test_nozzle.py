@@ -12,7 +12,7 @@ from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.errors import InputError
 from lvnav_trade.steering import nozzle as room
 from lvnav_trade.steering.nozzle import FEEDS, controlled
-from lvnav_trade.world.guided.loop import MOVED, TICKS
+from lvnav_trade.world.guided.autopilot import MOVED, TICKS
 from tests.world.guided.launches import fly_steady, steady_launch
 
 WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}

@@ -19,7 +19,8 @@ from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.filter_models import filter_models, sensor_model, sensors_used, solves
-from lvnav_trade.filters.base import FilterCard, ReceiverModel
+from lvnav_trade.filters.assumed import ReceiverModel
+from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.metrics.basics.probability import success_verdict
 from lvnav_trade.metrics.errors.covariances import NOT_APPLICABLE, why_outside
 from lvnav_trade.metrics.requirements.improvements import asked_of

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.setup.inputs import Unit
+from lvnav_trade.engines.setup.imu_inputs import Unit
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.units import white_of
 from lvnav_trade.engines.simulate.sensing import sense

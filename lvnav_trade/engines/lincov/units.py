@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.epoch.imu_errors import lasting_share, tick_input, unit_input
-from lvnav_trade.engines.setup.inputs import Units
+from lvnav_trade.engines.setup.imu_inputs import Units
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.units import along_axes, inputs_of
 from lvnav_trade.engines.simulate.redundancy import grow

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.setup.flight import Flight
-from lvnav_trade.engines.setup.inputs import Unit, Units
+from lvnav_trade.engines.setup.imu_inputs import Unit, Units
 from lvnav_trade.engines.setup.redundancy import Profile, redundant_of
 from lvnav_trade.engines.setup.units import arriving, elements, fused, units_of, white_of
 from lvnav_trade.kernels.random import source_word

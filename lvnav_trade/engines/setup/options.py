@@ -9,7 +9,8 @@ from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filter_models import epoch_interval, solves
-from lvnav_trade.filters.base import FilterCard, ReceiverModel
+from lvnav_trade.filters.assumed import ReceiverModel
+from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.filters.iterated import Passes
 from lvnav_trade.filters.late import Late
 from lvnav_trade.filters.scheduled import Gains, gains_at

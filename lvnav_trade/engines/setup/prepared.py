@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.setup.inputs import Options, Record, Schedule, Sensors, Signals, Start, Unit
+from lvnav_trade.engines.setup.imu_inputs import Unit
+from lvnav_trade.engines.setup.inputs import Options, Record, Schedule, Sensors, Signals, Start
 from lvnav_trade.engines.setup.receiver.atmosphere import Delays
 from lvnav_trade.engines.setup.receiver.recorded import Recorded
 from lvnav_trade.engines.setup.receiver.solution import Chain

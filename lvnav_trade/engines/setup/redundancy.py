@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from lvnav_trade.engines.setup.inputs import Redundant, Units
+from lvnav_trade.engines.setup.imu_inputs import Redundant, Units
 from lvnav_trade.engines.setup.units import along_axes, inputs_of
 from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.per_axis import squares

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filters.base import FilterCard, ImuModel
+from lvnav_trade.filters.assumed import ImuModel
+from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.filters.rows import TYPES
 from lvnav_trade.kernels.transition import ATT, EVERY_WINDOW, FIRST, KEPT, POS, RENEWED, VEL
 from lvnav_trade.layout import StateLayout

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.engines.setup.inputs import Units
+from lvnav_trade.engines.setup.imu_inputs import Units
 from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_2, SQUARE

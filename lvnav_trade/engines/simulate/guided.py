@@ -11,9 +11,9 @@ from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.records import NO_INJECTIONS, NO_LOST, OUTCOMES, Floats
 from lvnav_trade.world.ascent.dispersion_card import SOURCES
+from lvnav_trade.world.guided.autopilot import Draws
 from lvnav_trade.world.guided.draws import draw
 from lvnav_trade.world.guided.dynamics import Navigation
-from lvnav_trade.world.guided.loop import Draws
 from lvnav_trade.world.guided.orbit import orbit_difference, orbit_of
 from lvnav_trade.world.guided.pilots import INJECTED
 from lvnav_trade.world.guided.reference import steering_times

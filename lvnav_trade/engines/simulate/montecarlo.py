@@ -8,7 +8,8 @@ import numpy as np
 from numba import config
 
 from lvnav_trade.engines.epoch.case import Parts, case_of
-from lvnav_trade.engines.setup.inputs import Record, Schedule, Start, Unit
+from lvnav_trade.engines.setup.imu_inputs import Unit
+from lvnav_trade.engines.setup.inputs import Record, Schedule, Start
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.receiver.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly

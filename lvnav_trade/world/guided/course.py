@@ -15,7 +15,7 @@ from lvnav_trade.world.ascent.steering_law import smoothsteps
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control_cards import ControllerCard
 from lvnav_trade.world.events import resolve
-from lvnav_trade.world.guided.loop import BURN, CHANGE, COAST, Course
+from lvnav_trade.world.guided.autopilot import BURN, CHANGE, COAST, Course
 from lvnav_trade.world.guided.reference import Plan, plan_along
 from lvnav_trade.world.truth import Trajectory, motion
 

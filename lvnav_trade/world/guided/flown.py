@@ -12,7 +12,7 @@ from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.launch import achieved, build_ascent
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent
 from lvnav_trade.world.control_cards import SteeredCard
-from lvnav_trade.world.guided import loop
+from lvnav_trade.world.guided import autopilot
 from lvnav_trade.world.guided.course import Ascent, ascend
 from lvnav_trade.world.guided.missions import Launch, fly_mission, launch_along
 from lvnav_trade.world.guided.pilots import Stretch, TurningPilot
@@ -53,7 +53,7 @@ def fly_launch(ascent: Ascent, launch: Launch, card: SteeredCard) -> Trajectory:
     The body points as the controlled loop has it; roll is that of the ascent. Knots lie a tick apart.
     """
     nominal = ascent.trajectory
-    draws = loop.Draws(*seed_words(_SEED), np.uint64(card.realisation))
+    draws = autopilot.Draws(*seed_words(_SEED), np.uint64(card.realisation))
     pilot = fly_mission(launch, card.feedback, draws, 1, path=True)
     control = pilot.turning.control
     t, rows = control.course.t[: len(control.history)], control.history
@@ -63,7 +63,7 @@ def fly_launch(ascent: Ascent, launch: Launch, card: SteeredCard) -> Trajectory:
         pilot.events | {"max_q": nominal.events["max_q"]},
         nominal.theta0,
         nominal.epoch,
-        commands=Commands(t, np.cumsum(rows[:, :, loop.STEPPED], axis=0), rows[:, :, loop.ASKED]),
+        commands=Commands(t, np.cumsum(rows[:, :, autopilot.STEPPED], axis=0), rows[:, :, autopilot.ASKED]),
     )
     return replace(built, facts=nominal.facts | _facts(built))
 
@@ -71,7 +71,7 @@ def fly_launch(ascent: Ascent, launch: Launch, card: SteeredCard) -> Trajectory:
 def _phases(nominal: Trajectory, pilot: TurningPilot) -> Iterator[Phase]:
     control, path = pilot.turning.control, pilot.turning.path
     ticks = control.course.t[: len(path)]
-    angle, rate = control.history[:, :, loop.ANGLE], control.history[:, :, loop.RATE]
+    angle, rate = control.history[:, :, autopilot.ANGLE], control.history[:, :, autopilot.RATE]
     turned = CubicHermiteSpline(ticks, angle, rate)
     for stretch in pilot.stretches:
         inside = _inside(stretch, ticks)

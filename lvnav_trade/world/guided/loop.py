@@ -5,13 +5,45 @@ are stepped exactly, the body by Runge-Kutta steps of half a tick. What the vehi
 flight, see `turning.py`.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.random import normals, source_word
-from lvnav_trade.records import Floats, Ints
+from lvnav_trade.world.guided.autopilot import (
+    AIR,
+    ANGLE,
+    ASKED,
+    COAST,
+    ERROR,
+    FORCE,
+    FORMAL,
+    FRESH,
+    IDEAL,
+    INSIDE_JERK,
+    INSIDE_TURNING,
+    JERK,
+    JERK_BOUND,
+    JERK_RATIO,
+    MODELLED,
+    MOTOR,
+    MOVED,
+    NEXT,
+    NOZZLE,
+    OF_THE_RUN,
+    RATE,
+    RATE_ERROR,
+    RAW,
+    SQUARE_ERROR,
+    SQUARE_RATE,
+    STACK,
+    STEPPED,
+    TICKS,
+    TRUE,
+    TURNING,
+    TURNING_BOUND,
+    TURNING_RATIO,
+    Reaction,
+)
 from lvnav_trade.world.guided.axis import (
     body_step,
     command_step,
@@ -24,37 +56,7 @@ from lvnav_trade.world.guided.axis import (
     thruster_of,
 )
 
-TRUE, RAW, FILTERED = 0, 1, 2
-BURN, COAST, CHANGE, N_PHASE = 0, 1, 2, 3
-IDEAL, MODELLED, OF_THE_RUN = 0, 1, 2
-"""Attitude that the controller sees: the true one, that of a navigation of its own, that of the run's navigation."""
-NEXT, MOTOR, FRESH, STACK, N_COUNT = range(5)
-"""What a run counts: the tick that is due, the burning stage (0: none, -1: not known yet), whether it has just changed,
-and the lowest stage.
-"""
-
-# What is recorded of an axis at a tick.
-(
-    NOZZLE,
-    ASKED,
-    MOVED,
-    ERROR,
-    RATE_ERROR,
-    TURNING,
-    TURNING_BOUND,
-    JERK,
-    JERK_BOUND,
-    AIR,
-    FORMAL,
-    ANGLE,
-    RATE,
-    FORCE,
-    STEPPED,
-    N_RECORD,
-) = range(16)
-# What is added up of an axis in a phase.
-(TICKS, INSIDE_TURNING, INSIDE_JERK, TURNING_RATIO, JERK_RATIO, SQUARE_ERROR, SQUARE_RATE, N_SUM) = range(8)
-# What an axis carries from tick to tick.
+# What an axis remembers from tick to tick.
 (
     ANGLE_NOW,
     RATE_NOW,
@@ -86,7 +88,7 @@ and the lowest stage.
     _ERROR,
     _RATE_ERROR,
     _RATE_BEFORE,
-    N_CARRIED,
+    N_MEMORY,
 ) = range(31)
 
 _GYRO, _BIASES = source_word("rotation gyro noise"), source_word("rotation gyro bias")
@@ -97,179 +99,24 @@ _STEPS = source_word("rotation guidance command")
 _ZERO = np.uint64(0)
 
 
-class Plant(NamedTuple):
-    """Nozzle (s, rad/s, rad, rad) and thrusters (rad, s, part) of a vehicle."""
-
-    time_constant: float
-    rate_limit: float
-    limit: float
-    misalignment: float
-    dead_band: float
-    lead: float
-    release: float
-
-
-class Law(NamedTuple):
-    """Controller: gains (n_stage, 3) of attitude, rate (s), integral (1/s); guidance from a stage on (0: none)."""
-
-    gains: Floats
-    command_time: float
-    guided_from: int
-    guidance_ticks: int
-    guidance_time: float
-    guidance_limit: float
-    velocity_sigma: float
-    command_sigma: float
-
-
-class Feed(NamedTuple):
-    """What the controller sees: source of the rate, which attitude, noises, reference's gain."""
-
-    rate: int
-    attitude: int
-    gyro: float
-    bias: float
-    reference: float
-    reference_ticks: int
-    reference_gain: float
-    start: float
-
-
-class CommandedEnvelope(NamedTuple):
-    """The part of the motion envelope that depends on commanded rate and nozzle angle, see `EnvelopeCard`."""
-
-    burn: float
-    coast: float
-    turn_gain: float
-    turn_time: float
-    lateral: float
-    nozzle_gain: float
-    nozzle_time: float
-
-
-class Settings(NamedTuple):
-    """What is the same in all runs of a launch."""
-
-    plant: Plant
-    law: Law
-    feed: Feed
-    model: CommandedEnvelope
-
-
-class Draws(NamedTuple):
-    """What the draws of a run depend on: two words of the seed, the number of the run."""
-
-    k0: np.uint64
-    k1: np.uint64
-    run: np.uint64
-
-
-class Course(NamedTuple):
-    """The attitude that is commanded before lift-off, on n even ticks from lift-off on. Axes are pitch and yaw.
-
-    t : (n,) s since lift-off.
-    ahead : (n, 3). Axis of the body, frame i.
-    up : (n, 3). The way of its nose pitching up, frame i.
-    right : (n, 3). The way of its nose yawing right, frame i.
-    rate : (n, 2) rad/s. Body rate.
-    turn : (n, 2) rad. Additional commanded angle.
-    turn_rate : (n, 2) rad/s. Additional commanded rate.
-    velocity : (n, 3) m/s. Of the nominal flight, frame i.
-    phase : (n,). BURN, COAST or CHANGE.
-    """
-
-    t: Floats
-    ahead: Floats
-    up: Floats
-    right: Floats
-    rate: Floats
-    turn: Floats
-    turn_rate: Floats
-    velocity: Floats
-    phase: Ints
-
-
-class Met(NamedTuple):
-    """What a vehicle meets at a moment. Pairs are of pitch and yaw; lateral is the way of the nose, up and right.
-
-    effectiveness : 1/s^2. Angular acceleration per nozzle angle.
-    thrust_load : m/s^2. Thrust over mass.
-    moment : rad/(s m). Angular acceleration per lateral airspeed.
-    force : 1/s. Lateral acceleration per lateral airspeed.
-    airspeed : m/s.
-    slip : m/s. Lateral velocity over the ground.
-    wind : m/s. Lateral wind without gusts.
-    drift : m/s. Lateral velocity less that of the nominal flight.
-    gust : m/s. Sigma of the gusts.
-    gust_rate : 1/s. Airspeed over the length of the gusts.
-    thruster : rad/s^2. Angular acceleration by a pair of thrusters.
-    """
-
-    effectiveness: float
-    thrust_load: float
-    moment: float
-    force: float
-    airspeed: float
-    slip: tuple[float, float]
-    wind: tuple[float, float]
-    drift: tuple[float, float]
-    gust: float
-    gust_rate: float
-    thruster: float
-
-
-class Control(NamedTuple):
-    """The controlled attitude of one run.
-
-    course : What is commanded before lift-off.
-    settings : What is the same in all runs.
-    draws : What draws depend on.
-    carried : (2, N_CARRIED). What the axes carry from tick to tick; updated.
-    counts : (N_COUNT,). What the run counts; updated.
-    every : Ticks from record to record.
-    history : (n_record, 2, N_RECORD). Record of every so many ticks; set.
-    sums : (2, N_PHASE, N_SUM). What ticks add up to; updated.
-    """
-
-    course: Course
-    settings: Settings
-    draws: Draws
-    carried: Floats
-    counts: Ints
-    every: int
-    history: Floats
-    sums: Floats
-
-
-class Reaction(NamedTuple):
-    """What an axis does at a tick, with the bounds of the envelope of commanded motion."""
-
-    turning: float  # angular acceleration, rad/s^2
-    turning_bound: float  # rad/s^2
-    jerk: float  # of the lateral specific force, m/s^3
-    jerk_bound: float  # m/s^3
-    error: float  # of the attitude, rad
-    rate_error: float  # rad/s
-
-
 @jit
 def begin(control):
     """Draw what a run starts with; its axes and counters are set."""
-    carried, course, feed = control.carried, control.course, control.settings.feed
+    memory, course, feed = control.memory, control.course, control.settings.feed
     k0, k1, run = control.draws
-    carried[:] = 0.0
+    memory[:] = 0.0
     g0, g1, g2, g3 = normals(k0, k1, _GUSTS, run, _ZERO, _ZERO)
     half = np.sqrt(0.5)
-    carried[0, _GUST_1], carried[0, _GUST_2] = g0, half * (g0 + g1)
-    carried[1, _GUST_1], carried[1, _GUST_2] = g2, half * (g2 + g3)
+    memory[0, _GUST_1], memory[0, _GUST_2] = g0, half * (g0 + g1)
+    memory[1, _GUST_1], memory[1, _GUST_2] = g2, half * (g2 + g3)
     b0, b1, _, _ = normals(k0, k1, _BIASES, run, _ZERO, _ZERO)
-    carried[0, _BIAS], carried[1, _BIAS] = feed.bias * b0, feed.bias * b1
+    memory[0, _BIAS], memory[1, _BIAS] = feed.bias * b0, feed.bias * b1
     a0, a1, _, _ = normals(k0, k1, _START, run, _ZERO, _ZERO)
-    carried[0, _ATTITUDE], carried[1, _ATTITUDE] = feed.start * a0, feed.start * a1
+    memory[0, _ATTITUDE], memory[1, _ATTITUDE] = feed.start * a0, feed.start * a1
     for axis in range(2):
-        carried[axis, _COMMANDED] = course.rate[0, axis] + course.turn_rate[0, axis]
-        carried[axis, _VARIANCE] = feed.gyro**2
-        carried[axis, _ESTIMATE] = course.rate[0, axis]
+        memory[axis, _COMMANDED] = course.rate[0, axis] + course.turn_rate[0, axis]
+        memory[axis, _VARIANCE] = feed.gyro**2
+        memory[axis, _ESTIMATE] = course.rate[0, axis]
     control.counts[NEXT], control.counts[MOTOR], control.counts[FRESH], control.counts[STACK] = 0, -1, 0, 1
 
 
@@ -286,15 +133,15 @@ def ignite(control, motor, up, right):
 
     up, right : rad. What is misaligned beside that.
     """
-    carried, plant = control.carried, control.settings.plant
+    memory, plant = control.memory, control.settings.plant
     k0, k1, run = control.draws
     m0, m1, _, _ = normals(k0, k1, _MISALIGNMENT, run, np.uint64(motor), _ZERO)
     for axis in range(2):
-        carried[axis, PUSH_NOW], carried[axis, _INTEGRAL], carried[axis, _COMMAND] = 0.0, 0.0, 0.0
-        carried[axis, MISALIGNED] = 0.0
+        memory[axis, PUSH_NOW], memory[axis, _INTEGRAL], memory[axis, _COMMAND] = 0.0, 0.0, 0.0
+        memory[axis, MISALIGNED] = 0.0
     if motor > 0:
-        carried[0, MISALIGNED] = plant.misalignment * m0 + up
-        carried[1, MISALIGNED] = plant.misalignment * m1 + right
+        memory[0, MISALIGNED] = plant.misalignment * m0 + up
+        memory[1, MISALIGNED] = plant.misalignment * m1 + right
     control.counts[MOTOR], control.counts[FRESH] = motor, 1
 
 
@@ -316,8 +163,9 @@ def _capture(x, course, k, axis, feed):
 
 
 @inlined
-def _sense(x, course, k, axis, feed, dt, noise, bound, first):
+def _sense(x, course, k, axis, feed, noise, bound, first):
     """Return the rate that is fed; attitude of the navigation, filter's estimate and variance updated in x."""
+    dt = course.t[1] - course.t[0]
     if first:
         mean = course.rate[0, axis] + x[RATE_NOW]
         turned = 0.0
@@ -363,7 +211,7 @@ def move(control, met, h):
     k = min(max(control.counts[NEXT] - 1, 0), course.t.size - 2)
     dt, quarter = course.t[1] - course.t[0], 0.25 * h
     for axis in range(2):
-        x = control.carried[axis]
+        x = control.memory[axis]
         alpha = (course.rate[k + 1, axis] - course.rate[k, axis]) / dt
         c = (
             met.effectiveness,
@@ -400,7 +248,7 @@ def _force(x, axis, met):
 @inlined
 def _steer(control, met, k, dt):
     """Set the targets of guidance, and step the commanded offsets and rates over the tick before."""
-    law, motor, carried = control.settings.law, control.counts[MOTOR], control.carried
+    law, motor, memory = control.settings.law, control.counts[MOTOR], control.memory
     k0, k1, run = control.draws
     if law.guided_from > 0 and k % law.guidance_ticks == 0 and motor >= law.guided_from:
         s0, s1, _, _ = normals(k0, k1, _SPEED, run, np.uint64(k), _ZERO)
@@ -409,9 +257,9 @@ def _steer(control, met, k, dt):
         for axis in range(2):
             speed = met.drift[axis] + law.velocity_sigma * (s0 if axis == 0 else s1)
             asked = law.command_sigma * (c0 if axis == 0 else c1) - speed * scale
-            carried[axis, TARGET] = min(max(asked, -law.guidance_limit), law.guidance_limit)
+            memory[axis, TARGET] = min(max(asked, -law.guidance_limit), law.guidance_limit)
     for axis in range(2):
-        x = carried[axis]
+        x = memory[axis]
         if k > 0:
             x[_OFFSET], x[_OFFSET_RATE] = command_step(x[_OFFSET], x[_OFFSET_RATE], x[TARGET], law.command_time, dt)
 
@@ -437,7 +285,7 @@ def close(control):
         return
     dt, number = course.t[1] - course.t[0], before // control.every
     for axis in range(2):
-        x = control.carried[axis]
+        x = control.memory[axis]
         turning = (course.rate[before + 1, axis] + x[RATE_NOW] - x[_RATE_BEFORE]) / dt
         found = Reaction(turning, x[_TURNING_BOUND], x[_JERK], x[_JERK_BOUND], x[_ERROR], x[_RATE_ERROR])
         _account(control.sums[axis, course.phase[before]], found)
@@ -453,7 +301,7 @@ def tick(control, met, tilt):
 
     Long because a tick is one sequence of steps, in the order in which they happen on board.
     """
-    course, settings, carried, count = control.course, control.settings, control.carried, control.counts
+    course, settings, memory, count = control.course, control.settings, control.memory, control.counts
     feed, model = settings.feed, settings.model
     k0, k1, run = control.draws
     due, motor = count[NEXT], count[MOTOR]
@@ -469,7 +317,7 @@ def tick(control, met, tilt):
     if fixed:
         r0, r1, _, _ = normals(k0, k1, _REFERENCE, run, epoch, _ZERO)
     for axis in range(2):
-        x = carried[axis]
+        x = memory[axis]
         h0, h1 = (g0, g1) if axis == 0 else (g2, g3)
         if due > 0:
             x[_GUST_1], x[_GUST_2] = gust_step(x[_GUST_1], x[_GUST_2], dt * met.gust_rate, h0, h1)
@@ -484,7 +332,7 @@ def tick(control, met, tilt):
         x[_TURN_LAG] = lag_step(x[_TURN_LAG], drive, model.turn_time, dt)
         x[_COMMANDED] = commanded
         noise = feed.gyro * (n0 if axis == 0 else n1)
-        rate = _sense(x, course, k, axis, feed, dt, noise, turning_bound, due == 0)
+        rate = _sense(x, course, k, axis, feed, noise, turning_bound, due == 0)
         if fixed:
             seen = x[ANGLE_NOW] + feed.reference * (r0 if axis == 0 else r1)
             x[_ATTITUDE] += feed.reference_gain * (seen - x[_ATTITUDE])
@@ -513,4 +361,4 @@ def tick(control, met, tilt):
 @jit
 def movement(control):
     """Return how far the nozzle has moved in pitch and in yaw, rad."""
-    return control.carried[0, _MOVEMENT], control.carried[1, _MOVEMENT]
+    return control.memory[0, _MOVEMENT], control.memory[1, _MOVEMENT]

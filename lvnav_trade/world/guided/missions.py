@@ -19,7 +19,7 @@ from lvnav_trade.world.control_cards import (
     WindCard,
     rate_noise,
 )
-from lvnav_trade.world.guided import loop
+from lvnav_trade.world.guided import autopilot, loop
 from lvnav_trade.world.guided.course import Ascent, course_along
 from lvnav_trade.world.guided.draws import deviations
 from lvnav_trade.world.guided.dynamics import PERFECT, Wind
@@ -27,7 +27,7 @@ from lvnav_trade.world.guided.pilots import TurningPilot
 from lvnav_trade.world.guided.turning import Craft, Gusts, Turning
 from lvnav_trade.world.sensors.imu import ImuCard
 
-_RATES = {"true": loop.TRUE, "raw": loop.RAW, "filtered": loop.FILTERED}
+_RATES = {"true": autopilot.TRUE, "raw": autopilot.RAW, "filtered": autopilot.FILTERED}
 _AIR_STEP = 50.0  # m between the heights of wind and gusts
 _ONCE = 1 << 40  # ticks from record to record of a run that keeps none
 STILL = WindCard.model_construct(
@@ -46,7 +46,7 @@ class Launch(NamedTuple):
     """What is common to all missions of a vehicle: its ascent, the attitude that is commanded on it, and cards."""
 
     ascent: Ascent
-    course: loop.Course
+    course: autopilot.Course
     rotation: RotationCard
     controller: ControllerCard
     wind: WindCard
@@ -107,18 +107,18 @@ def fly_missions(
     `every` is the number of ticks from record to record.
     """
     n_tick = launch.course.t.size - 1
-    history = np.zeros((runs, (n_tick - 1) // every + 1, 2, loop.N_RECORD))
-    sums = np.zeros((runs, 2, loop.N_PHASE, loop.N_SUM))
+    history = np.zeros((runs, (n_tick - 1) // every + 1, 2, autopilot.N_RECORD))
+    sums = np.zeros((runs, 2, autopilot.N_PHASE, autopilot.N_SUM))
     movement = np.empty((runs, 2))
     for n in range(runs):
-        draws = loop.Draws(*seed_words(seed), np.uint64(first_run + n))
+        draws = autopilot.Draws(*seed_words(seed), np.uint64(first_run + n))
         control = fly_mission(launch, feedback, draws, every).turning.control
         history[n], sums[n], movement[n] = control.history, control.sums, loop.movement(control)
     return Missions(launch.course.t[:n_tick:every], history, movement, sums)
 
 
 def fly_mission(
-    launch: Launch, feedback: FeedbackCard, draws: loop.Draws, every: int, path: bool = False
+    launch: Launch, feedback: FeedbackCard, draws: autopilot.Draws, every: int, path: bool = False
 ) -> TurningPilot:
     """Return the pilot of one run, who has flown it; path: whether its state at every record is kept."""
     ascent = launch.ascent
@@ -133,7 +133,7 @@ def fly_mission(
 def turning_of(
     launch: Launch,
     feedback: FeedbackCard,
-    draws: loop.Draws,
+    draws: autopilot.Draws,
     every: int = _ONCE,
     path: bool = False,
     by_run: bool = False,
@@ -153,8 +153,8 @@ def turning_of(
     """
     control = control_of(launch, feedback, draws, every)
     feed, n_tick, rotation = control.settings.feed, launch.course.t.size - 1, launch.rotation
-    if by_run and feed.attitude == loop.MODELLED:
-        feed = feed._replace(attitude=loop.OF_THE_RUN)
+    if by_run and feed.attitude == autopilot.MODELLED:
+        feed = feed._replace(attitude=autopilot.OF_THE_RUN)
         control = control._replace(settings=control.settings._replace(feed=feed))
     stacks = np.array([_numbers(one) for one in rotation.stacks])
     craft = Craft(stacks, density, rotation.thrusters.force * rotation.thrusters.arm)
@@ -167,19 +167,21 @@ def _numbers(stack: Stack) -> tuple[float, float, float, float]:
     return (stack.gyration * length) ** 2, stack.nozzle_arm * length, stack.normal_force, stack.pressure_arm * length
 
 
-def control_of(launch: Launch, feedback: FeedbackCard, draws: loop.Draws, every: int = _ONCE) -> loop.Control:
+def control_of(launch: Launch, feedback: FeedbackCard, draws: autopilot.Draws, every: int = _ONCE) -> autopilot.Control:
     """Return the controlled attitude of one run at lift-off."""
     n_record = (launch.course.t.size - 2) // every + 1
-    envelope = loop.CommandedEnvelope(*(getattr(launch.envelope, name) for name in loop.CommandedEnvelope._fields))
-    control = loop.Control(
+    envelope = autopilot.CommandedEnvelope(
+        *(getattr(launch.envelope, name) for name in autopilot.CommandedEnvelope._fields)
+    )
+    control = autopilot.Control(
         launch.course,
-        loop.Settings(_plant(launch.rotation), _law(launch), _feed(launch, feedback), envelope),
+        autopilot.Settings(_plant(launch.rotation), _law(launch), _feed(launch, feedback), envelope),
         draws,
-        np.zeros((2, loop.N_CARRIED)),
-        np.zeros(loop.N_COUNT, dtype=np.int64),
+        np.zeros((2, loop.N_MEMORY)),
+        np.zeros(autopilot.N_COUNT, dtype=np.int64),
         every,
-        np.zeros((n_record, 2, loop.N_RECORD)),
-        np.zeros((2, loop.N_PHASE, loop.N_SUM)),
+        np.zeros((n_record, 2, autopilot.N_RECORD)),
+        np.zeros((2, autopilot.N_PHASE, autopilot.N_SUM)),
     )
     loop.begin(control)
     return control
@@ -196,15 +198,15 @@ def _gusts(card: WindCard) -> Gusts:
     return Gusts(_AIR_STEP, np.append(sigma, 0.0), np.interp(np.append(height, np.inf), card.height, card.gust_length))
 
 
-def wind_of_launch(launch: Launch, draws: loop.Draws, other: Wind) -> Wind:
+def wind_of_launch(launch: Launch, draws: autopilot.Draws, other: Wind) -> Wind:
     """Return the steady wind of a run: that of its card, which is drawn along and across its direction, and another."""
     card, (along, across) = launch.wind, loop.profile_draws(draws)
     top = max(card.height[-1], other.step * (len(other.speed) - 1))
     height = np.arange(0.0, top + _AIR_STEP, _AIR_STEP)
     profile = np.interp(height, card.height, card.speed, right=0.0)
-    ahead, aside = 1.0 + card.spread * along, card.spread * across
-    east = -math.sin(card.direction) * ahead - math.cos(card.direction) * aside
-    north = -math.cos(card.direction) * ahead + math.sin(card.direction) * aside
+    ahead, abeam = 1.0 + card.spread * along, card.spread * across
+    east = -math.sin(card.direction) * ahead - math.cos(card.direction) * abeam
+    north = -math.cos(card.direction) * ahead + math.sin(card.direction) * abeam
     speed = np.outer(profile, [east, north])
     if len(other.speed) > 1:
         at = other.step * np.arange(len(other.speed))
@@ -212,9 +214,9 @@ def wind_of_launch(launch: Launch, draws: loop.Draws, other: Wind) -> Wind:
     return Wind(_AIR_STEP, speed)
 
 
-def _plant(card: RotationCard) -> loop.Plant:
+def _plant(card: RotationCard) -> autopilot.Plant:
     nozzle, thrusters = card.nozzle, card.thrusters
-    return loop.Plant(
+    return autopilot.Plant(
         nozzle.time_constant,
         nozzle.rate_limit,
         nozzle.deflection_limit,
@@ -225,14 +227,14 @@ def _plant(card: RotationCard) -> loop.Plant:
     )
 
 
-def _law(launch: Launch) -> loop.Law:
+def _law(launch: Launch) -> autopilot.Law:
     card, rate = launch.controller, launch.imu.rate
     gains = np.array([[one.attitude, one.rate, one.integral] for one in card.gains])
     guide = card.guidance
     if guide is None:
-        return loop.Law(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0, 0.0)
+        return autopilot.Law(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0, 0.0)
     ticks = max(1, round(guide.period * rate))
-    return loop.Law(
+    return autopilot.Law(
         gains,
         card.command_time,
         guide.from_stage,
@@ -244,7 +246,7 @@ def _law(launch: Launch) -> loop.Law:
     )
 
 
-def _feed(launch: Launch, card: FeedbackCard) -> loop.Feed:
+def _feed(launch: Launch, card: FeedbackCard) -> autopilot.Feed:
     """Return the settings of sensing; the steady filter of the gyro's random walk weighs the attitude reference."""
     noise = rate_noise(launch.imu, card.noise)
     ticks = max(1, round(launch.imu.rate / card.reference_rate))
@@ -253,5 +255,5 @@ def _feed(launch: Launch, card: FeedbackCard) -> loop.Feed:
     bias = 0.0 if card.noise == "none" else rms(launch.imu.gyro.bias_repeatability)
     modelled = card.attitude == "navigation"
     start = math.sqrt(gain) * card.reference_sigma if modelled else 0.0
-    attitude = loop.MODELLED if modelled else loop.IDEAL
-    return loop.Feed(_RATES[card.rate], attitude, noise, bias, card.reference_sigma, ticks, gain, start)
+    attitude = autopilot.MODELLED if modelled else autopilot.IDEAL
+    return autopilot.Feed(_RATES[card.rate], attitude, noise, bias, card.reference_sigma, ticks, gain, start)

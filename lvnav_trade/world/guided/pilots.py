@@ -9,6 +9,7 @@ from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.dynamics import Engine
 from lvnav_trade.world.ascent.legs import COASTING, STEP, Pilot, cuts, engine
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.guided.autopilot import STACK
 from lvnav_trade.world.guided.draws import Deviations
 from lvnav_trade.world.guided.dynamics import (
     CUT_OFF,
@@ -23,7 +24,6 @@ from lvnav_trade.world.guided.dynamics import (
     fly_piece,
 )
 from lvnav_trade.world.guided.explicit import N_KEPT
-from lvnav_trade.world.guided.loop import STACK
 from lvnav_trade.world.guided.reference import Plan
 from lvnav_trade.world.guided.turning import NEVER, Turning, acceleration, turn_piece
 

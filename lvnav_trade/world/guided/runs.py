@@ -8,10 +8,10 @@ from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.legs import mass_above
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.guided.autopilot import Draws
 from lvnav_trade.world.guided.course import ascend
 from lvnav_trade.world.guided.draws import Sigmas, density_of, deviations, vehicle_of
 from lvnav_trade.world.guided.dynamics import PERFECT, Navigation, error_at
-from lvnav_trade.world.guided.loop import Draws
 from lvnav_trade.world.guided.missions import Launch, launch_along, turning_of, wind_of_launch
 from lvnav_trade.world.guided.pilots import ADRIFT, INJECTED, GuidedPilot, TurningPilot
 from lvnav_trade.world.guided.reference import Plan

@@ -45,9 +45,7 @@ _MOTION_STEPS = np.array([10.0] * 3 + [0.1] * 3 + [1e-5] + [1e-4] * 3)  # m, m/s
 _ERROR_STEPS = np.array([1e-4] * 3 + [0.1] * 3 + [10.0] * 3)  # rad, m/s, m
 _WIND_STEP = 1.0  # m/s
 # Of what guidance keeps, see `explicit`; 0: a number that nothing changes
-_KEPT_STEPS = np.array(
-    [0.1] * 3 + [10.0] * 9 + [1e-4] * 3 + [1e-6] * 3 + [1e-2] * 3 + [0.1] * 3 + [0.0] * 2,
-)
+_KEPT_STEPS = np.array([0.1] * 3 + [10.0] * 9 + [1e-4] * 3 + [1e-6] * 3 + [1e-2] * 3 + [0.1] * 3 + [0.0] * 2)
 
 _STEERING = np.array([*range(LAMBDA, LAMBDA + 3), *range(TURN, TURN + 3), REFERENCE])
 """What of that the command between two passes depends on."""

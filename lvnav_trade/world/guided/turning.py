@@ -14,6 +14,7 @@ from lvnav_trade.kernels.jit import inlined, making_arrays
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.dynamics import Engine, coefficient_at, height_above, thrust_beside, thrust_of
+from lvnav_trade.world.guided.autopilot import MOTOR, NEXT, OF_THE_RUN, STACK, Control, Met
 from lvnav_trade.world.guided.dynamics import (
     CUT_OFF,
     DIVERGED,
@@ -28,22 +29,7 @@ from lvnav_trade.world.guided.dynamics import (
     velocity_of_air,
 )
 from lvnav_trade.world.guided.explicit import STARTED
-from lvnav_trade.world.guided.loop import (
-    ANGLE_NOW,
-    GUST_NOW,
-    MISALIGNED,
-    MOTOR,
-    NEXT,
-    OF_THE_RUN,
-    PUSH_NOW,
-    STACK,
-    TARGET,
-    Control,
-    Met,
-    ignite,
-    move,
-    tick,
-)
+from lvnav_trade.world.guided.loop import ANGLE_NOW, GUST_NOW, MISALIGNED, PUSH_NOW, TARGET, ignite, move, tick
 
 _REFINED = 3  # secant steps to the cut-off within a tick
 NEVER = Cutoff(False, 0.0, math.inf, 0.0)
@@ -134,6 +120,8 @@ def meet(t, y, engine, around, turning):
     Thrust acts along the body, turned by the angle of the nozzle and what is misaligned. Drag acts along the body too,
     and the normal force along the way of the nose. The last term of the acceleration is a drag against the velocity;
     what of it is lateral to the body is taken off the lift.
+
+    Long because force, moment and derivative share every intermediate quantity.
     """
     control, craft = turning.control, turning.craft
     r, mass = (y[0], y[1], y[2]), y[6]
@@ -154,7 +142,7 @@ def meet(t, y, engine, around, turning):
     force = 0.5 * craft.density * air_density * speed * area * normal / mass
     sigma, length = _gust_at(height, turning.gusts)
     slip, wind = (_dot(ground, up), _dot(ground, right)), (_dot(air, up), _dot(air, right))
-    pitch, yaw = control.carried[0], control.carried[1]
+    pitch, yaw = control.memory[0], control.memory[1]
     off_up = pitch[ANGLE_NOW] + pitch[PUSH_NOW] + pitch[MISALIGNED]
     off_right = yaw[ANGLE_NOW] + yaw[PUSH_NOW] + yaw[MISALIGNED]
     size = thrust / mass / math.sqrt(1.0 + off_up * off_up + off_right * off_right)
@@ -214,8 +202,8 @@ def _aim(t, around, turning):
         return
     u, (ahead, up, right) = commanded(t, around), axes_at(t, turning.control.course)
     along = _dot(u, ahead)
-    turning.control.carried[0, TARGET] = _dot(u, up) / along
-    turning.control.carried[1, TARGET] = _dot(u, right) / along
+    turning.control.memory[0, TARGET] = _dot(u, up) / along
+    turning.control.memory[1, TARGET] = _dot(u, right) / along
 
 
 @inlined
@@ -256,8 +244,8 @@ def turn_piece(
     Ticks are counted on through the pieces; a command holds over the end of a piece, an engine does not.
     """
     control, law = turning.control, around.law
-    count, carried, dt = control.counts, control.carried, control.course.t[1] - control.course.t[0]
-    y, ahead, kept = y.copy(), y.copy(), carried.copy()
+    count, memory, dt = control.counts, control.memory, control.course.t[1] - control.course.t[0]
+    y, ahead, kept = y.copy(), y.copy(), memory.copy()
     motor = count[STACK] if engine.thrust > 0.0 or engine.beside.thrust > 0.0 else 0
     if motor != count[MOTOR]:
         ignite(control, motor, -around.misalignment[0], around.misalignment[1])
@@ -274,7 +262,7 @@ def turn_piece(
                 turning.path[count[NEXT]] = y
             tick(control, met, _tilt(t, around, turning))
         h = min(count[NEXT] * dt, end) - t
-        kept[:] = carried
+        kept[:] = memory
         _advance(t, h, y, engine, around, turning, ahead)
         why = WHOLE
         for kind in (CUT_OFF, EMPTY):
@@ -288,7 +276,7 @@ def turn_piece(
                 if before == after:
                     break
                 part = min(h, max(0.0, part * before / (before - after)))
-                carried[:] = kept
+                memory[:] = kept
                 _advance(t, part, y, engine, around, turning, ahead)
                 after = _short(t + part, ahead, around, cutoff, kind)
             h = part

@@ -16,7 +16,7 @@ from lvnav_trade.engines.setup.options import (
     solver_of,
 )
 from lvnav_trade.filter_models import epoch_interval, filter_models, has_covariance, solves
-from lvnav_trade.filters.base import ReceiverModel
+from lvnav_trade.filters.assumed import ReceiverModel
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution, FilteredSolution
 from tests.building import loaded, with_fields

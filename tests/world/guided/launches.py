@@ -12,7 +12,7 @@ from lvnav_trade.envelope import EnvelopeCard
 from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
-from lvnav_trade.world.guided import loop
+from lvnav_trade.world.guided import autopilot, loop
 from lvnav_trade.world.guided.missions import Missions, control_of
 from lvnav_trade.world.sensors.imu import ImuCard
 
@@ -21,7 +21,7 @@ RATE = 200.0  # Hz
 
 
 class Body(NamedTuple):
-    """What the body meets at n ticks, see `loop.Met`; motor: number of the burning stage."""
+    """What the body meets at n ticks, see `autopilot.Met`; motor: number of the burning stage."""
 
     motor: np.ndarray
     effectiveness: np.ndarray
@@ -40,7 +40,7 @@ class Steady(NamedTuple):
     """A launch that goes nowhere: a body, and what a launch has beside its ascent."""
 
     body: Body
-    course: loop.Course
+    course: autopilot.Course
     rotation: RotationCard
     controller: ControllerCard
     wind: WindCard
@@ -84,10 +84,10 @@ def steady_launch(
                                                                          (t.size, *np.shape(value))).copy()
         for name, value in numbers.items()
     }  # fmt: skip
-    phase = np.full(t.size, loop.BURN if motor else loop.COAST, dtype=np.int64)
+    phase = np.full(t.size, autopilot.BURN if motor else autopilot.COAST, dtype=np.int64)
     return Steady(
         Body(np.full(t.size, motor, dtype=np.int64), *(arrays[name] for name in Body._fields[1:])),
-        loop.Course(t, *(arrays[name] for name in loop.Course._fields[1:-1]), phase),
+        autopilot.Course(t, *(arrays[name] for name in autopilot.Course._fields[1:-1]), phase),
         RotationCard.model_validate(rotation),
         ControllerCard.model_validate(controller),
         WindCard.model_validate(settings("wind/moderate") | {"spread": "0 %"}),
@@ -99,9 +99,9 @@ def steady_launch(
 @making_arrays
 def _fly(control, body):
     for k in range(body.motor.size - 1):
-        if body.motor[k] != control.counts[loop.MOTOR]:
+        if body.motor[k] != control.counts[autopilot.MOTOR]:
             loop.ignite(control, body.motor[k], 0.0, 0.0)
-        met = loop.Met(
+        met = autopilot.Met(
             body.effectiveness[k],
             body.thrust_load[k],
             body.moment[k],
@@ -125,7 +125,7 @@ def fly_steady(
     """Return runs of a body that goes nowhere, as `missions.fly_missions` does of a launch."""
     controls = []
     for n in range(runs):
-        draws = loop.Draws(*seed_words(seed), np.uint64(first_run + n))
+        draws = autopilot.Draws(*seed_words(seed), np.uint64(first_run + n))
         controls.append(control_of(launch, feedback, draws, every))
         _fly(controls[-1], launch.body)
     return Missions(

@@ -14,7 +14,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_velocity, matrices
 from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.world.flight.trajectory import motion
-from lvnav_trade.world.guided import loop
+from lvnav_trade.world.guided import autopilot, loop
 from lvnav_trade.world.guided.course import PITCH, YAW, ascend, changes, course_along
 from lvnav_trade.world.guided.draws import deviations
 from lvnav_trade.world.guided.dynamics import PERFECT, Wind
@@ -42,7 +42,7 @@ def controller(stages: int = 2, **changed: Any) -> ControllerCard:
     return ControllerCard.model_validate(given | {"gains": given["gains"][:stages]} | changed)
 
 
-FIRST = loop.Draws(np.uint64(1), np.uint64(2), np.uint64(0))
+FIRST = autopilot.Draws(np.uint64(1), np.uint64(2), np.uint64(0))
 
 
 def launch(stacks: int = 2, stages: int = 2):
@@ -60,8 +60,8 @@ def met(number: int, t: float):
     at = motion(ascent().trajectory, [t])
     y[:3], y[3:6] = at.r_i[0], at.v_i[0]
     turning, known = turning_of(launch(), FeedbackCard(), FIRST), ascent().plan
-    turning.control.counts[loop.STACK] = number
-    turning.control.counts[loop.NEXT] = round(t * 200.0)
+    turning.control.counts[autopilot.STACK] = number
+    turning.control.counts[autopilot.NEXT] = round(t * 200.0)
     differs = deviations(known.card, {})
     differs = differs._replace(wind=wind_of_launch(launch(), FIRST, differs.wind))
     around = TurningPilot(known, ascent().card, differs, PERFECT, turning).around
@@ -91,14 +91,14 @@ def test_effectiveness_is_thrust_times_arm_over_inertia_of_a_rod():
 
 def test_a_burn_is_one_phase_of_the_course_and_what_changes_at_its_ends_another():
     course, events = launch().course, ascent().trajectory.events
-    inside = course.t[course.phase == loop.BURN]
+    inside = course.t[course.phase == autopilot.BURN]
     assert inside.min() < 5.0
     for cutoff, ignition in (("stage1_cutoff", "stage2_ignition"),):
         assert not ((inside > events[cutoff]) & (inside < events[ignition])).any()
     found = changes(ascent().trajectory)
     named = ("liftoff", "stage1_cutoff", "stage1_separation", "stage2_ignition", "stage2_cutoff")
     np.testing.assert_allclose(found, sorted(events[name] for name in named))
-    assert all(loop.CHANGE == course.phase[np.searchsorted(course.t, t + 0.1)] for t in found)
+    assert all(autopilot.CHANGE == course.phase[np.searchsorted(course.t, t + 0.1)] for t in found)
 
 
 def test_the_aerodynamic_moment_is_dynamic_pressure_times_area_slope_and_arm():

@@ -15,7 +15,7 @@ from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.flight.trajectory import build, identity, motion, reference
-from lvnav_trade.world.guided import loop
+from lvnav_trade.world.guided import autopilot
 from lvnav_trade.world.guided.course import ascend
 from lvnav_trade.world.guided.flown import fly_launch, launch_along
 from lvnav_trade.world.guided.missions import fly_missions
@@ -129,10 +129,12 @@ def test_the_motion_between_the_ticks_is_that_of_the_loop():
     turning = (ref.w_ib_b[at + every :, 1:] - ref.w_ib_b[at:-every, 1:]) * 200.0 / every
     for start, end in ((30.0, 80.0), (105.0, 160.0), (200.0, 400.0), (430.0, 500.0)):
         inside = (t > start) & (t < end)
-        loops = np.apply_along_axis(np.convolve, 0, rows[inside][:, :, loop.TURNING], np.ones(every) / every, "valid")
+        loops = np.apply_along_axis(
+            np.convolve, 0, rows[inside][:, :, autopilot.TURNING], np.ones(every) / every, "valid"
+        )
         np.testing.assert_allclose(turning[: t.size][inside[: len(turning)]].std(axis=0), loops.std(axis=0), rtol=0.05)
         lateral = np.stack([-ref.f_b[at:][: t.size][inside, 2], ref.f_b[at:][: t.size][inside, 1]], axis=1)
-        apart = lateral - rows[inside][:, :, loop.FORCE]
+        apart = lateral - rows[inside][:, :, autopilot.FORCE]
         assert np.all(apart.std(axis=0) < 0.005)  # a spline bends where nozzle and gusts jump from tick to tick
         assert np.abs(apart).max() < 0.03
         assert np.abs(apart.mean(axis=0)).max() < 1e-4
@@ -149,12 +151,12 @@ def test_phases_meet_and_the_orbit_is_that_of_the_launch():
     assert one.facts["perigee_m"] != other.facts["perigee_m"] != ascent().trajectory.facts["perigee_m"]
 
 
-def test_a_filter_of_the_vehicle_assumes_the_envelope_that_the_loop_records():
+def test_a_filter_of_the_vehicle_assumes_the_envelope_that_the_autopilot():
     rows, ref = looped().history[0], reference(flown(), 200.0)
     found = np.sqrt(walks(EnvelopeCard(), flown(), ref)) * 200.0
     at = int(np.searchsorted(ref.t, -1e-9))
     n = min(len(rows), len(found) - at)
-    turning, jerk = rows[:n, :, loop.TURNING_BOUND], rows[:n, :, loop.JERK_BOUND]
+    turning, jerk = rows[:n, :, autopilot.TURNING_BOUND], rows[:n, :, autopilot.JERK_BOUND]
     np.testing.assert_allclose(found[at + 1 : at + n, 1:3], turning[1:], rtol=1e-6)
     cutoffs = [t for name, t in flown().events.items() if name.endswith("cutoff")]
     past = ref.t[at + 1 : at + n, np.newaxis] - cutoffs  # a nozzle that is let go is a step here, in the loop none

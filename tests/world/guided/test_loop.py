@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.engines.setup.vehicle import envelopes
 from lvnav_trade.envelope import steady_ratio
 from lvnav_trade.world.control_cards import FeedbackCard, Guidance, rate_noise
-from lvnav_trade.world.guided.loop import (
+from lvnav_trade.world.guided.autopilot import (
     AIR,
     ASKED,
     ERROR,

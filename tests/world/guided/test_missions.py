@@ -10,8 +10,7 @@ import pytest
 from lvnav_trade.metrics.vehicle import reduction
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
-from lvnav_trade.world.guided.course import ascend
-from lvnav_trade.world.guided.loop import (
+from lvnav_trade.world.guided.autopilot import (
     AIR,
     BURN,
     CHANGE,
@@ -22,6 +21,7 @@ from lvnav_trade.world.guided.loop import (
     NOZZLE,
     TICKS,
 )
+from lvnav_trade.world.guided.course import ascend
 from lvnav_trade.world.guided.missions import fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.sensors.imu import ImuCard
 from tests.world.guided.launches import fly_steady, settings, steady_launch

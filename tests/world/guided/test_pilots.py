@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from lvnav_trade.world.control_cards import FeedbackCard
-from lvnav_trade.world.guided import loop
+from lvnav_trade.world.guided import autopilot
 from lvnav_trade.world.guided.course import ascend
 from lvnav_trade.world.guided.draws import deviations
 from lvnav_trade.world.guided.dynamics import PERFECT, commanded
@@ -17,7 +17,7 @@ from lvnav_trade.world.guided.reference import plan_of
 from tests.world.guided.cases import guided
 from tests.world.guided.test_turning import under_control
 
-DRAWS = loop.Draws(np.uint64(1), np.uint64(2), np.uint64(3))
+DRAWS = autopilot.Draws(np.uint64(1), np.uint64(2), np.uint64(3))
 
 
 def test_a_launch_burns_as_long_as_the_nominal_flight_and_keeps_stretches_that_meet():
@@ -33,7 +33,7 @@ def test_a_launch_burns_as_long_as_the_nominal_flight_and_keeps_stretches_that_m
         np.testing.assert_array_equal(before.y[1, :6], after.y[0, :6])
     masses = [leg.y[-1, 6] for leg in ascent.legs]
     np.testing.assert_allclose([one.y[1, 6] for one in pilot.stretches], masses, rtol=1e-9)
-    assert pilot.turning.control.counts[loop.STACK] == 3
+    assert pilot.turning.control.counts[autopilot.STACK] == 3
 
 
 def test_a_body_with_a_lag_begins_along_its_command_and_is_flown_by_shorter_steps():

@@ -15,7 +15,7 @@ from lvnav_trade.kernels.earth import OMEGA, gravity_j4
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.world.ascent.dynamics import coefficient_at, height_above
 from lvnav_trade.world.ascent.legs import COASTING
-from lvnav_trade.world.guided import loop
+from lvnav_trade.world.guided import autopilot, loop
 from lvnav_trade.world.guided.course import ascend
 from lvnav_trade.world.guided.draws import deviations
 from lvnav_trade.world.guided.dynamics import PERFECT, Programme, fly_piece
@@ -51,8 +51,8 @@ def known(**how):
     return plan_of(under_control(**how))
 
 
-def draws(run: int) -> loop.Draws:
-    return loop.Draws(np.uint64(3), np.uint64(4), np.uint64(run))
+def draws(run: int) -> autopilot.Draws:
+    return autopilot.Draws(np.uint64(3), np.uint64(4), np.uint64(run))
 
 
 # --- a lag ------------------------------------------------------------------------------------------------------------
@@ -118,13 +118,13 @@ def test_a_body_and_its_path_follow_the_equations_of_motion_of_an_independent_in
     pilot = TurningPilot(plan_of(card), card, deviations(card, {}), PERFECT, turning)
     leg = next(leg for leg in ascent.legs if leg.t[0] <= begin < leg.t[-1])
     y = np.array([np.interp(begin, leg.t, column) for column in leg.y.T])
-    count, carried = turning.control.counts, turning.control.carried
-    count[loop.NEXT], count[loop.STACK] = round(begin * 200.0), 1
-    carried[0, loop.ANGLE_NOW], carried[1, loop.ANGLE_NOW] = 0.01, -0.02
-    carried[0, loop.RATE_NOW], carried[1, loop.RATE_NOW] = 0.004, 0.001
-    start = carried[:, [loop.ANGLE_NOW, loop.RATE_NOW]].copy()
+    count, memory = turning.control.counts, turning.control.memory
+    count[autopilot.NEXT], count[autopilot.STACK] = round(begin * 200.0), 1
+    memory[0, loop.ANGLE_NOW], memory[1, loop.ANGLE_NOW] = 0.01, -0.02
+    memory[0, loop.RATE_NOW], memory[1, loop.RATE_NOW] = 0.004, 0.001
+    start = memory[:, [loop.ANGLE_NOW, loop.RATE_NOW]].copy()
     _, found, _ = turn_piece(begin, end, y, leg.engine, pilot.around, turning, NEVER)
-    misaligned = carried[:, loop.MISALIGNED].copy()
+    misaligned = memory[:, loop.MISALIGNED].copy()
     assert np.abs(misaligned).min() > 1e-5
 
     stack, course = card.control.rotation.stacks[0], launch.course
@@ -161,8 +161,8 @@ def test_a_body_and_its_path_follow_the_equations_of_motion_of_an_independent_in
 
     z = np.concatenate([y, start[:, 0], start[:, 1]])
     wanted = solve_ivp(slope, (begin, end), z, rtol=1e-10, atol=1e-9, max_step=0.005).y[:, -1]
-    np.testing.assert_allclose(carried[:, loop.ANGLE_NOW], wanted[7:9], rtol=2e-3, atol=1e-6)
-    np.testing.assert_allclose(carried[:, loop.RATE_NOW], wanted[9:11], rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(memory[:, loop.ANGLE_NOW], wanted[7:9], rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(memory[:, loop.RATE_NOW], wanted[9:11], rtol=2e-3, atol=1e-6)
     # its lift moves it aside by metres
     assert np.linalg.norm(found[:3] - wanted[:3]) < 5e-3
     assert np.linalg.norm(found[3:6] - wanted[3:6]) < 0.01

@@ -9,7 +9,7 @@ from lvnav_trade.engines.setup.options import direct
 from lvnav_trade.engines.setup.receiver.lines import Lines
 from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.filter_models import smoothing_of, solves
-from lvnav_trade.filters.base import ReceiverModel
+from lvnav_trade.filters.assumed import ReceiverModel
 from lvnav_trade.observables.partials import DIFFERENCES, PHASES, Channels
 from lvnav_trade.observables.sensors import RECEIVER_SOLUTION
 from lvnav_trade.records import Floats, Sky

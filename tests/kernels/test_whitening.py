@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.covariance import update_scalar, whiten
+from lvnav_trade.kernels.covariance import update_scalar
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
 from lvnav_trade.kernels.vector import WIDTH
+from lvnav_trade.kernels.whitening import whiten
 
 N = 15
 COLUMNS = np.array([6, 7, 8, 0, 1, 2, 3, 4, 5])
