@@ -93,7 +93,7 @@ fuzz: $(VENV)/.installed-test
 
 # Small campaigns of every filter, delay, sensor and fault, with each index of a compiled array checked.
 bounds: $(VENV)/.installed-test
-	@$(bin)/python -m pytest -m slow tests/engines/test_bounds.py
+	@$(bin)/python -m pytest -m slow tests/both_engines/test_bounds.py
 
 # The tests with the lowest versions that pyproject.toml allows, in a folder of their own. All of them have wheels for
 # Python 3.11: make lowest PYTHON=python3.11
@@ -130,7 +130,7 @@ study-conae study-dlr study-drdc study-gains: study-%: $(VENV)/.installed
 extras_s3 := test
 more_s3 := 's3fs>=2024.2,<2028' 'moto[server]>=5,<6'
 test-s3: $(VENV)-s3/.installed
-	@"$(VENV)-s3/bin/python" -m pytest -q tests/store/test_remote.py
+	@"$(VENV)-s3/bin/python" -m pytest -q tests/results/tables/test_remote.py
 
 # Recorded sets of others, from the folder that holds them: SETS=... make recorded
 recorded: $(VENV)/.installed

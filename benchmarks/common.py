@@ -12,7 +12,7 @@ from typing import Any
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario.scenario import Scenario
 
 HERE = Path(__file__).resolve().parent
 

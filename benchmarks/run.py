@@ -7,6 +7,7 @@ named.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import json
 import os
 import sys

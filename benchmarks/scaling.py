@@ -15,7 +15,7 @@ from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.running.provenance import manifest
-from lvnav_trade.store.write import open_results
+from lvnav_trade.results.tables.write import open_results
 
 BLOCKS, RUNS, REPEATS = 64, 40, 3
 

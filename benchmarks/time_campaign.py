@@ -16,7 +16,7 @@ from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.campaign.running.provenance import manifest
 from lvnav_trade.campaign.running.whole import whole
-from lvnav_trade.store.write import open_results
+from lvnav_trade.results.tables.write import open_results
 
 BLOCKS, RUNS, CASES = 12, 40, 8
 

@@ -19,7 +19,7 @@ from benchmarks.common import HERE
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import work
-from lvnav_trade.engines.simulate import statistics
+from lvnav_trade.simulation import statistics
 
 STAGES = ("ascent", "flight", "covariance")
 

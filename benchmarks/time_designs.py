@@ -14,7 +14,7 @@ from lvnav_trade.campaign.space.designs import Designs
 from lvnav_trade.campaign.space.evaluate import Question, Rows, evaluate
 from lvnav_trade.campaign.space.passes import HISTORY, shared_axes
 from lvnav_trade.campaign.space.plan import planned
-from lvnav_trade.engines.setup.shared import trajectory_of
+from lvnav_trade.simulation.preparation.cache import trajectory_of
 
 COUNT = 60
 

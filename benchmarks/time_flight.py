@@ -5,8 +5,8 @@ with an extended, an iterated and an unscented filter.
 from __future__ import annotations
 
 from benchmarks.common import best, scenario
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.simulation.montecarlo import run_block
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 RUNS = 16
 

@@ -11,7 +11,6 @@ from rich.table import Table
 
 from benchmarks import fma
 from benchmarks.common import best, scenario
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.covariance import N_NAV_ERROR, predict, update_scalar
 from lvnav_trade.kernels.jit import jit
@@ -20,6 +19,7 @@ from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import J4, N_SUM, full_rate
 from lvnav_trade.kernels.vector import WIDTH
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 REPEATS, TICKS = 2000, 20
 

@@ -9,9 +9,9 @@ import time
 from joblib import Parallel, delayed
 
 from benchmarks.common import best, scenario
-from lvnav_trade.engines.lincov.history import adjoint, covariance
-from lvnav_trade.engines.setup.prepare import prepare
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.covariance.history import adjoint, covariance
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.simulation.preparation.prepare import prepare
 
 CASES = 100
 

@@ -9,8 +9,8 @@ from benchmarks.time_flight import speed
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.setup.prepare import prepare
+from lvnav_trade.covariance.history import covariance
+from lvnav_trade.simulation.preparation.prepare import prepare
 
 
 def measure() -> dict[str, float]:

@@ -299,7 +299,7 @@ def fields() -> str:
 def _paths(path: str, seen: set[str] | None = None) -> Iterator[tuple[str, list[Any]]]:
     """Yield every path that has fields of its own, each set of fields once."""
     from lvnav_trade.campaign.reading.reference import reference
-    from lvnav_trade.errors import InputError
+    from lvnav_trade.quantities.errors import InputError
 
     seen = set() if seen is None else seen
     try:
@@ -318,7 +318,7 @@ def _paths(path: str, seen: set[str] | None = None) -> Iterator[tuple[str, list[
 def metrics() -> str:
     """Return what a requirement can name, and the tables made from it."""
     from lvnav_trade.campaign.definition.metric_names import known_metrics
-    from lvnav_trade.metrics import METRICS
+    from lvnav_trade.results.evaluation import METRICS
 
     known = [[f"`{one[0]}`", *map(str, one[1:])] for one in known_metrics()]
     made = [[f"`{name}`", _noun((metric.__doc__ or "").partition("\n")[0])] for name, metric in METRICS.items()]
@@ -338,7 +338,7 @@ def _noun(sentence: str) -> str:
 
 def tables() -> str:
     """Return the data dictionary of stored tables."""
-    stored = tomllib.loads((ROOT / "lvnav_trade/store/tables.toml").read_text(encoding="utf-8"))
+    stored = tomllib.loads((ROOT / "lvnav_trade/results/tables/tables.toml").read_text(encoding="utf-8"))
     lines = [
         "# Tables",
         "",

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lvnav_trade.api import Results, check, compare, load, plan, replay, run, solve, tune
-    from lvnav_trade.errors import InputError
+    from lvnav_trade.quantities.errors import InputError
 
 __all__ = ["InputError", "Results", "check", "compare", "load", "plan", "replay", "run", "solve", "tune"]
 
@@ -48,9 +48,9 @@ def __getattr__(name: str) -> Any:
     import importlib
 
     if name == "InputError":
-        return importlib.import_module("lvnav_trade.errors").InputError
+        return importlib.import_module("lvnav_trade.quantities.errors").InputError
     if name in __all__:
         return getattr(importlib.import_module("lvnav_trade.api"), name)
     if name == "__version__":
-        return importlib.import_module("lvnav_trade.store.versions").tool_version()
+        return importlib.import_module("lvnav_trade.results.tables.versions").tool_version()
     raise AttributeError(f"module 'lvnav_trade' has no attribute {name!r}")

@@ -19,16 +19,16 @@ from scipy.integrate import solve_ivp
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.engines.setup import flight as room
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.filter_models import filter_models
-from lvnav_trade.filters.assumed import ReceiverModel
-from lvnav_trade.frames import quaternions
+from lvnav_trade.filter.assumed import ReceiverModel
 from lvnav_trade.kernels.earth import gravity_j4
-from lvnav_trade.observables.sensors import SENSORS, kind_of
-from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.flight.trajectory import Phase, Trajectory, reference
-from lvnav_trade.world.truth import attitude_spline, position_spline
+from lvnav_trade.quantities.frames import quaternions
+from lvnav_trade.scenario.filter_models import filter_models
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.family import SENSORS, kind_of
+from lvnav_trade.simulation.preparation import true_flight as room
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.trajectory.flight import Phase, Trajectory, reference
+from lvnav_trade.trajectory.truth import attitude_spline, position_spline
 
 Floats = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]

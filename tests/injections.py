@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.engines.simulate.statistics import summarise
-from lvnav_trade.records import ORBIT, OUTCOMES, InjectionLaw
-from lvnav_trade.store.diagnostics import injection_rows
-from lvnav_trade.store.read import Tables
-from lvnav_trade.store.runs import run_columns
+from lvnav_trade.quantities.records import ORBIT, OUTCOMES, InjectionLaw
+from lvnav_trade.results.tables.diagnostics import injection_rows
+from lvnav_trade.results.tables.read import Tables
+from lvnav_trade.results.tables.runs import run_columns
+from lvnav_trade.simulation.statistics import summarise
 from tests import synthetic
 
 SIZES = np.array([1e3, 2e3, 2e3, 1e-4, 1e-4, 1e-3, 2e-3])

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.store.read import Tables, load
+from lvnav_trade.results.tables.read import Tables, load
 from tests import synthetic
 
 COUNT = 400

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from lvnav_trade.engines.simulate.statistics import summarise
-from lvnav_trade.frames import Elements, state_from_elements
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
-from lvnav_trade.store.tables import CaseInfo
-from lvnav_trade.store.write import open_results
+from lvnav_trade.quantities.frames import Elements, state_from_elements
+from lvnav_trade.results.tables.tables import CaseInfo
+from lvnav_trade.results.tables.write import open_results
+from lvnav_trade.simulation.statistics import summarise
 from tests import synthetic
 
 CASE = "cccccccccccc"

@@ -8,7 +8,10 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.frames import (
+from lvnav_trade.gnss.satellites import satellites
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.quantities.frames import (  # fmt: skip
     earth_angle,
     earth_velocity,
     ecef_from_eci,
@@ -18,13 +21,10 @@ from lvnav_trade.frames import (
     gmst,
     quaternions,
     rotation_i_n,
-)  # fmt: skip
-from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
-from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.records import Reference
-from lvnav_trade.world.sky.gps_time import utc_after
-from lvnav_trade.world.sky.satellites import satellites
-from lvnav_trade.world.truth import Phase, Trajectory, attitude_spline, position_spline, reference
+)
+from lvnav_trade.quantities.records import Reference
+from lvnav_trade.quantities.times import utc_after
+from lvnav_trade.trajectory.truth import Phase, Trajectory, attitude_spline, position_spline, reference
 
 EPOCH = "2026-06-01T10:00:00+00:00"
 PLACE = np.array([np.radians(47.0), np.radians(9.0), 500.0])

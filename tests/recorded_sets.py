@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 from scipy.io import loadmat
 
-from lvnav_trade.frames import geodetic_from_ecef, rotation_e_n
+from lvnav_trade.gnss.broadcast import Broadcast, broadcast
+from lvnav_trade.gnss.rinex import Ephemeris
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.world.sky.broadcast import Broadcast, broadcast
-from lvnav_trade.world.sky.rinex import Ephemeris
+from lvnav_trade.quantities.frames import geodetic_from_ecef, rotation_e_n
 
 LIGHT = 299_792_458.0
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "refdata" / "imu_gnss"

@@ -10,7 +10,7 @@ from types import ModuleType
 
 from lvnav_studies import Publication
 from lvnav_trade.api.pages import load_script
-from lvnav_trade.metrics.registry import registry
+from lvnav_trade.results.registry import registry
 
 CAMPAIGNS = Path(__file__).resolve().parents[1] / "campaigns"
 

@@ -9,16 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.engines.analysis.error_bound import ErrorBound
-from lvnav_trade.engines.analysis.explain import FACTORS, Explanation, PhaseView, Sensitivity, SourceCovariance
-from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity
-from lvnav_trade.engines.setup.receiver.atmosphere import Delays
-from lvnav_trade.engines.setup.starts import StartDraws
-from lvnav_trade.engines.simulate.statistics import summarise
-from lvnav_trade.frames import reporting_axes
+from lvnav_trade.covariance.diagnostics.diagnostics import (
+    FACTORS,
+    Explanation,
+    PhaseView,
+    Sensitivity,
+    SourceCovariance,
+)
+from lvnav_trade.covariance.diagnostics.error_bound import ErrorBound
+from lvnav_trade.covariance.diagnostics.nonlinearity import Nonlinearity
+from lvnav_trade.gnss.fault_cards import SatelliteOutage
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.layout import PROTECTED
-from lvnav_trade.records import (
+from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.frames import reporting_axes
+from lvnav_trade.quantities.records import (
     LOST,
     TRACK,
     AdjointBudget,
@@ -30,10 +34,12 @@ from lvnav_trade.records import (
     Sky,
     Transition,
 )
-from lvnav_trade.store.tables import CaseInfo
-from lvnav_trade.store.write import open_results
-from lvnav_trade.world.conditions import Course
-from lvnav_trade.world.fault_cards import SatelliteOutage
+from lvnav_trade.quantities.state_layout import PROTECTED
+from lvnav_trade.results.tables.tables import CaseInfo
+from lvnav_trade.results.tables.write import open_results
+from lvnav_trade.simulation.preparation.initial_draws import StartDraws
+from lvnav_trade.simulation.preparation.signals.atmosphere import Delays
+from lvnav_trade.simulation.statistics import summarise
 
 OUTPUTS = (
     *(Output("attitude", axis, "rad", "mrad", 1e3) for axis in ("roll", "pitch", "yaw")),
@@ -329,8 +335,8 @@ def results(
 
     def trace(folder: Path) -> None:
         """Leave the worst runs over time, as a campaign does."""
-        from lvnav_trade.metrics.requirements.margins import worst_runs  # here: workers do without pandas
-        from lvnav_trade.store.read import Tables
+        from lvnav_trade.results.requirements.margins import worst_runs  # here: workers do without pandas
+        from lvnav_trade.results.tables.read import Tables
 
         for case, runs in worst_runs(Tables(folder)).groupby("case").run_number:
             drawn = covariance({one.id: factor for one, factor in CASES}[case], wrong)

@@ -10,9 +10,9 @@ import pytest
 
 import lvnav_trade
 from lvnav_trade import api
-from lvnav_trade.metrics import CSV, METRICS
 from lvnav_trade.report.build import keep
-from lvnav_trade.store.read import load
+from lvnav_trade.results.evaluation import CSV, METRICS
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 # a number, perhaps with its unit

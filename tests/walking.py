@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 LABELS = {"kind", "name", "source", "resources", "assumed", "second_hand"}
 """What names a card and says where it is from; both stand in the report, no engine reads them."""

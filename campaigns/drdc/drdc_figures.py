@@ -8,17 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.api.figures import (
-    GREY,
-    PALETTE,
-    Figure,
-    canvas,
-    line_of,
-    named_ticks,
-    over_time,
-    panel,
-    widen_covered,
-)
+from lvnav_trade.api.figures import GREY, PALETTE, Figure, canvas, line_of, named_ticks, over_time, panel, widen_covered
 from lvnav_trade.api.input import axes_of_errors, meant, quoted
 from lvnav_trade.api.measures import FRAMES, NAVIGATION, Tables, cases_of, evaluate_single, history_of, pick
 from lvnav_trade.api.pages import Block, FigureEntry, Question, Text, table, words

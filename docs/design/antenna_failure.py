@@ -9,8 +9,8 @@ import numpy as np
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.world.flight.trajectory import build
-from lvnav_trade.world.receiver.visibility import sky
+from lvnav_trade.gnss.visibility import sky
+from lvnav_trade.trajectory.flight import build
 
 START, END, REALISATIONS = 300.0, 330.0, 40
 ALIVE = 1  # the antenna that looks down in level flight

@@ -26,10 +26,10 @@ import numpy as np
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.search.point import changed
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.units import parse
+from lvnav_trade.quantities.units import parse
+from lvnav_trade.simulation.montecarlo import run_block
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "conae"
 FILES = ("pvt_sources", "imu_temperature", "delay", "hil_like")

@@ -16,10 +16,10 @@ from numba import njit
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.engines.lincov.history import forward_tape
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
+from lvnav_trade.covariance.history import forward_tape
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict, update_scalar
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 Floats = np.ndarray[Any, Any]
 CASES = (

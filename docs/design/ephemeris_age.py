@@ -9,8 +9,8 @@ import sys
 
 import numpy as np
 
-from lvnav_trade.world.sky.broadcast import broadcast, integrated
-from lvnav_trade.world.sky.rinex import Ephemeris, StateVector, read_navigation
+from lvnav_trade.gnss.broadcast import broadcast, integrated
+from lvnav_trade.gnss.rinex import Ephemeris, StateVector, read_navigation
 
 HOURS = (0.5, 1.0, 2.0, 4.0, 6.0)
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from ruamel.yaml import YAML
 
-from lvnav_trade.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_i_n
-from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.flight.trajectory import build, motion
+from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_i_n
+from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.flight import build, motion
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 RATE = 2.0  # Hz

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import shipped
-from lvnav_trade.engines.setup.vehicle import burns as burns_of
-from lvnav_trade.envelope import steady_ratio
-from lvnav_trade.metrics.vehicle import reduction
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, line_of, look
-from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
-from lvnav_trade.world.guided.autopilot import (
+from lvnav_trade.imu.error_model import ImuCard
+from lvnav_trade.quantities.envelope import steady_ratio
+from lvnav_trade.report.figures.style import GREY, PALETTE, canvas, line_of, look
+from lvnav_trade.results.evaluation.vehicle import reduction
+from lvnav_trade.simulation.preparation.vehicle import burns as burns_of
+from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
+from lvnav_trade.trajectory.guided.autopilot import (
     INSIDE_JERK,
     INSIDE_TURNING,
     JERK,
@@ -36,9 +37,8 @@ from lvnav_trade.world.guided.autopilot import (
     TURNING_BOUND,
     TURNING_RATIO,
 )
-from lvnav_trade.world.guided.course import ascend, changes
-from lvnav_trade.world.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
-from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.trajectory.guided.course import ascend, changes
+from lvnav_trade.trajectory.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 
 RUNS = 20
 FACTORS = np.array([0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0])

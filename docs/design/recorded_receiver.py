@@ -14,9 +14,9 @@ import numpy as np
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.frames import earth_angle, rotation_i_n
-from lvnav_trade.world.flight.trajectory import build, motion
-from lvnav_trade.world.receiver.visibility import sky
+from lvnav_trade.gnss.visibility import sky
+from lvnav_trade.quantities.frames import earth_angle, rotation_i_n
+from lvnav_trade.trajectory.flight import build, motion
 
 FILE = Path(__file__).resolve().parents[2] / "configs/receivers/l1_recorded.csv"
 SLOW, SLOW_TIME, FAST = 3.0, 60.0, 0.4  # m, s, m

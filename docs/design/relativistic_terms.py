@@ -9,11 +9,11 @@ import numpy as np
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade.gnss.visibility import antenna, sky
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT, spectral_densities
 from lvnav_trade.kernels.earth import GM, J2, OMEGA, SEMI_MAJOR
-from lvnav_trade.world.flight.trajectory import build
-from lvnav_trade.world.receiver.visibility import antenna, sky
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade.trajectory.flight import build
 
 ECCENTRICITY, AXIS = 0.02, 26.56e6  # of a GPS orbit: the limit that satellites are kept within, m
 ORBIT_ERROR = 2.0  # m, of the broadcast position, along the velocity

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lvnav_trade.engines.simulate.statistics import merge, quantiles, summarise
-from lvnav_trade.records import Output, RunBlock
-from lvnav_trade.store import parts
+from lvnav_trade.quantities.records import Output, RunBlock
+from lvnav_trade.results.tables import parts
+from lvnav_trade.simulation.statistics import merge, quantiles, summarise
 
 N_HIST, N_EPOCH, N_CHANNEL, SIZE, BLOCKS = 700, 700, 64, 40, 25
 NAMES = ("attitude", "velocity", "position", "gyro_bias", "accel_bias")

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from ruamel.yaml import YAML
 
-from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst
+from lvnav_trade.gnss.constellation import NominalConstellation, orbits
+from lvnav_trade.gnss.visibility import satellite_inertial, transmission
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
-from lvnav_trade.world.receiver.visibility import satellite_inertial, transmission
-from lvnav_trade.world.sky.constellation import NominalConstellation, orbits
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst
 
 CARD = Path(__file__).resolve().parents[2] / "configs/constellations/gps_24.yaml"
 EPOCH = "2026-08-01T12:00:00Z"

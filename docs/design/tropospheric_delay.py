@@ -17,7 +17,7 @@ from matplotlib.colors import SymLogNorm
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.delays.cards import (
+from lvnav_trade.gnss.delay_cards import (
     BeanThayerProfile,
     ConaeTroposphere,
     NiellTroposphere,
@@ -25,10 +25,10 @@ from lvnav_trade.delays.cards import (
     SaastamoinenTroposphere,
     SpilkerTroposphere,
 )
-from lvnav_trade.delays.models import Geometry, troposphere_delay
-from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
-from lvnav_trade.world.flight.trajectory import build
-from lvnav_trade.world.receiver.visibility import antenna, sky
+from lvnav_trade.gnss.delay_models import Geometry, troposphere_delay
+from lvnav_trade.gnss.visibility import antenna, sky
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade.trajectory.flight import build
 
 DOCS = Path(__file__).resolve().parents[1]
 FIGURE = DOCS / "decisions/0013-tropospheric-delay.png"

@@ -23,9 +23,9 @@ from lvnav_trade.campaign.space.designs import Designs
 from lvnav_trade.campaign.space.plan import planned, refuse_too_large
 from lvnav_trade.campaign.space.stage import Space
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import InputError, refuse_all
-from lvnav_trade.store import remote
-from lvnav_trade.store.contents import RESOLVED
+from lvnav_trade.quantities.errors import InputError, refuse_all
+from lvnav_trade.results.tables import remote
+from lvnav_trade.results.tables.contents import RESOLVED
 
 
 def check(campaign: str | Path, sets: Sequence[str] = (), strict: bool = False) -> CheckedCampaign:

@@ -10,7 +10,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running.replay import find
 from lvnav_trade.campaign.space.designs import Designs, number_in
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 _DIGITS = 6  # fewest digits of a digest that identify one of many designs
 

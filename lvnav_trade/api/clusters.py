@@ -17,10 +17,10 @@ from lvnav_trade.campaign.running import execute, pool, shards
 from lvnav_trade.campaign.running.conduct import Conduct, Mode, Scope
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.space.stage import Space
-from lvnav_trade.errors import InputError
-from lvnav_trade.store.contents import RESOLVED
-from lvnav_trade.store.parts import span
-from lvnav_trade.store.versions import code_digest
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.tables.contents import RESOLVED
+from lvnav_trade.results.tables.parts import span
+from lvnav_trade.results.tables.versions import code_digest
 
 _CONNECT_S, _WORKERS_S = 10, 60  # s, time-out of the connection to a scheduler and of its first worker
 

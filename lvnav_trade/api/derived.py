@@ -10,10 +10,10 @@ from lvnav_trade.api.choosing import case_of
 from lvnav_trade.api.shown import ExportedTrajectory, StartedCampaign
 from lvnav_trade.api.types import EstimatedNoise
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.errors import InputError, writing
+from lvnav_trade.quantities.errors import InputError, writing
 
 if TYPE_CHECKING:
-    from lvnav_trade.filters.scheduled import GainSchedule
+    from lvnav_trade.filter.policies.stored_gains import GainSchedule
 
 
 def estimate_q(
@@ -57,9 +57,9 @@ def estimate_q(
     """
     from lvnav_trade.campaign.derived import process_noise
     from lvnav_trade.campaign.syntax.cards import write_card
-    from lvnav_trade.plots.published import steps
-    from lvnav_trade.plots.raster import written
     from lvnav_trade.report.escape import csv_text
+    from lvnav_trade.report.figures.published import steps
+    from lvnav_trade.report.figures.raster import written
 
     noise = process_noise(*case_of(campaign, sets, case), runs, step)
     card = Path(file)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from lvnav_trade.api.display import Displayed, Shown
 from lvnav_trade.api.reports import load
-from lvnav_trade.errors import InputError, writing
+from lvnav_trade.quantities.errors import InputError, writing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,7 +111,7 @@ def cases(
         The folder has no results, a column does not exist, or a text is not a condition.
     """
     from lvnav_trade.api.selecting import chosen, column_named, ordered
-    from lvnav_trade.metrics.designs import meanings
+    from lvnav_trade.results.evaluation.designs import meanings
 
     results = load(folder)
     whole = results.cases

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from lvnav_trade.api.choosing import case_of
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.store.contents import owned
+from lvnav_trade.results.tables.contents import owned
 
 if TYPE_CHECKING:
     from lvnav_trade.export.filter_code import FilterCode

@@ -1,9 +1,9 @@
 """Building blocks of figures for scripts: panels with marks, shown in the report and saved as PNG or SVG."""
 
-from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
-from lvnav_trade.plots.overlap import widen_covered
-from lvnav_trade.plots.published import level_sizes, mark_levels
-from lvnav_trade.plots.style import PALETTE, line_of, over_time, scale_up
+from lvnav_trade.report.figures.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
+from lvnav_trade.report.figures.overlap import widen_covered
+from lvnav_trade.report.figures.published import level_sizes, mark_levels
+from lvnav_trade.report.figures.style import PALETTE, line_of, over_time, scale_up
 
 __all__ = [
     "GREY",

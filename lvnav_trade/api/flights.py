@@ -10,12 +10,12 @@ import pandas as pd
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.derived import ProcessNoise, process_noise
-from lvnav_trade.engines.setup.prepare import prepare
-from lvnav_trade.engines.simulate.clock import true_clock
-from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.errors import InputError
-from lvnav_trade.plots.published import steps as steps_figure
-from lvnav_trade.world.receiver.link import gain, gains
+from lvnav_trade.gnss.receiver_link import gain, gains
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.report.figures.published import steps as steps_figure
+from lvnav_trade.simulation.montecarlo import run_block
+from lvnav_trade.simulation.preparation.prepare import prepare
+from lvnav_trade.simulation.receiver_clock import true_clock
 
 __all__ = [
     "Case",

@@ -11,7 +11,6 @@ from typing import Generic, NamedTuple, TypeVar
 
 from pydantic import ValidationError
 
-from lvnav_trade import expression
 from lvnav_trade.campaign.definition.metric_names import metric_of
 from lvnav_trade.campaign.definition.published import Case as Levels
 from lvnav_trade.campaign.definition.published import Measured, Pooled, Published, Stated, require_unit
@@ -29,9 +28,10 @@ from lvnav_trade.campaign.reading.checks import (
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Written, hint
-from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
-from lvnav_trade.limits import STATEMENTS
-from lvnav_trade.units import Angle, Card, Duration, Length, Share, parse
+from lvnav_trade.quantities import expression
+from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
+from lvnav_trade.quantities.limits import STATEMENTS
+from lvnav_trade.quantities.units import Angle, Card, Duration, Length, Share, parse
 
 __all__ = [
     "STATEMENTS",

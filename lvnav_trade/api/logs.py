@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lvnav_trade.api.shown import FittedImu, ProcessedLog
-from lvnav_trade.errors import writing
+from lvnav_trade.quantities.errors import writing
 
 
 def fit_unit(
@@ -49,8 +49,8 @@ def fit_unit(
     """
     from lvnav_trade.campaign import unit_card
     from lvnav_trade.campaign.syntax.cards import write_text
-    from lvnav_trade.plots.inertial import allan_of_log
-    from lvnav_trade.plots.raster import written
+    from lvnav_trade.report.figures.inertial import allan_of_log
+    from lvnav_trade.report.figures.raster import written
 
     fitted = unit_card.fit_unit(str(log), start, end, shortest, longest, counted)
     write_text(Path(card), fitted.text)
@@ -106,7 +106,7 @@ def process_log(
     from lvnav_trade.report.build import html_page, markdown_page, pictures
     from lvnav_trade.report.escape import csv_text
     from lvnav_trade.report.recorded import page
-    from lvnav_trade.store.contents import owned
+    from lvnav_trade.results.tables.contents import owned
 
     target, loaded = owned(folder, "report"), load(campaign, sets)
     processed = process(loaded, Path(log), Asked(tuple(lengths), first, every))

@@ -5,15 +5,11 @@ the runs. `value_of` evaluates an expression of such metrics, with its interval.
 a script, so that campaigns can name them.
 """
 
-from lvnav_trade.metrics import METRICS as FRAMES
-from lvnav_trade.metrics.basics.select import NAVIGATION, history_of, pick
-from lvnav_trade.metrics.evaluate import difference, name_of
-from lvnav_trade.metrics.families.nees import Nees
-from lvnav_trade.metrics.families.signals import REACQUIRED
-from lvnav_trade.metrics.filter import whiteness
-from lvnav_trade.metrics.metric import Metric, MetricValue, SingleValue
-from lvnav_trade.metrics.pooled import axes_of, cases_of, evaluate, evaluate_single, label_of, members
-from lvnav_trade.metrics.published import (
+from lvnav_trade.results.evaluate import difference, name_of
+from lvnav_trade.results.evaluation import METRICS as FRAMES
+from lvnav_trade.results.evaluation.filter_consistency import whiteness
+from lvnav_trade.results.evaluation.pooled_cases import axes_of, cases_of, evaluate, evaluate_single, label_of, members
+from lvnav_trade.results.evaluation.published import (
     COLUMNS,
     Rows,
     in_own_unit,
@@ -24,10 +20,23 @@ from lvnav_trade.metrics.published import (
     rows_of,
     written_unit,
 )
-from lvnav_trade.metrics.registry import add_metrics
-from lvnav_trade.metrics.signals import reacquisition_times
-from lvnav_trade.metrics.verdicts import FAILS, HOLDS, NOT_SET_UP, NUMBERS, UNDECIDED, Value, value_of, verdict
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation.signals import reacquisition_times
+from lvnav_trade.results.evaluation.verdicts import (
+    FAILS,
+    HOLDS,
+    NOT_SET_UP,
+    NUMBERS,
+    UNDECIDED,
+    Value,
+    value_of,
+    verdict,
+)
+from lvnav_trade.results.metric import Metric, MetricValue, SingleValue
+from lvnav_trade.results.metrics.nees import Nees
+from lvnav_trade.results.metrics.signals import REACQUIRED
+from lvnav_trade.results.registry import add_metrics
+from lvnav_trade.results.statistics.select import NAVIGATION, history_of, pick
+from lvnav_trade.results.tables.read import Tables
 
 __all__ = [
     "COLUMNS",

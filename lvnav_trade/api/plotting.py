@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import InputError, writing
-from lvnav_trade.store.read import Tables
+from lvnav_trade.quantities.errors import InputError, writing
+from lvnav_trade.results.tables.read import Tables
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
-    from lvnav_trade.plots.figure import Figure
+    from lvnav_trade.report.figures.figure import Figure
 
 _QUANTITY = "velocity"
 _FORMATS = ("png", "svg")
@@ -29,7 +29,7 @@ class Plot:
     ----------
     name : str
         Name of the figure.
-    figure : lvnav_trade.plots.figure.Figure
+    figure : lvnav_trade.report.figures.figure.Figure
         Content of the figure: panels with their marks, axes and labels.
     """
 
@@ -44,7 +44,7 @@ class Plot:
         matplotlib.figure.Figure
             The figure; pyplot does not manage it, so it needs no closing.
         """
-        from lvnav_trade.plots.raster import drawn
+        from lvnav_trade.report.figures.raster import drawn
 
         return drawn(self.figure)
 
@@ -74,7 +74,7 @@ class Plot:
         return path
 
     def _drawn(self, ending: str) -> bytes:
-        from lvnav_trade.plots.raster import written
+        from lvnav_trade.report.figures.raster import written
 
         return written(self.figure, ending)
 
@@ -82,7 +82,7 @@ class Plot:
         return self._drawn("png")
 
     def __repr__(self) -> str:
-        from lvnav_trade.plots.figure import alt_text
+        from lvnav_trade.report.figures.figure import alt_text
 
         return f"<Plot {self.name}: {'; '.join(alt_text(panel) for panel in self.figure.panels if panel.marks)}>"
 
@@ -120,12 +120,12 @@ class Plots:
         self._tables = tables
 
     def __dir__(self) -> list[str]:
-        from lvnav_trade.plots import PLOTS
+        from lvnav_trade.report.figures import PLOTS
 
         return sorted(PLOTS)
 
     def __getattr__(self, name: str) -> Callable[..., Plot]:
-        from lvnav_trade.plots import PLOTS
+        from lvnav_trade.report.figures import PLOTS
 
         if name.startswith("_"):
             raise AttributeError(name)

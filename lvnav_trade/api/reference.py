@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lvnav_trade.api.types import MetricNames
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.reading.reference import Part
@@ -123,7 +123,7 @@ def metrics(name: str = "") -> MetricNames:
 
     from lvnav_trade.campaign.definition.metric_names import known_metrics
     from lvnav_trade.campaign.syntax.tree import hint
-    from lvnav_trade.metrics import METRICS
+    from lvnav_trade.results.evaluation import METRICS
 
     listed = [entry for entry in known_metrics() if name in entry.metric]
     tables = {key: (table.__doc__ or "").partition("\n")[0] for key, table in METRICS.items() if name in key}

@@ -8,10 +8,10 @@ from pathlib import Path
 from lvnav_trade.api.campaigns import run
 from lvnav_trade.api.results import Results
 from lvnav_trade.api.types import Comparison, ReportFiles
-from lvnav_trade.errors import InputError
-from lvnav_trade.store import remote
-from lvnav_trade.store.contents import owned
-from lvnav_trade.store.read import load as read
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.tables import remote
+from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.read import load as read
 
 
 def load(folder: str | Path) -> Results:
@@ -115,8 +115,8 @@ def compare(
     InputError
         The two result sets are not comparable; the message gives the reason.
     """
-    from lvnav_trade.metrics.comparison.comparison import compare as paired
-    from lvnav_trade.metrics.comparison.comparison import parse_effects
+    from lvnav_trade.results.comparison.comparison import compare as paired
+    from lvnav_trade.results.comparison.comparison import parse_effects
 
     wanted = parse_effects(effects)
     folders = [

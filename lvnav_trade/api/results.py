@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from lvnav_trade.api.display import Displayed, Shown
 from lvnav_trade.api.frames import Frames
 from lvnav_trade.api.plotting import Plots
-from lvnav_trade.errors import InputError
-from lvnav_trade.store import remote
-from lvnav_trade.store.read import load as read
-from lvnav_trade.store.schema import SI_SUFFIX, TABLES, unit_suffix
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.tables import remote
+from lvnav_trade.results.tables.read import load as read
+from lvnav_trade.results.tables.schema import SI_SUFFIX, TABLES, unit_suffix
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,7 +60,7 @@ class Summary(Displayed):
     exit_code: int
 
     def _shown(self) -> Shown:
-        from lvnav_trade.metrics.requirements.requirements import in_words
+        from lvnav_trade.results.requirements.requirements import in_words
 
         low, high = self.runs
         counted = f"{self.cases} cases, {high if low == high else f'{low} to {high}'} runs each"
@@ -127,7 +127,7 @@ class Results(Frames, Displayed):
             There is no such table.
         """
         from lvnav_trade.campaign.syntax.tree import hint
-        from lvnav_trade.metrics import METRICS
+        from lvnav_trade.results.evaluation import METRICS
 
         if name not in METRICS:
             raise error(f"no table {name!r}{hint(name, [*TABLES, *METRICS])}")
@@ -170,7 +170,7 @@ class Results(Frames, Displayed):
         return Plots(self.tables)
 
     def __dir__(self) -> list[str]:
-        from lvnav_trade.metrics import METRICS
+        from lvnav_trade.results.evaluation import METRICS
 
         return sorted({*super().__dir__(), *TABLES, *METRICS})
 
@@ -231,7 +231,7 @@ class Results(Frames, Displayed):
         """Return a table with the label and, for each axis, the level as text and as number, inserted after `case`."""
         import pandas as pd
 
-        from lvnav_trade.metrics.requirements.curves import si_axes
+        from lvnav_trade.results.requirements.curves import si_axes
 
         levels = self.tables.levels
         names = {axis: "axis_" + re.sub(r"\W", "_", axis) for case in levels.values() for axis in case}

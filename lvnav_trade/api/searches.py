@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from lvnav_trade.api.types import Sensitivity, Solution, Tuning
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
-from lvnav_trade.store.contents import owned
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.tables.contents import owned
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign

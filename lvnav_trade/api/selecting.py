@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 import pandas as pd
 
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.decimals import DECIMAL
-from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.store.schema import unit_at_end
-from lvnav_trade.units import parse
+from lvnav_trade.quantities.decimals import DECIMAL
+from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.quantities.units import parse
+from lvnav_trade.results.tables.schema import unit_at_end
 
 _LENGTH = 1_000
 _TOKEN = re.compile(

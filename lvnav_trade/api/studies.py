@@ -14,8 +14,8 @@ from lvnav_trade.api.types import Study
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.syntax.cards import shipped
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import InputError, refuse_all
-from lvnav_trade.store.contents import owned
+from lvnav_trade.quantities.errors import InputError, refuse_all
+from lvnav_trade.results.tables.contents import owned
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
@@ -290,9 +290,9 @@ def _count_reproduced(answered: Answered, script: StudyScript) -> tuple[int, int
     """
     import pandas as pd
 
-    from lvnav_trade.metrics.held import evidence, held
-    from lvnav_trade.metrics.published import COLUMNS
     from lvnav_trade.report.script import published_rows
+    from lvnav_trade.results.evaluation.held import evidence, held
+    from lvnav_trade.results.evaluation.published import COLUMNS
 
     name, settings = answered.campaign.name, answered.campaign.model_dump(mode="json")
     rows = pd.DataFrame(published_rows(name, answered.tables, settings, script), columns=COLUMNS)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from lvnav_trade.api.display import Displayed, Shown
-from lvnav_trade.metrics.comparison import comparison
+from lvnav_trade.results.comparison import comparison
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.axes import Case
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lvnav_trade.campaign.derived import ProcessNoise
     from lvnav_trade.campaign.running.selfcheck import Checked
     from lvnav_trade.campaign.space.plan import DesignsPlan
-    from lvnav_trade.filters.base import FilterCard
+    from lvnav_trade.filter.card import FilterCard
 
 
 @dataclass(frozen=True)

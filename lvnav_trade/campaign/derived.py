@@ -9,18 +9,18 @@ import pandas as pd
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.engines.analysis.ensemble import Densities, StepErrors, densities, step_errors
-from lvnav_trade.engines.analysis.explain import flown_events
-from lvnav_trade.engines.lincov.history import forward_tape
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.errors import InputError
-from lvnav_trade.filter_models import filter_models, has_covariance
-from lvnav_trade.filters.base import FilterCard
-from lvnav_trade.filters.scheduled import FlownGains, GainSchedule, schedule_of
+from lvnav_trade.covariance.diagnostics.diagnostics import flown_events
+from lvnav_trade.covariance.diagnostics.ensemble import Densities, StepErrors, densities, step_errors
+from lvnav_trade.covariance.history import forward_tape
+from lvnav_trade.filter.card import FilterCard
+from lvnav_trade.filter.policies.stored_gains import FlownGains, GainSchedule, schedule_of
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.layout import state_names
-from lvnav_trade.per_axis import rms
-from lvnav_trade.world.flight.trajectory import identity
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.per_axis import rms
+from lvnav_trade.quantities.state_layout import state_names
+from lvnav_trade.scenario.filter_models import filter_models, has_covariance
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.trajectory.flight import identity
 
 _SHORTEST = 5.0  # s; a shorter phase is merged with the next
 _LEAST_RUNS = 10

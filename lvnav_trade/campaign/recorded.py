@@ -14,16 +14,16 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.engines.recorded.alignment import Alignment, align
-from lvnav_trade.engines.recorded.consistency import consistent
-from lvnav_trade.engines.recorded.flight import refuse_unable, replayed
-from lvnav_trade.engines.recorded.outages import Outage, outage
-from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.errors import InputError
-from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.kernels.transition import VEL
-from lvnav_trade.world.user_file.navigation_log import NavigationLog, read_recording
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade.simulation.montecarlo import run_block
+from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.recorded.alignment import Alignment, align
+from lvnav_trade.simulation.recorded.consistency import consistent
+from lvnav_trade.simulation.recorded.flight import refuse_unable, replayed
+from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, read_recording
+from lvnav_trade.simulation.recorded.outages import Outage, outage
 
 _MOTION = slice(VEL, VEL + 6)  # outputs of velocity and position
 

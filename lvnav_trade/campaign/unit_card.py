@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from lvnav_trade import units
 from lvnav_trade.campaign.syntax.cards import MARK
-from lvnav_trade.errors import InputError
-from lvnav_trade.records import Floats
-from lvnav_trade.world.sensors.allan import FLOOR
-from lvnav_trade.world.sensors.allan_fit import FEWEST, NAMES, AxisFit, Coefficient, fit, ladder
-from lvnav_trade.world.user_file.imu_log import ImuLog, read_log
+from lvnav_trade.imu.allan import FLOOR
+from lvnav_trade.imu.allan_fit import FEWEST, NAMES, AxisFit, Coefficient, fit, ladder
+from lvnav_trade.quantities import units
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.simulation.recorded.imu_log import ImuLog, read_log
 
 _SENSORS = {"gyro": "gyro", "accel": "accelerometer"}
 _UNITS = {

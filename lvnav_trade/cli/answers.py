@@ -10,7 +10,7 @@ from typing import Any
 
 from lvnav_trade.campaign.text import table
 from lvnav_trade.cli.console import FAILED, Answer
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 _MOST = 10  # largest number of failed runs listed individually
 _COMPONENTS = {"3d", "north", "east", "down", "x", "y", "z", "radial", "along", "cross", "roll", "pitch", "yaw"}
@@ -42,7 +42,7 @@ def shared(done: Any) -> Answer:
 def check_preferred(prefer: Sequence[str]) -> None:
     """Refuse unknown words of `run --prefer` before anything is computed."""
     from lvnav_trade.campaign.syntax.tree import hint
-    from lvnav_trade.metrics.resources import PREFERRED
+    from lvnav_trade.results.evaluation.resources import PREFERRED
 
     for name in prefer:
         if name not in PREFERRED:
@@ -51,7 +51,7 @@ def check_preferred(prefer: Sequence[str]) -> None:
 
 def with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer:
     """Return an answer extended by the cases in preferred order; cases that meet every requirement come first."""
-    from lvnav_trade.metrics.resources import ranked
+    from lvnav_trade.results.evaluation.resources import ranked
 
     frame = results.pareto
     if frame.empty:
@@ -70,7 +70,7 @@ def with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer:
 def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
     """Return the console output of a finished campaign: verdicts, location of the results, exit code."""
     from lvnav_trade.campaign.reading.flights import KINDS, remark_lines
-    from lvnav_trade.metrics.requirements.requirements import in_words
+    from lvnav_trade.results.requirements.requirements import in_words
 
     verdicts, failures = results.requirements, results.failures
     remarks = {name: results.tables.manifest.get(name, []) for name in KINDS}
@@ -123,7 +123,7 @@ def _designs(results: Any, many: Mapping[str, Any]) -> str:
     """Return the summary of a design space: designs that meet all requirements, those with an overconfident filter, and
     the command that lists them.
     """
-    from lvnav_trade.metrics.space import counts_of, overconfident
+    from lvnav_trade.results.evaluation.design_space import counts_of, overconfident
 
     frame, has_requirements = results.cases, bool(results.tables.campaign.get("requirements"))
     good = frame[frame.verdict == "met"]
@@ -151,7 +151,7 @@ def _named_basis(shown: Any) -> Any:
 
 def _verdicts(shown: Any, whole: str) -> str:
     """Return the table of verdicts; of too many rows only the worst verdicts, and the location of the whole table."""
-    from lvnav_trade.metrics.requirements.margins import ORDER
+    from lvnav_trade.results.requirements.margins import ORDER
 
     more = len(shown) - _ROWS
     if more <= 0:

@@ -12,7 +12,7 @@ import typer
 
 from lvnav_trade.cli.answers import answer_of, shown
 from lvnav_trade.cli.console import Answer, Jobs, Json, Quiet, folder_option, verb
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 class Backend(StrEnum):

@@ -16,9 +16,16 @@ from typing import Annotated, Any, NamedTuple, NoReturn, get_type_hints
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from lvnav_trade.campaign.interrupts import raise_if_interrupted, remembering_interrupts
 from lvnav_trade.cli.streams import complaint, guard
-from lvnav_trade.errors import InputError, Mistake, is_full_disk, system_message, visible, without_credentials
-from lvnav_trade.interrupts import raise_if_interrupted, remembering_interrupts
+from lvnav_trade.quantities.errors import (
+    InputError,
+    Mistake,
+    is_full_disk,
+    system_message,
+    visible,
+    without_credentials,
+)
 
 JSON_VERSION = 1
 FAILED, INTERNAL = 4, 5
@@ -100,7 +107,7 @@ Jobs = Annotated[int, typer.Option("--jobs", "-j", help="worker processes; -1: a
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from lvnav_trade.store.versions import tool_version
+        from lvnav_trade.results.tables.versions import tool_version
 
         print(f"lvnav-trade {tool_version()}")
         raise typer.Exit

@@ -8,7 +8,7 @@ import typer
 
 from lvnav_trade.campaign.text import table
 from lvnav_trade.cli.console import Answer, file_option, verb
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 _ROWS = 20
 _WIDE = ("label", "binding")  # texts that a terminal has no room for

@@ -9,7 +9,7 @@ import typer
 
 from lvnav_trade.campaign.text import table
 from lvnav_trade.cli.console import Answer, file_option, folder_option, verb
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 LogFile = Annotated[str, typer.Argument(metavar="LOG", help="CSV or Parquet, units in the names of its columns")]
 
@@ -91,7 +91,7 @@ def process_log(
     Receiver solutions are withheld repeatedly for some seconds; the error at the end is compared with the sigma.
     """
     from lvnav_trade import api
-    from lvnav_trade.units import parse
+    from lvnav_trade.quantities.units import parse
 
     try:
         lengths = [parse(text, "s") for text in outage or ("15 s", "60 s")]

@@ -8,7 +8,7 @@ import typer
 
 from lvnav_trade.campaign.text import table
 from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Sets, file_option, verb
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 CaseOf = Annotated[
     str | None,

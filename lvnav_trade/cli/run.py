@@ -14,7 +14,7 @@ from lvnav_trade.campaign.text import table
 from lvnav_trade.cli.answers import answer_of, check_preferred, components_together, shared, shown, with_ranking
 from lvnav_trade.cli.clusters import Backend, workers
 from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Json, Out, Quiet, Sets, folder_option, verb
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 if TYPE_CHECKING:
     from lvnav_trade.api import Plan

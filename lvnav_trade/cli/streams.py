@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, TextIO, cast
 
-from lvnav_trade.errors import visible
+from lvnav_trade.quantities.errors import visible
 
 
 class Stream:

@@ -6,15 +6,15 @@ import re
 import textwrap
 from typing import Any, NamedTuple
 
-from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.errors import InputError
 from lvnav_trade.export import entries
 from lvnav_trade.export.scope import refuse_redundant_imus
 from lvnav_trade.export.storage import Storage
 from lvnav_trade.export.translation.expressions import RingTooShort
 from lvnav_trade.export.translation.program import Program
 from lvnav_trade.export.translation.values import DOUBLE, INT, Array, Fields, Scalar, Value, size_of
-from lvnav_trade.layout import state_names
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.state_layout import state_names
+from lvnav_trade.simulation.preparation.prepare import Prepared
 
 NAME = "nav_filter"
 # Comments on the fields of the struct that are measured and estimated; the others are work arrays.

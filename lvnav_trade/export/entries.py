@@ -6,8 +6,8 @@ becomes the comment of the C function.
 
 from typing import Any
 
-from lvnav_trade.engines.simulate import steps
-from lvnav_trade.filters.feedforward import apply_correction, remove_correction
+from lvnav_trade.filter.policies.open_loop import apply_correction, remove_correction
+from lvnav_trade.simulation import steps
 
 
 def begin(work: Any, parts: Any, options: Any, start: Any, nav: Any) -> None:

@@ -16,7 +16,7 @@ import pandas as pd
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 """Compiler options. Fused multiply-add is disabled, because it rounds differently from the kernels."""
@@ -57,10 +57,10 @@ def filter_code(campaign: Campaign, case: Case, runs: int, progress: Callable[[s
 
     InputError where the case has no filter of the kind, a kernel cannot be translated, or the compiler fails.
     """
-    from lvnav_trade.engines.setup.prepare import prepare
     from lvnav_trade.export.code import NAME, exported
     from lvnav_trade.export.replay import flight_bytes, replay_text, run_bytes
     from lvnav_trade.export.translation.values import TranslationError
+    from lvnav_trade.simulation.preparation.prepare import prepare
 
     if runs < 0:
         raise InputError(f"--runs {runs}: should be 0 or more")

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.engines.simulate.montecarlo import taped
 from lvnav_trade.export.code import NAME, Exported
 from lvnav_trade.export.storage import BY_TICK
 from lvnav_trade.export.translation.values import INT, ONLY, Array, size_of
+from lvnav_trade.simulation.montecarlo import taped
+from lvnav_trade.simulation.preparation.prepare import Prepared
 
 LIMIT = 1e-9
 """Largest difference of a replay from the runs, as a share of the state's size."""

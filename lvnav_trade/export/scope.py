@@ -1,7 +1,7 @@
 """Check whether the filter of a case can be exported: decisions made ahead of the filter are not part of it."""
 
-from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.simulation.preparation.prepare import Prepared
 
 
 def refuse_redundant_imus(prepared: Prepared) -> None:

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.engines.epoch.case import case_of
-from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.engines.simulate.montecarlo import new_work
 from lvnav_trade.export.translation.program import Program
 from lvnav_trade.export.translation.values import DOUBLE, INT, ONLY, SAME, Array, Fields, Known, Value, table_of
+from lvnav_trade.simulation.epoch.case import case_of
+from lvnav_trade.simulation.montecarlo import new_work
+from lvnav_trade.simulation.preparation.prepare import Prepared
 
 # Axes along which epochs or windows count, of what is read of signals, sensors and options.
 EPOCHS = {

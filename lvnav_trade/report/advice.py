@@ -9,16 +9,16 @@ import pandas as pd
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import shipped
-from lvnav_trade.errors import InputError
-from lvnav_trade.layout import EXTRAS, PARAMETERS, split_metric
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.metric import where
-from lvnav_trade.metrics.resources import scenario_of
+from lvnav_trade.quantities.error_sources import fields_of
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.state_layout import EXTRAS, PARAMETERS, split_metric
+from lvnav_trade.quantities.units import parse
 from lvnav_trade.report.blocks import among, number, words
 from lvnav_trade.report.sentences import say
-from lvnav_trade.sources import fields_of
-from lvnav_trade.store.read import Tables
-from lvnav_trade.units import parse
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.resources import scenario_of
+from lvnav_trade.results.metric import where
+from lvnav_trade.results.tables.read import Tables
 
 # Unit of a datasheet for a field, by the SI unit in which resolved campaigns state it
 _DATASHEET = {

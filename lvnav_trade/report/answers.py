@@ -5,18 +5,18 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.layout import split_metric
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import mean_at
-from lvnav_trade.metrics.errors.covariances import why_not_applicable
-from lvnav_trade.metrics.metric import where
-from lvnav_trade.metrics.requirements.improvements import asked
-from lvnav_trade.metrics.requirements.margins import worst_runs
-from lvnav_trade.metrics.requirements.requirements import in_words, with_unit
+from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.report.advice import advice
 from lvnav_trade.report.blocks import Block, More, Text, figure, listed, stated, words
 from lvnav_trade.report.sentences import say
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.covariances import why_not_applicable
+from lvnav_trade.results.metric import where
+from lvnav_trade.results.requirements.improvements import asked
+from lvnav_trade.results.requirements.margins import worst_runs
+from lvnav_trade.results.requirements.requirements import in_words, with_unit
+from lvnav_trade.results.statistics.select import mean_at
+from lvnav_trade.results.tables.read import Tables
 
 _FEW = 4  # cases that are all named beside their verdict
 _WORDS = {  # of verdicts, from the best to the worst

@@ -4,11 +4,11 @@ from collections.abc import Callable, Collection, Sequence
 
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.assumptions import compared_by
 from lvnav_trade.report.blocks import Block, Text, among, of, stated, words
 from lvnav_trade.report.escape import note
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.assumptions import compared_by
+from lvnav_trade.results.tables.read import Tables
 
 _FEW = 4
 _RESOURCES = r"(?:^|\.)resources\."

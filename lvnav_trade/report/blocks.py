@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.layout import split_metric
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import NAVIGATION
-from lvnav_trade.metrics.mission.orbit import LEAST
-from lvnav_trade.metrics.requirements.margins import key_cases
-from lvnav_trade.plots import PLOTS
-from lvnav_trade.plots.browser import data_of
-from lvnav_trade.plots.figure import Figure, Panel, alt_text
+from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.report.escape import note, texts
-from lvnav_trade.store.read import Tables
+from lvnav_trade.report.figures import PLOTS
+from lvnav_trade.report.figures.browser import data_of
+from lvnav_trade.report.figures.figure import Figure, Panel, alt_text
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.mission.orbit import LEAST
+from lvnav_trade.results.requirements.margins import key_cases
+from lvnav_trade.results.statistics.select import NAVIGATION
+from lvnav_trade.results.tables.read import Tables
 
 _HALF_SHEET = 78  # characters of a table, with a space per column, across half a page
 _HALF_ROWS = 40  # largest number of rows of such a table, which is not split between pages

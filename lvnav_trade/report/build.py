@@ -9,10 +9,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from lvnav_trade.errors import InputError, writing
-from lvnav_trade.metrics import CSV, METRICS
-from lvnav_trade.metrics.basics.names import named
-from lvnav_trade.plots.style import share_scales
+from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.report import assumptions as assumed
 from lvnav_trade.report import configuration as configured
 from lvnav_trade.report import curves, evidence, flight, injection, integrity
@@ -23,9 +20,12 @@ from lvnav_trade.report.answers import answers
 from lvnav_trade.report.blocks import Block, Blocks, Designs, Grades, More, Picture, Section, Table, Text, chosen_cases
 from lvnav_trade.report.document import Head, head, stated_requirements, title_of
 from lvnav_trade.report.escape import csv_text, render, source
+from lvnav_trade.report.figures.style import share_scales
 from lvnav_trade.report.summary import SIGNS, summary
-from lvnav_trade.store.contents import owned
-from lvnav_trade.store.read import Tables, load
+from lvnav_trade.results.evaluation import CSV, METRICS
+from lvnav_trade.results.statistics.names import named
+from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.read import Tables, load
 
 
 def _agreement(tables: Tables) -> list[Block]:
@@ -307,7 +307,7 @@ def pictures(sections: Sequence[Section], formats: Sequence[str] = ("png",)) -> 
     """Return the figures of sections as files in figures/: content by name. Worker processes draw them."""
     if not formats:
         return {}
-    from lvnav_trade.plots.raster import files  # matplotlib, which a report as HTML does not need
+    from lvnav_trade.report.figures.raster import files  # matplotlib, which a report as HTML does not need
 
     blocks = [block for section in sections for block in _flat(section.blocks)]
     figures = {f"figures/{block.name}": block.figure for block in blocks if isinstance(block, Picture)}

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from lvnav_trade.errors import InputError, writing
-from lvnav_trade.metrics.comparison.comparison import Comparison
+from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.report.blocks import number, percent
 from lvnav_trade.report.escape import render, xml_text
 from lvnav_trade.report.sentences import say
-from lvnav_trade.store.contents import MANIFEST, RESOLVED, is_without_rows, owned
-from lvnav_trade.store.manifest import DIGESTS, damaged, digest
-from lvnav_trade.store.read import Tables, load, stored_table
+from lvnav_trade.results.comparison.comparison import Comparison
+from lvnav_trade.results.tables.contents import MANIFEST, RESOLVED, is_without_rows, owned
+from lvnav_trade.results.tables.manifest import DIGESTS, damaged, digest
+from lvnav_trade.results.tables.read import Tables, load, stored_table
 
 EXIT = {"not worse": 0, "worse": 1, "undecided": 3}
 """Exit codes of the verdicts."""

@@ -4,7 +4,7 @@ import pandas as pd
 
 from lvnav_trade.report.assumptions import cases_in_words
 from lvnav_trade.report.blocks import Block, Table, of
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.tables.read import Tables
 
 
 @of("configuration")

@@ -4,12 +4,12 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.resources import ranked
 from lvnav_trade.report.blocks import Block, Text, figure, stated
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.sentences import say
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.resources import ranked
+from lvnav_trade.results.tables.read import Tables
 
 _FEW = 6  # crossings of an axis that are said in a line
 

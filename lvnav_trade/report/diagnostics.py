@@ -7,10 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.gaussian import gaussian
-from lvnav_trade.metrics.basics.select import final_event, mean_at
-from lvnav_trade.plots.validity import is_a_grid
 from lvnav_trade.report.blocks import (
     Block,
     Grades,
@@ -28,7 +24,11 @@ from lvnav_trade.report.blocks import (
 )
 from lvnav_trade.report.escape import data_json, note
 from lvnav_trade.report.evidence import NAVIGATION, separate_events
-from lvnav_trade.store.read import Tables
+from lvnav_trade.report.figures.validity import is_a_grid
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.statistics.gaussian import gaussian
+from lvnav_trade.results.statistics.select import final_event, mean_at
+from lvnav_trade.results.tables.read import Tables
 
 _LEAST_SHARE = 0.01  # part of the variance below which a source is summed with others in a table
 

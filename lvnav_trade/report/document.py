@@ -5,15 +5,15 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.evaluate import metric_in
-from lvnav_trade.metrics.metric import where
-from lvnav_trade.metrics.requirements.requirements import with_unit
 from lvnav_trade.report.blocks import Block, Text, stated, words
 from lvnav_trade.report.escape import note
 from lvnav_trade.report.sentences import say
 from lvnav_trade.report.validity import when, with_evidence
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluate import metric_in
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.metric import where
+from lvnav_trade.results.requirements.requirements import with_unit
+from lvnav_trade.results.tables.read import Tables
 
 CHANGED = "with changes"  # end of the commit in a manifest if files differed from it
 _OPTIONAL = ("id", "parent", "source", "verification", "rationale")

@@ -12,7 +12,7 @@ import jinja2
 import pandas as pd
 from jinja2.utils import htmlsafe_json_dumps
 
-from lvnav_trade.errors import visible
+from lvnav_trade.quantities.errors import visible
 
 _INLINE = (
     (re.compile(r"\\"), r"\\\\"),

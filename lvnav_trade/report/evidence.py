@@ -8,14 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import final_event, flight_events, history_of, pick, pick_columns
-from lvnav_trade.metrics.errors.covariances import by_case
-from lvnav_trade.metrics.metric import where
-from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY
-from lvnav_trade.metrics.requirements.requirements import in_words
-from lvnav_trade.plots import PLOTS
-from lvnav_trade.plots.signals import LAYERS, layers_of
 from lvnav_trade.report.blocks import (
     Block,
     More,
@@ -38,8 +30,16 @@ from lvnav_trade.report.blocks import (
     words,
 )
 from lvnav_trade.report.escape import note
+from lvnav_trade.report.figures import PLOTS
+from lvnav_trade.report.figures.signals import LAYERS, layers_of
 from lvnav_trade.report.validity import filter_verdict
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.covariances import by_case
+from lvnav_trade.results.metric import where
+from lvnav_trade.results.requirements.improvements import ABOVE_ONLY
+from lvnav_trade.results.requirements.requirements import in_words
+from lvnav_trade.results.statistics.select import final_event, flight_events, history_of, pick, pick_columns
+from lvnav_trade.results.tables.read import Tables
 
 _FACT_UNITS = (
     ("gee_m", "_m", "km", 1e-3),

@@ -2,20 +2,10 @@
 
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.report.blocks import (
-    Block,
-    Text,
-    chosen_cases,
-    figure,
-    left_out,
-    number,
-    of,
-    stated,
-    words,
-)
+from lvnav_trade.report.blocks import Block, Text, chosen_cases, figure, left_out, number, of, stated, words
 from lvnav_trade.report.escape import note
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.tables.read import Tables
 
 _SIDE_BY_SIDE = 6  # cases that a table holds beside each other
 

@@ -2,10 +2,10 @@
 
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
 from lvnav_trade.report.blocks import Block, Text, few, figures, of, stated
 from lvnav_trade.report.escape import note
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.tables.read import Tables
 
 _LOST_SHOWN = 10  # of a case, of the runs that do not reach their cut-off
 _LEAST_SHARE = 0.01  # of the variance, of a source that is shown

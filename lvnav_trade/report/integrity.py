@@ -2,11 +2,11 @@
 
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.integrity import IN_PART, ISOLATED, WRONG
 from lvnav_trade.report.blocks import Block, Text, few, figures, number, of, stated
 from lvnav_trade.report.escape import note
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.integrity import IN_PART, ISOLATED, WRONG
+from lvnav_trade.results.tables.read import Tables
 
 _SHARES = ("false alarm", "detected", ISOLATED, IN_PART, WRONG, "missed", "recovered")
 _TIMES = ("detected", ISOLATED, "recovered")

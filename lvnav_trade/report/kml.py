@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from lvnav_trade.errors import InputError, writing
-from lvnav_trade.frames import ecef_from_geodetic, geodetic_from_ecef, rotation_e_n
-from lvnav_trade.metrics.basics.probability import outline_of
-from lvnav_trade.records import Floats
+from lvnav_trade.quantities.errors import InputError, writing
+from lvnav_trade.quantities.frames import ecef_from_geodetic, geodetic_from_ecef, rotation_e_n
+from lvnav_trade.quantities.records import Floats
 from lvnav_trade.report.escape import render
-from lvnav_trade.store.manifest import damaged
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.statistics.probability import outline_of
+from lvnav_trade.results.tables.manifest import damaged
+from lvnav_trade.results.tables.read import Tables
 
 SIGMAS = 3.0
 _AXES = ("north", "east", "down")

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 import pandas as pd
 
 from lvnav_trade.campaign.reading.study import Cell, PrintedTable, Question, Study
-from lvnav_trade.errors import Mistake, quoted
-from lvnav_trade.metrics.verdicts import HOLDS
+from lvnav_trade.quantities.errors import Mistake, quoted
 from lvnav_trade.report.blocks import Block, Table, number
 from lvnav_trade.report.script import StudyScript
+from lvnav_trade.results.evaluation.verdicts import HOLDS
 
 _PUBLISHED = re.compile(r"(?:^|; )published: (\w+)")  # a remark of innovations: white or correlated
 _WORDS = {"white": "yes", "correlated": "no"}
@@ -18,7 +18,7 @@ _UNCLEAR = re.compile(r"[-+\d.]|(none|on|off|yes|no|true|false)$")  # a level th
 
 
 def printed_tables(study: Study, rows: pd.DataFrame) -> list[Block]:
-    """Return the published tables that study.yaml lays out, from the rows of all campaigns (`metrics.published`)."""
+    """Return the published tables that study.yaml lays out, from the rows of all campaigns (`results.evaluation.published`)."""
     return [_table(one, rows) for one in study.printed]
 
 

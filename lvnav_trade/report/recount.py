@@ -10,12 +10,9 @@ import pandas as pd
 
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.study import Study
-from lvnav_trade.errors import InputError, writing
-from lvnav_trade.input_files import read_text
-from lvnav_trade.limits import DATA_BYTES
-from lvnav_trade.metrics.basics.select import in_units
-from lvnav_trade.metrics.held import evidence, held
-from lvnav_trade.metrics.published import COLUMNS, MARKS, marks, verdict_in_band
+from lvnav_trade.quantities.errors import InputError, writing
+from lvnav_trade.quantities.input_files import read_text
+from lvnav_trade.quantities.limits import DATA_BYTES
 from lvnav_trade.report.blocks import Section
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.escape import csv_text
@@ -34,7 +31,10 @@ from lvnav_trade.report.study import (
     reproduce,
     together,
 )
-from lvnav_trade.store.contents import owned
+from lvnav_trade.results.evaluation.held import evidence, held
+from lvnav_trade.results.evaluation.published import COLUMNS, MARKS, marks, verdict_in_band
+from lvnav_trade.results.statistics.select import in_units
+from lvnav_trade.results.tables.contents import owned
 
 _ANSWER, _ASSUMPTIONS, _REPRODUCE = "Answer", "Assumptions", "How to reproduce"
 _EARLIER = "Monte Carlo against linear covariance"  # the appendix of earlier pages, with every case

@@ -8,11 +8,11 @@ import pandas as pd
 
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.study import Figure, Part, Question
-from lvnav_trade.errors import Mistake
-from lvnav_trade.metrics.published import reference_rows
-from lvnav_trade.plots.figure import Figure as Drawing
+from lvnav_trade.quantities.errors import Mistake
 from lvnav_trade.report.blocks import Block
-from lvnav_trade.store.read import Tables
+from lvnav_trade.report.figures.figure import Figure as Drawing
+from lvnav_trade.results.evaluation.published import reference_rows
+from lvnav_trade.results.tables.read import Tables
 
 
 class Answered(NamedTuple):

@@ -6,14 +6,14 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.errors import writing
-from lvnav_trade.metrics.errors.covariances import NOT_APPLICABLE
-from lvnav_trade.plots import search as plots
+from lvnav_trade.quantities.errors import writing
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, table
 from lvnav_trade.report.build import html_page, markdown_page, pictures
 from lvnav_trade.report.escape import csv_text, note
+from lvnav_trade.report.figures import search as plots
 from lvnav_trade.report.sentences import say
-from lvnav_trade.store.contents import owned
+from lvnav_trade.results.evaluation.covariances import NOT_APPLICABLE
+from lvnav_trade.results.tables.contents import owned
 
 _FEW = 6  # answers that are said in a line each
 

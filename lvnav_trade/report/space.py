@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.designs import requirement_columns
-from lvnav_trade.metrics.resources import dominating
-from lvnav_trade.metrics.space import (
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.report.blocks import Block, Designs, More, Text, figure, stated
+from lvnav_trade.report.escape import data_json, note
+from lvnav_trade.report.sentences import say
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.design_space import (
     ALL,
     OVERCONFIDENT,
     axes_of,
@@ -25,12 +27,10 @@ from lvnav_trade.metrics.space import (
     possible,
     range_text,
 )
-from lvnav_trade.metrics.swings import limit_of, value_of
-from lvnav_trade.records import Floats
-from lvnav_trade.report.blocks import Block, Designs, More, Text, figure, stated
-from lvnav_trade.report.escape import data_json, note
-from lvnav_trade.report.sentences import say
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation.designs import requirement_columns
+from lvnav_trade.results.evaluation.resources import dominating
+from lvnav_trade.results.evaluation.tornado import limit_of, value_of
+from lvnav_trade.results.tables.read import Tables
 
 _ROWS = 20
 _EXACT = ", with its exact 95 % interval"

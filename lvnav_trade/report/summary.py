@@ -5,18 +5,18 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.errors.covariances import by_case
-from lvnav_trade.metrics.requirements.margins import ORDER, key_cases, worst
-from lvnav_trade.metrics.requirements.requirements import with_unit
-from lvnav_trade.metrics.requirements.windows import COVARIANCE
 from lvnav_trade.report.advice import advice, ways_to_comply
 from lvnav_trade.report.assumptions import placed_by_assumptions, ranked_by_assumptions
 from lvnav_trade.report.blocks import Block, More, Table, Text, figure, listed, number, table, words
 from lvnav_trade.report.document import margin_policy, place_of
 from lvnav_trade.report.sentences import say
 from lvnav_trade.report.validity import MARKS, RESTS_ON, filter_cells, mark, overconfidence, short_lived, window_cells
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.covariances import by_case
+from lvnav_trade.results.requirements.margins import ORDER, key_cases, worst
+from lvnav_trade.results.requirements.requirements import with_unit
+from lvnav_trade.results.requirements.windows import COVARIANCE
+from lvnav_trade.results.tables.read import Tables
 
 _FEW = 4  # cases that are all named beside their verdict
 _MULTIPLE = 2.0  # times the limit from which on an error is written as a multiple of it, not as a margin

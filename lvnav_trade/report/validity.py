@@ -5,14 +5,14 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.filter import CONSERVATIVE, CONSISTENT, OVERCONFIDENT
-from lvnav_trade.metrics.requirements.requirements import with_unit
-from lvnav_trade.metrics.requirements.windows import COVARIANCE, EXTRAPOLATED, RUNS
 from lvnav_trade.report.advice import unmodelled
 from lvnav_trade.report.blocks import Block, Text, listed, percent, words
 from lvnav_trade.report.sentences import say
-from lvnav_trade.store.read import Tables
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.filter_consistency import CONSERVATIVE, CONSISTENT, OVERCONFIDENT
+from lvnav_trade.results.requirements.requirements import with_unit
+from lvnav_trade.results.requirements.windows import COVARIANCE, EXTRAPOLATED, RUNS
+from lvnav_trade.results.tables.read import Tables
 
 _FEW = 4  # cases that are all named
 _MOST_WINDOWS = 2  # columns of windows in the matrix; those of more requirements are in a table of their own

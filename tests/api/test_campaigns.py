@@ -14,7 +14,7 @@ import pytest
 
 import lvnav_trade
 from lvnav_trade import api
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 REQUIREMENT = "requirements=[{name: lost, metric: position_error_3d, probability: 0.5, below: 100 km, confidence: 0.5}]"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.api import case_of
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 def test_a_case_is_found_by_digest_beginning_or_label() -> None:

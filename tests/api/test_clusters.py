@@ -14,7 +14,7 @@ from lvnav_trade.api import clusters
 from lvnav_trade.api.campaigns import Task, carry_out
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running.progress import Progress
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 SMALL = ("monte_carlo.runs=24", "monte_carlo.block=8", "covariance.spot_check=0")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade import api
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 @pytest.mark.parametrize("derive", [api.estimate_q, api.schedule_gains, api.export_trajectory])

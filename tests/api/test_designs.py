@@ -7,7 +7,7 @@ import pytest
 
 import lvnav_trade
 from lvnav_trade import api
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 from tests import synthetic
 
 

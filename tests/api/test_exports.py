@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade import api
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 from tests.export.translation.compiled import needs_compiler
 
 SETS = ("base.filter=filters/tight",)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.api.input import Card, Length, read_input
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 class Fence(Card):

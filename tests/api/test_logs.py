@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.api import fit_unit
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 from tests.campaign.test_unit_card import log_of
 
 

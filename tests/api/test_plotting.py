@@ -8,8 +8,8 @@ import pytest
 
 from lvnav_trade.api.plotting import Plots, case_named
 from lvnav_trade.api.results import Results
-from lvnav_trade.errors import InputError
-from lvnav_trade.plots import PLOTS
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.report.figures import PLOTS
 from tests import synthetic
 
 PNG = b"\x89PNG"

@@ -7,7 +7,7 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.campaign.syntax import cards as shelf
 from lvnav_trade.campaign.syntax.cards import CardInfo
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 def test_fields_at_a_path_have_type_default_and_meaning():

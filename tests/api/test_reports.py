@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade import api
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 from tests import synthetic
 
 

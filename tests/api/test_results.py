@@ -8,12 +8,12 @@ import pytest
 import lvnav_trade
 from lvnav_trade.api import Results
 from lvnav_trade.api.frames import Frames
-from lvnav_trade.errors import InputError
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.store.read import load
-from lvnav_trade.store.schema import TABLES, unit_suffix
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.tables.read import load
+from lvnav_trade.results.tables.schema import TABLES, unit_suffix
 from tests import many_designs, synthetic
-from tests.metrics.variants import variant
+from tests.results.variants import variant
 
 
 def test_the_package_lists_its_names() -> None:

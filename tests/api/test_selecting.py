@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.api.selecting import chosen, column_named, ordered
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 FRAME = pd.DataFrame(
     {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade import api
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 def test_a_folder_of_the_user_is_no_place_for_a_report(tmp_path):

@@ -8,7 +8,7 @@ import pandas as pd
 
 from lvnav_trade import api
 from lvnav_trade.campaign.running.selfcheck import Checked
-from lvnav_trade.engines.analysis.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.check import Check
 
 
 def test_a_checked_campaign_has_its_cases_and_remarks():

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-BUILT = {".venv", "results", "wheelhouse", "build", "dist", "__pycache__"}
+BUILT = {".venv", "results", "wheelhouse", "build", "dist"}
 
 
 class Module(NamedTuple):
@@ -49,4 +49,5 @@ def published(root: Path) -> list[Path]:
     if (root / ".git").exists():
         names = subprocess.run(listing, cwd=root, capture_output=True, check=True, text=True).stdout.split("\0")
         return [root / name for name in names if name and (root / name).is_file()]
-    return [path for path in root.rglob("*") if path.is_file() and not BUILT & set(path.relative_to(root).parts)]
+    files = [path.relative_to(root) for path in root.rglob("*") if path.is_file()]
+    return [root / path for path in files if path.parts[0] not in BUILT and "__pycache__" not in path.parts]

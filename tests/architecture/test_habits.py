@@ -1,4 +1,4 @@
-"""Habits that a reader relies on: no global generator, no stray print, frames in names, a test file per module."""
+"""Habits that a reader relies on: no global generator, no stray print, frames in names, tests beside every module."""
 
 from __future__ import annotations
 
@@ -135,11 +135,13 @@ def test_scripts_of_studies_use_the_public_functions_alone(root):
 
 
 def test_every_module_with_functions_has_its_test_file(modules, root):
+    """test_NAME.py, or test_NAME_ASPECT.py where one file would be too long."""
     missing = set()
     for module in modules:
         if module.path.name.startswith("__") or not any(module.functions()):
             continue
         room = module.path.relative_to("lvnav_trade").parent
-        if not (root / "tests" / room / f"test_{module.path.name}").exists():
+        folder, stem = root / "tests" / room, module.path.stem
+        if not (folder / f"test_{stem}.py").exists() and not any(folder.glob(f"test_{stem}_*.py")):
             missing.add(str(module.path))
     assert sorted(missing) == sorted(UNTESTED)

@@ -23,7 +23,7 @@ from lvnav_trade.api import check
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.study import Study
 from lvnav_trade.cli import app
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 LINK = re.compile(r"(?<!!)\[[^\]]+\]\(([^)\s]+)\)")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)

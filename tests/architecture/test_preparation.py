@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 
-PREPARE = "lvnav_trade.engines.setup.prepare"
+PREPARE = "lvnav_trade.simulation.preparation.prepare"
 IMPORTED = 30  # names: a stage stands for what it is made of
 PARAMETERS = 8
 # Records that a stage makes, and that nothing in preparation makes again with other fields.
@@ -21,11 +21,11 @@ MADE_ONCE = {
     "prepared",
 }
 RECORDS = ("Flight", "Times", "Schedule", "Filtering", "Received", "Signals", "Measurements", "Prepared")
-OF_A_STATION = "lvnav_trade.observables.sensors.ground"  # azimuth and elevation at a station on the ground
+OF_A_STATION = "lvnav_trade.sensors.ground_station"  # azimuth and elevation at a station on the ground
 
 
 def _setup(modules):
-    return [m for m in modules if m.name.startswith("lvnav_trade.engines.setup.")]
+    return [m for m in modules if m.name.startswith("lvnav_trade.simulation.preparation.")]
 
 
 def test_prepare_imports_at_most_thirty_names(modules):
@@ -71,4 +71,4 @@ def _lengths_of_lines(module):
 
 def test_geometry_of_lines_of_sight_stands_in_one_module(modules):
     found = {m.name for m in modules if list(_lengths_of_lines(m))}
-    assert found == {"lvnav_trade.line_of_sight", OF_A_STATION}
+    assert found == {"lvnav_trade.quantities.line_of_sight", OF_A_STATION}

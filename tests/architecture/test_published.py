@@ -7,7 +7,7 @@ import re
 
 from ruamel.yaml import YAML
 
-from lvnav_trade.store.contents import owned
+from lvnav_trade.results.tables.contents import owned
 
 TEXT = {".py", ".md", ".yaml", ".yml", ".toml", ".csv", ".txt", ".html", ".j2", ".css", ".svg", ".cfg", ""}
 # Spelt in pieces, so that this file does not find itself.

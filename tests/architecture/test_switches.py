@@ -13,18 +13,20 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.units import Card
-from lvnav_trade.world.user_file import navigation_log, solutions
+from lvnav_trade.quantities.units import Card
+from lvnav_trade.simulation.recorded import navigation_log, receiver_file
 
-OF_LOGS = (navigation_log.NavigationLog, solutions.ReceiverFile)  # no campaign imports them
+OF_LOGS = (navigation_log.NavigationLog, receiver_file.ReceiverFile)  # no campaign imports them
 
 ROOT = Path(__file__).parents[2]
 ROOMS = (
-    "lvnav_trade.delays",
-    "lvnav_trade.filters",
-    "lvnav_trade.observables",
+    "lvnav_trade.filter",
+    "lvnav_trade.gnss",
+    "lvnav_trade.imu",
     "lvnav_trade.scenario",
-    "lvnav_trade.world",
+    "lvnav_trade.sensors",
+    "lvnav_trade.simulation.recorded",
+    "lvnav_trade.trajectory",
 )
 FILES = "a form of the user's own files, which tests read"
 STUDIES = "of a published system; its tests fly it"

@@ -11,10 +11,17 @@ from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import matrix
 from lvnav_trade.kernels.earth import gravity_gradient, height_and_up
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
-from lvnav_trade.line_of_sight import antenna
-from lvnav_trade.observables import ranges, solution
-from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
-from lvnav_trade.observables.sensors import altitude, ground, magnetic, stellar, sun
+from lvnav_trade.quantities.line_of_sight import antenna
+from lvnav_trade.sensors import (
+    altimeter,
+    ground_station,
+    magnetometer,
+    ranges,
+    receiver_solution,
+    star_tracker,
+    sun_sensor,
+)
+from lvnav_trade.sensors.jacobian_row import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
 from tests.latex import Value, evaluate
 
 NAV = np.array([0.8, -0.2, 0.5, 0.26, 3100.0, 4200.0, -900.0, 4.05e6, -3.10e6, -4.12e6])
@@ -68,31 +75,31 @@ def coded() -> dict[str, tuple[Value, Rows]]:
     found["range rate"] = h.copy()[None], {}
     H = np.zeros((6, N_ENTRY))
     for scalar in range(6):
-        solution.row(H[scalar], place, scalar)
+        receiver_solution.row(H[scalar], place, scalar)
     of_velocity = np.abs(H[:3, H_VEL : H_VEL + 3]).max() > 0.0
     first, second = (H[:3], H[3:]) if of_velocity else (H[3:], H[:3])
     found["velocity"], found["position"] = (first, {}), (second, {})
 
     H = np.zeros((3, N_ENTRY))
-    altitude.fill(H, z, 0, np.zeros(1), NAV)
+    altimeter.fill(H, z, 0, np.zeros(1), NAV)
     found["altitude, pressure altitude"] = H[:1].copy(), {"n": column(*height_and_up(*NAV[7:])[1:])}
 
     mounting = np.array([0.5, 0.1, -0.7, 0.5])
     mounting /= np.linalg.norm(mounting)
     axes = C @ np.array(matrix(*mounting)).reshape(3, 3)  # of the sensor, frame i
-    stellar.fill(H, z, 0, np.array([1.0, 0.0, 0.0, 0.0]), NAV, mounting)
+    star_tracker.fill(H, z, 0, np.array([1.0, 0.0, 0.0, 0.0]), NAV, mounting)
     found["star tracker"] = H.copy(), {"C_i^s": axes.T}
 
     light = axes @ np.array([0.2, -0.3, 0.9])
     light /= np.linalg.norm(light)
-    sun.fill(H, z, 0, np.array([1.0, 0.0, 1.0, 0.0]), NAV, np.concatenate([mounting, light]))
+    sun_sensor.fill(H, z, 0, np.array([1.0, 0.0, 1.0, 0.0]), NAV, np.concatenate([mounting, light]))
     seen = axes.T @ light
     beside: Rows = {"s_x": np.asarray(seen[0]), "s_z": np.asarray(seen[2]), "s": column(light)}
     found["sun sensor, x axis"] = H[:1].copy(), beside | {"c_x": column(axes[:, 0]), "c_z": column(axes[:, 2])}
 
     field, gradient = np.array([2e-5, -3e-5, 4e-5]), 1e-11 * np.arange(9.0).reshape(3, 3)
     known = np.concatenate([field, gradient.ravel(), NAV[7:]])
-    magnetic.fill(H, z, 0, np.zeros(3), NAV, known)
+    magnetometer.fill(H, z, 0, np.zeros(3), NAV, known)
     found["magnetometer"] = H.copy(), {"C_i^b": C.T, "B": column(field), "B'": gradient}
 
     east, north = np.array([0.6, 0.8, 0.0]), np.array([-0.8, 0.6, 0.0])
@@ -100,7 +107,7 @@ def coded() -> dict[str, tuple[Value, Rows]]:
     away = np.array([4e4, -3e4, 6e4])
     flat = float(np.hypot(away @ east, away @ north))
     known = np.concatenate([NAV[7:] - away, north, up, [0.0, 0.0, 1.0, 0.0, 7.0]])
-    ground.fill(H, z, 0, np.zeros(3), NAV, known)
+    ground_station.fill(H, z, 0, np.zeros(3), NAV, known)
     beside = {"D": np.asarray(np.linalg.norm(away)), "L": np.asarray(flat), "D_s": column(away)}
     beside |= {"D_n": np.asarray(away @ north), "D_e": np.asarray(away @ east), "D_u": np.asarray(away @ up)}
     beside |= {"a_n": column(north), "a_e": column(east), "a_u": column(up)}

@@ -14,9 +14,9 @@ import numpy as np
 
 from lvnav_trade.campaign.running.execute import Store
 from lvnav_trade.campaign.running.work import Engine
-from lvnav_trade.engines.analysis.explain import Explanation
-from lvnav_trade.errors import InputError
-from lvnav_trade.records import CovHistory, Output
+from lvnav_trade.covariance.diagnostics.diagnostics import Explanation
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.records import CovHistory, Output
 
 OUTPUTS = tuple(
     Output(quantity, axis, unit, label, factor)

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
-from lvnav_trade.world.user_file.data_file import read_columns
-from lvnav_trade.world.user_file.rows import usable
+from lvnav_trade.quantities.data_file import read_columns
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.trajectory.files.rows import usable
 
 CAMPAIGN = """\
   faults:

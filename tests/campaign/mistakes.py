@@ -1,7 +1,7 @@
 # ruff: noqa: E501 - a message stands in one line, as the user sees it
 """The mistakes that test_mistakes makes, and what the user reads; a table."""
 
-from lvnav_trade.observables.sensors import MEASUREMENTS
+from lvnav_trade.sensors.family import MEASUREMENTS
 
 # What goes wrong, the file, the text and what it becomes, the message: one line per mistake.
 BAD: dict[str, tuple[str, str, str, str]] = {

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from lvnav_trade.world.ascent.dispersion_card import SOURCES
+from lvnav_trade.trajectory.ascent.dispersion_card import SOURCES
 
 NEAR: dict[str, tuple[str, str, str, str]] = {
     "a_key_that_begins_another_is_taken_for_it": (

@@ -8,7 +8,7 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.derived import process_noise
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 from tests.building import LOOSE, MATCHED, flying, hop
 
 RUNS = 20

@@ -8,9 +8,9 @@ import pytest
 
 from lvnav_trade import api
 from lvnav_trade.api import Results
-from lvnav_trade.layout import EXTRAS, PARAMETERS
-from lvnav_trade.observables.sensors import SENSOR_STATES, SENSORS, kind_of
-from lvnav_trade.store.schema import SI_SUFFIX
+from lvnav_trade.quantities.state_layout import EXTRAS, PARAMETERS
+from lvnav_trade.results.tables.schema import SI_SUFFIX
+from lvnav_trade.sensors.family import SENSOR_STATES, SENSORS, kind_of
 from tests.building import shipped_sensors
 
 MEMBERS = {kind_of(card): card for card in SENSORS}
@@ -20,7 +20,7 @@ CARDS = shipped_sensors()
 BETWEEN_IMUS = {
     "angle_difference",
     "velocity_difference",
-}  # these need two IMUs: tests/observables/sensors/test_imu_difference.py
+}  # these need two IMUs: tests/sensors/test_imu_difference.py
 CAMPAIGN = """\
 name: every
 seed: 1

@@ -8,11 +8,11 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.derived import gain_schedule
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.errors import InputError
-from lvnav_trade.filters.scheduled import GainKnot, GainSegment, digest_of
-from lvnav_trade.world.flight.trajectory import identity
+from lvnav_trade.covariance.history import covariance
+from lvnav_trade.filter.policies.stored_gains import GainKnot, GainSegment, digest_of
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.simulation.montecarlo import run_block
+from lvnav_trade.trajectory.flight import identity
 from tests.building import LOOSE, MATCHED, case, flying, hop, loaded, prepare_hop
 
 TWELVE = "base.filter.neglect=[gyro_bias]"

@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade import api
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 ALIASES = "x0: &x0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
     f"x{k}: &x{k} [{', '.join([f'*x{k - 1}'] * 9)}]\n" for k in range(1, 9)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
-from lvnav_trade.observables.sensors import MEASUREMENTS
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.sensors.family import MEASUREMENTS
 from tests.campaign.mistakes import BAD
 from tests.campaign.near_misses import NEAR
 

@@ -15,8 +15,8 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.cli import app
-from lvnav_trade.engines.setup.shared import trajectory_of
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.simulation.preparation.cache import trajectory_of
 
 CAMPAIGN = """\
 name: mine

@@ -11,7 +11,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.recorded import Asked, process, read_card, summarised
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 from tests import recorded_log, recorded_sets
 
 

@@ -7,8 +7,8 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.reading.reference import json_schema, reference
-from lvnav_trade.errors import InputError
-from lvnav_trade.observables.sensors import SENSORS
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.sensors.family import SENSORS
 
 LISTED = "filter.measurements=[position, velocity, altitude]"
 

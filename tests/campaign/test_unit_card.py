@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.campaign.unit_card import fit_unit
-from lvnav_trade.engines.analysis.stream import stream_at_rest
-from lvnav_trade.errors import InputError
-from lvnav_trade.world.sensors.allan import overlapping
+from lvnav_trade.covariance.diagnostics.imu_stream import stream_at_rest
+from lvnav_trade.imu.allan import overlapping
+from lvnav_trade.quantities.errors import InputError
 from tests.building import case
 
 GYRO, ACCEL = 3e-5, 1e-3  # rad/sqrt(s), m/s^1.5

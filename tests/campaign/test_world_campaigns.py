@@ -14,10 +14,10 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.reads import remembered
+from lvnav_trade.quantities.reads import remembered
 from lvnav_trade.report.build import SECTIONS
-from lvnav_trade.world.flight import trajectory
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.trajectory import flight
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns"
 BESIDE = {"configs", "statements"}  # folders of what campaigns use, and of what studies claim of them
@@ -53,10 +53,10 @@ def _each_flight_once() -> Iterator[None]:
 
     def kept(build: Callable[[Any], Any]) -> Callable[[Any], Any]:
         flown = remembered(100)(lambda _, card: build(card))
-        return lambda card: flown(trajectory.identity(card), card)
+        return lambda card: flown(flight.identity(card), card)
 
-    builders = {kind: kept(build) for kind, build in trajectory._BUILDERS.items()}
-    with patch.dict(trajectory._BUILDERS, builders):
+    builders = {kind: kept(build) for kind, build in flight._BUILDERS.items()}
+    with patch.dict(flight._BUILDERS, builders):
         yield
 
 

@@ -29,9 +29,9 @@ def events(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, float]:
 @pytest.fixture(scope="module")
 def variants(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with results and three candidates."""
-    from lvnav_trade.store.read import load
+    from lvnav_trade.results.tables.read import load
     from tests import synthetic
-    from tests.metrics.variants import variant, worse
+    from tests.results.variants import variant, worse
 
     folder = tmp_path_factory.mktemp("variants")
     base = load(synthetic.results(folder / "base", n_run=40))

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.cli.answers import _designs, _verdicts, check_preferred, components_together, shown
-from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.designs import designs
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.evaluation.designs import designs
 from tests import many_designs
 
 

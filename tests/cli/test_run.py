@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.campaign.running import selfcheck
-from lvnav_trade.engines.analysis.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.check import Check
 from tests.cli.calling import call
 
 SMOKE = "campaigns/smoke.yaml"

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.export.code import Exported, exported
 from lvnav_trade.export.filter_code import FLAGS
 from lvnav_trade.export.replay import flight_bytes, replay_text, run_bytes
+from lvnav_trade.simulation.preparation.prepare import Prepared
+from tests.both_engines.combinations import scenario_of, with_stored_gains
+from tests.both_engines.covering import DIMENSIONS
+from tests.both_engines.flown import flight
 from tests.building import prepare_hop
-from tests.engines.combinations import scenario_of, with_stored_gains
-from tests.engines.covering import DIMENSIONS
-from tests.engines.flown import flight
 
 FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}
 

@@ -7,9 +7,9 @@ import subprocess
 
 import pytest
 
-from lvnav_trade.errors import InputError
 from lvnav_trade.export.code import ESTIMATED, INPUTS, exported
-from tests.engines.covering import DIMENSIONS, covering, refusal
+from lvnav_trade.quantities.errors import InputError
+from tests.both_engines.covering import DIMENSIONS, covering, refusal
 from tests.export.cases import FIRST, prepared_of
 from tests.export.translation.compiled import needs_compiler
 

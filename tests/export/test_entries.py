@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import inspect
 
-from lvnav_trade.engines.simulate import flight, steps
 from lvnav_trade.export import entries
+from lvnav_trade.simulation import flight_loop, steps
 
 
 def test_the_steps_are_those_of_the_flight():
-    flown = inspect.getsource(getattr(flight.fly, "py_func", flight.fly))
+    flown = inspect.getsource(getattr(flight_loop.fly, "py_func", flight_loop.fly))
     for entry, called in (
         (entries.begin, "begin_filter"),
         (entries.propagate, "propagate"),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.api import case_of
-from lvnav_trade.errors import InputError
 from lvnav_trade.export import filter_code as made
+from lvnav_trade.quantities.errors import InputError
 
 
 @pytest.fixture(scope="module")

@@ -6,10 +6,10 @@ import pytest
 
 from lvnav_trade.export.code import exported
 from lvnav_trade.export.replay import LIMIT, flight_bytes, run_bytes
+from tests.both_engines.combinations import scenario_of
+from tests.both_engines.covering import covering, refusal
+from tests.both_engines.flown import flight
 from tests.building import prepare_hop, with_fields
-from tests.engines.combinations import scenario_of
-from tests.engines.covering import covering, refusal
-from tests.engines.flown import flight
 from tests.export.cases import FIRST, build, compiled, prepared_of, replay, write
 from tests.export.translation.compiled import needs_compiler
 

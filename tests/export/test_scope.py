@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from lvnav_trade.errors import InputError
 from lvnav_trade.export.scope import refuse_redundant_imus
+from lvnav_trade.quantities.errors import InputError
 
 
 def _prepared(units):

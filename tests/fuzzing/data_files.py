@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.world.sky.almanac import read_almanac
-from lvnav_trade.world.sky.precise import read_positions
-from lvnav_trade.world.sky.rinex import read_navigation
-from lvnav_trade.world.user_file.data_file import column_names, read_columns
-from lvnav_trade.world.user_file.guesses import guess
-from lvnav_trade.world.user_file.imu_log import read_log
+from lvnav_trade.gnss.almanac import read_almanac
+from lvnav_trade.gnss.precise import read_positions
+from lvnav_trade.gnss.rinex import read_navigation
+from lvnav_trade.quantities.data_file import column_names, read_columns
+from lvnav_trade.simulation.recorded.imu_log import read_log
+from lvnav_trade.trajectory.files.guesses import guess
 from tests.fuzzing.mutants import Outcome, flipped, mutated, outcome_of
 
 ROOT = Path(__file__).resolve().parents[2]

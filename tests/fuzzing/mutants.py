@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 LIMIT_S = 60.0  # of processor time, of one mutant
 NUMBERS = (

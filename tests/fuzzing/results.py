@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 from lvnav_trade import api
 from lvnav_trade.campaign.running.status import status
 from lvnav_trade.report.compare import keep_base
-from lvnav_trade.store.parts import paths, span
-from lvnav_trade.store.write import open_results
+from lvnav_trade.results.tables.parts import paths, span
+from lvnav_trade.results.tables.write import open_results
 from tests import synthetic
 from tests.fuzzing.mutants import Outcome, flipped, mutated, outcome_of
 

@@ -17,7 +17,7 @@ def package(tmp_path: Path) -> Path:
     """Return a small package: a kernel, a module that holds one, and one that holds none."""
     for name, text in {
         "kernels/earth.py": "a = 1\n",
-        "engines/simulate/flight.py": "from lvnav_trade.kernels.jit import jit\n",
+        "simulation/flight_loop.py": "from lvnav_trade.kernels.jit import jit\n",
         "report/page.py": "b = 2\n",
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -25,7 +25,7 @@ def package(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("name", ["kernels/earth.py", "engines/simulate/flight.py"])
+@pytest.mark.parametrize("name", ["kernels/earth.py", "simulation/flight_loop.py"])
 def test_an_edit_of_any_module_that_holds_a_kernel_gives_another_folder(package: Path, name: str) -> None:
     before = source_digest(package)
     (package / name).write_text((package / name).read_text() + "\n")

@@ -32,9 +32,9 @@ WHOLE = """
 import hashlib
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.engines.lincov.history import adjoint, covariance
-from lvnav_trade.engines.setup.prepare import prepare
-from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.covariance.history import adjoint, covariance
+from lvnav_trade.simulation.preparation.prepare import prepare
+from lvnav_trade.simulation.montecarlo import run_block
 
 case = prepare(cases(load("campaigns/demo.yaml"))[-1].scenario, 10.0)
 found = covariance(case)

@@ -12,18 +12,7 @@ import pytest
 from numba import TypingError
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import (
-    WIDTH,
-    bits,
-    from_bits,
-    like,
-    magnitude,
-    sqrt,
-    to_float,
-    view,
-    where,
-    word_like,
-)
+from lvnav_trade.kernels.lanes import WIDTH, bits, from_bits, like, magnitude, sqrt, to_float, view, where, word_like
 
 N = 50
 

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.frames import ecef_from_geodetic, rotation_e_n
 from lvnav_trade.kernels.attitude import matrix
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR
 from lvnav_trade.kernels.local_level import (
@@ -21,6 +20,7 @@ from lvnav_trade.kernels.local_level import (
     to_local,
     transport_rate,
 )
+from lvnav_trade.quantities.frames import ecef_from_geodetic, rotation_e_n
 
 PLACES = [(-0.68, -1.08, 20.0), (0.0, 0.0, 0.0), (0.9, 3.0, 350e3), (1.5, -3.1, 1e6), (-0.01, 1.6, -50.0)]
 SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # north, east, down to east, north, up

@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from lvnav_trade.kernels.covariance import predict, update_scalar
 from lvnav_trade.kernels.transition import POS, VEL
-from tests.engines.lincov.small import of_lanes, propagate, small, update
+from tests.covariance.small import of_lanes, propagate, small, update
 
 RUNS, DT, N, BIAS = 40_000, 1.0, 12, 9
 FORCE = np.where((np.arange(300) < 100) | (np.arange(300) >= 200), 30.0, 0.0)  # m/s^2

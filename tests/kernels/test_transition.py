@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.filters.model import transition_blocks
+from lvnav_trade.filter.model import transition_blocks
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.earth import gravity_gradient
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.strapdown import J2, N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V, full_rate
 from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, SQUARE, VEL, driver, fill
-from lvnav_trade.layout import ErrorTerm
+from lvnav_trade.quantities.state_layout import ErrorTerm
 
 N_DRIVER = SQUARE + 1
 RATE, FORCE = np.array([0.02, -0.05, 0.08]), np.array([35.0, 4.0, -6.0])  # rad/s, m/s^2: a sharp turn at 3.6 g

@@ -23,30 +23,30 @@ class Mutation(NamedTuple):
     found_by: str
 
 
-OBSERVABLE = "tests/observables/test_contract.py::test_a_row_is_the_derivative_of_the_predicted_measurement"
+OBSERVABLE = "tests/sensors/test_contract.py::test_a_row_is_the_derivative_of_the_predicted_measurement"
 MUTATIONS = {
     "lever arm of a range with the wrong sign": Mutation(
-        "observables/ranges.py", "cross(ux, uy, uz, at[6], at[7], at[8])",
+        "sensors/ranges.py", "cross(ux, uy, uz, at[6], at[7], at[8])",
         "cross(at[6], at[7], at[8], ux, uy, uz)",
         OBSERVABLE,
     ),
     "lever arm's rate of a range rate with the wrong sign": Mutation(
-        "observables/ranges.py", "cross(ux, uy, uz, at[9], at[10], at[11])",
+        "sensors/ranges.py", "cross(ux, uy, uz, at[9], at[10], at[11])",
         "cross(at[9], at[10], at[11], ux, uy, uz)",
         OBSERVABLE,
     ),
     "lever arm of a position with the wrong sign": Mutation(
-        "observables/solution.py", "= at[6 + first + (axis + 2) % 3]", "= -at[6 + first + (axis + 2) % 3]", OBSERVABLE
+        "sensors/receiver_solution.py", "= at[6 + first + (axis + 2) % 3]", "= -at[6 + first + (axis + 2) % 3]", OBSERVABLE
     ),
     "assumed variance four times too large, seen in the numbers": Mutation(
-        "engines/setup/receiver/noise.py", "line, name) ** 2 for name in channels.observables)",
+        "simulation/preparation/signals/noise.py", "line, name) ** 2 for name in channels.observables)",
         "line, name) ** 2 * 4.0 for name in channels.observables)",
-        "tests/engines/setup/receiver/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
+        "tests/simulation/preparation/signals/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
     ),
     "assumed variance four times too large, seen in the statistics": Mutation(
-        "engines/setup/receiver/noise.py", "line, name) ** 2 for name in channels.observables)",
+        "simulation/preparation/signals/noise.py", "line, name) ** 2 for name in channels.observables)",
         "line, name) ** 2 * 4.0 for name in channels.observables)",
-        "tests/engines/simulate/test_montecarlo.py::test_a_matched_filter_is_consistent",
+        "tests/simulation/test_montecarlo.py::test_a_matched_filter_is_consistent",
     ),
     "weight of a row its variance instead of the inverse": Mutation(
         "kernels/covariance.py", "weight = where(accepted, inverse, 0.0)", "weight = where(accepted, s, 0.0)",
@@ -57,36 +57,36 @@ MUTATIONS = {
         "tests/kernels/test_covariance.py::test_rows_of_an_epoch_may_come_in_any_order",
     ),
     "time constant of the truth twice too long": Mutation(
-        "engines/setup/imu.py", "math.exp(-step / b.time_constant)", "math.exp(-0.5 * step / b.time_constant)",
-        "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
+        "simulation/preparation/imu.py", "math.exp(-step / b.time_constant)", "math.exp(-0.5 * step / b.time_constant)",
+        "tests/imu/test_error_model.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of a Gauss-Markov process scaled wrongly": Mutation(
-        "engines/setup/imu.py", "expm1(-2.0 * step / b.time_constant)", "expm1(-step / b.time_constant)",
-        "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
+        "simulation/preparation/imu.py", "expm1(-2.0 * step / b.time_constant)", "expm1(-step / b.time_constant)",
+        "tests/imu/test_error_model.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of the filter's Gauss-Markov state scaled wrongly": Mutation(
-        "filters/model.py", "2.0 * _square(sigma) * np.tanh", "_square(sigma) * np.tanh",
-        "tests/filters/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
+        "filter/model.py", "2.0 * _square(sigma) * np.tanh", "_square(sigma) * np.tanh",
+        "tests/filter/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(
-        "engines/setup/receiver/lines.py", "at = motion(trajectory, seen.t)",
+        "simulation/preparation/signals/lines_of_sight.py", "at = motion(trajectory, seen.t)",
         "at = motion(trajectory, seen.t - 0.0025)",
-        "tests/engines/setup/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
+        "tests/simulation/preparation/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
     ),
     "attitude correction with the wrong sign": Mutation(
         "kernels/transition.py", "from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])",
         "from_rotation(-x[ATT], -x[ATT + 1], -x[ATT + 2])",
-        "tests/engines/simulate/test_recording.py::test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing",
+        "tests/simulation/test_recording.py::test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing",
     ),
     "true parameters that start without correlation to the filter's error": Mutation(
-        "engines/lincov/components.py", "cross[source, slot, states] += variance", "cross[source, slot, states] += 0.0",
-        "tests/engines/lincov/test_components.py"
+        "covariance/components.py", "cross[source, slot, states] += variance", "cross[source, slot, states] += 0.0",
+        "tests/covariance/test_components.py"
         "::test_the_estimate_starts_at_zero_so_error_and_component_are_the_same_thing",
     ),
     "true errors that do not start in the filter's parameters at all": Mutation(
-        "engines/lincov/components.py", "sources[source, states[:, None], states] += variance",
+        "covariance/components.py", "sources[source, states[:, None], states] += variance",
         "sources[source, states[:, None], states] += 0.0",
-        "tests/engines/lincov/test_history.py::test_a_matched_filter_knows_its_own_error",
+        "tests/covariance/test_history.py::test_a_matched_filter_knows_its_own_error",
     ),
     "true covariance updated as if every gain were optimal": Mutation(
         "kernels/covariance.py", "- gain[i] * work[j] - work[i] * gain[j] + gain[i] * total * gain[j]",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.covariance.history import covariance
+from lvnav_trade.simulation.montecarlo import run_block
 from tests.building import ascent
 
 RUNS = 40

@@ -13,14 +13,14 @@ from lvnav_trade.campaign.reading.study import load_study
 from lvnav_trade.campaign.running.conduct import Conduct
 from lvnav_trade.campaign.running.execute import run
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.verdicts import FAILS
 from lvnav_trade.report import build
-from lvnav_trade.steering import nozzle as controlled
-from lvnav_trade.store.read import load as results_of
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.verdicts import FAILS
+from lvnav_trade.results.tables.read import load as results_of
+from lvnav_trade.simulation import nozzle as controlled
 from tests.building import flying, hop
 from tests.scripts import publication
-from tests.world.guided.launches import fly_steady, steady_launch
+from tests.trajectory.guided.launches import fly_steady, steady_launch
 
 EVENTS = {
     "liftoff": 0.0, "kick": 1.0, "stage1_cutoff": 13.0, "stage1_separation": 13.5, "stage2_ignition": 14.0,

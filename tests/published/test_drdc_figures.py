@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.plots.raster import drawn, written
+from lvnav_trade.report.figures.raster import drawn, written
 from tests.scripts import module
 from tests.vehicle_tables import DURING, LESS, RAW, SIGMA, tables
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics.evaluate import evaluate, evaluate_single, name_of
+from lvnav_trade.results.evaluate import evaluate, evaluate_single, name_of
 from tests import vehicle_tables
 from tests.scripts import publication
 

@@ -10,10 +10,10 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.errors import InputError
-from lvnav_trade.plots.raster import drawn
-from lvnav_trade.store.read import load as results_of
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.report.figures.raster import drawn
+from lvnav_trade.results.tables.read import load as results_of
+from lvnav_trade.simulation.montecarlo import run_block
 from tests import synthetic
 from tests.building import INERTIAL, LOOSE, MATCHED, case, flying, hop
 from tests.scripts import module

@@ -11,9 +11,9 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.study import load_study
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.errors.coverage import coverage
-from lvnav_trade.metrics.errors.rms import paired_levels
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.coverage import coverage
+from lvnav_trade.results.evaluation.rms import paired_levels
 from tests.scripts import publication
 
 STUDY = publication("gains")

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.kernels.media.atmosphere import atmosphere
-from lvnav_trade.world.ascent.legs import lift_off_mass
-from lvnav_trade.world.ascent.vehicle import VehicleAscent, sun_synchronous
-from lvnav_trade.world.truth import motion
-from tests.world.flights import CONFIGS, launch, launcher_settings
+from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade.trajectory.ascent.legs import lift_off_mass
+from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent, sun_synchronous
+from lvnav_trade.trajectory.truth import motion
+from tests.trajectory.flight_cases import CONFIGS, launch, launcher_settings
 
 # Ascent: perigee (km), apogee (km), inclination (deg) of its card; time of injection (s) that such flights take.
 ORBITS = {

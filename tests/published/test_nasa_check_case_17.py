@@ -14,13 +14,13 @@ import pandas as pd
 import pytest
 from ruamel.yaml import YAML
 
-from lvnav_trade.errors import InputError
-from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
-from lvnav_trade.world.flight.trajectory import build, motion, refuse_contradiction
-from lvnav_trade.world.sensors.imu import ImuCard
-from lvnav_trade.world.truth import BEYOND
-from lvnav_trade.world.user_file.columns import TableTrajectory
-from lvnav_trade.world.user_file.table import residuals
+from lvnav_trade.imu.error_model import ImuCard
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade.trajectory.files.columns import TableTrajectory
+from lvnav_trade.trajectory.files.table_flight import residuals
+from lvnav_trade.trajectory.flight import build, motion, refuse_contradiction
+from lvnav_trade.trajectory.truth import BEYOND
 
 FILE = "launch/nesc_atmos17/Atmos_17_sim_06.csv"
 FOOT = 0.3048

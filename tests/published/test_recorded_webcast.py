@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from lvnav_trade.errors import InputError
-from lvnav_trade.frames import earth_velocity
-from lvnav_trade.world.ascent.profile import rebuild
-from lvnav_trade.world.truth import NOTE, motion
-from tests.world.flights import record_card, recorded
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import earth_velocity
+from lvnav_trade.trajectory.ascent.profile import rebuild
+from lvnav_trade.trajectory.truth import NOTE, motion
+from tests.trajectory.flight_cases import record_card, recorded
 
 STAGES = {"stage1_cutoff": "150 s", "stage2_ignition": "161 s"}
 RAW = "launch/falcon9_formosat5/stage2_raw.json"

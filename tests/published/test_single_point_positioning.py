@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.frames import geodetic_from_ecef, rotation_e_n
+from lvnav_trade.gnss.broadcast import broadcast
+from lvnav_trade.gnss.rinex import read_navigation
+from lvnav_trade.gnss.satellites import nearest
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.world.sky.broadcast import broadcast
-from lvnav_trade.world.sky.rinex import read_navigation
-from lvnav_trade.world.sky.satellites import nearest
-from tests.world.products import read_observations
+from lvnav_trade.quantities.frames import geodetic_from_ecef, rotation_e_n
+from tests.trajectory.products import read_observations
 
 MASK = math.radians(10.0)
 

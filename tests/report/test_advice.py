@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.report.advice import advice, missing_state, unmodelled, ways_to_comply
 from lvnav_trade.report.validity import overconfidence
-from lvnav_trade.store.read import Tables, load
+from lvnav_trade.results.tables.read import Tables, load
 from tests import synthetic
 
 IMU = {"accel": {"scale_factor": "0.0015 dimensionless", "bias_repeatability": "0.0196133 m/s**2"},

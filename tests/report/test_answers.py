@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from lvnav_trade.report.answers import _largest_sources, _undecided, answers
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 
 
 def test_each_requirement_is_answered_in_words(text):

@@ -5,16 +5,16 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.assumptions import compared_by
 from lvnav_trade.report.assumptions import assumptions, cases_in_words, placed_by_assumptions, ranked_by_assumptions
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.build import make
 from lvnav_trade.report.summary import summary
-from lvnav_trade.store.read import load
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.assumptions import compared_by
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 from tests.injections import with_injections
-from tests.metrics.test_assumptions import BASE
+from tests.results.evaluation.test_assumptions import BASE
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics import METRICS
 from lvnav_trade.report import blocks
 from lvnav_trade.report.blocks import Text, number, percent, same_once, table
+from lvnav_trade.results.evaluation import METRICS
 
 LABELS = {f"{k:02d}": f"case {k}" for k in range(10)}
 

@@ -14,10 +14,10 @@ import pandas as pd
 import pytest
 
 from lvnav_trade import api
-from lvnav_trade.plots.figure import canvas, events_of
 from lvnav_trade.report import build
 from lvnav_trade.report.blocks import Picture, Section, Table
 from lvnav_trade.report.build import html_page
+from lvnav_trade.report.figures.figure import canvas, events_of
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")

@@ -16,14 +16,14 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from lvnav_trade.errors import InputError
-from lvnav_trade.metrics import CSV, METRICS
+from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report import build, keep
 from lvnav_trade.report.blocks import number
 from lvnav_trade.report.build import html_page, make, markdown_page
-from lvnav_trade.store.read import load
-from lvnav_trade.store.schema import REPORTED
-from lvnav_trade.store.write import open_results
+from lvnav_trade.results.evaluation import CSV, METRICS
+from lvnav_trade.results.tables.read import load
+from lvnav_trade.results.tables.schema import REPORTED
+from lvnav_trade.results.tables.write import open_results
 from tests import synthetic
 
 

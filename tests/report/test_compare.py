@@ -7,12 +7,12 @@ from xml.etree import ElementTree
 
 import pytest
 
-from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.comparison.comparison import compare, parse_effects
+from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report import compare as reported
-from lvnav_trade.store.read import load
+from lvnav_trade.results.comparison.comparison import compare, parse_effects
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
-from tests.metrics.variants import variant, worse
+from tests.results.variants import variant, worse
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lvnav_trade.report.configuration import configuration
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from lvnav_trade.report.blocks import Picture, Table
 from lvnav_trade.report.curves import curves
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
-from tests.metrics.requirements.test_curves import FACTORS, tables
+from tests.results.requirements.test_curves import FACTORS, tables
 
 
 def test_a_numeric_axis_has_a_figure_and_its_crossings(tmp_path):

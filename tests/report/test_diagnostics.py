@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.report import build
 from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report.blocks import Grades
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 

@@ -7,14 +7,14 @@ import shutil
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.registry import metric_of
-from lvnav_trade.metrics.requirements.windows import windows
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.build import html_page, make, markdown_page
 from lvnav_trade.report.document import Line, head, margin_policy, stated_requirements, title_of
 from lvnav_trade.report.summary import summary
-from lvnav_trade.store.read import Tables, load
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.registry import metric_of
+from lvnav_trade.results.requirements.windows import windows
+from lvnav_trade.results.tables.read import Tables, load
 
 CARD = {"title": "Navigation of a launcher", "author": "A. Author", "issue": "2.1", "classification": "Internal"}
 

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY
 from lvnav_trade.report import SECTIONS, build
 from lvnav_trade.report.blocks import Picture, Table
 from lvnav_trade.report.evidence import delays, expectation, fact, satellites, tracking
-from lvnav_trade.store.read import load
+from lvnav_trade.results.requirements.improvements import ABOVE_ONLY
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics import METRICS
 from lvnav_trade.report import build, flight
 from lvnav_trade.report.blocks import Picture, Table
 from lvnav_trade.report.flight import control, control_tables, motion, motion_summary, motion_table
-from lvnav_trade.store.read import load
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.tables.read import load
 from tests import mission as flights
 from tests import synthetic
-from tests.metrics.mechanics.test_mission import falling
-from tests.metrics.mission.test_impact import INSIDE, with_corridor
+from tests.results.mechanics.test_mission import falling
+from tests.results.mission.test_impact import INSIDE, with_corridor
 from tests.vehicle_tables import tables
 
 
@@ -44,7 +44,7 @@ def test_elements_have_seven_digits(orbit_page):
 
 
 def test_an_element_below_the_bound_is_zero_with_the_bound(tmp_path, monkeypatch):
-    monkeypatch.setattr("lvnav_trade.metrics.mission.orbit.LEAST", 1e-3)  # J2 makes this circle's eccentricity 3e-4
+    monkeypatch.setattr("lvnav_trade.results.mission.orbit.LEAST", 1e-3)  # J2 makes this circle's eccentricity 3e-4
     tables = load(flights.results(tmp_path, flights.CIRCULAR, n_run=0))
     frame = METRICS["orbit"](tables).drop_duplicates("quantity").set_index("quantity")
     assert frame.osculating["eccentricity"] == 0.0

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.published import COLUMNS, marks
-from lvnav_trade.metrics.verdicts import FAILS, HOLDS, UNDECIDED
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.headline import counted, headline, not_counted, those_that_miss
+from lvnav_trade.results.evaluation.published import COLUMNS, marks
+from lvnav_trade.results.evaluation.verdicts import FAILS, HOLDS, UNDECIDED
 
 
 def _row(item: str, ratio: float, percentile: float = np.nan, published: float = 1.0, **cells: object) -> dict:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lvnav_trade.report.blocks import Picture, Table
 from lvnav_trade.report.injection import injection
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 from tests.injections import with_injections
 

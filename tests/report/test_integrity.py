@@ -2,7 +2,7 @@ import pytest
 
 from lvnav_trade.report.blocks import Picture, Table
 from lvnav_trade.report.integrity import integrity, worth
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 

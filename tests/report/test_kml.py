@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.kml import Flight, flights, write_kml
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"

@@ -13,18 +13,18 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.syntax import fields
-from lvnav_trade.filters.base import FilterCard
-from lvnav_trade.observables.sensors import SENSORS, kind_of
+from lvnav_trade.filter.card import FilterCard
+from lvnav_trade.gnss.receiver_cards import ReceiverCard
+from lvnav_trade.imu.error_model import AccelCard, GyroCard
 from lvnav_trade.report import build, models
 from lvnav_trade.report.build import make, markdown_page
-from lvnav_trade.scenario import Scenario
-from lvnav_trade.store.read import load as results_of
-from lvnav_trade.world.receiver.receiver import ReceiverCard
-from lvnav_trade.world.sensors.imu import AccelCard, GyroCard
+from lvnav_trade.results.tables.read import load as results_of
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.family import SENSORS, kind_of
 from tests import synthetic
+from tests.both_engines.combinations import scenario_of
+from tests.both_engines.covering import covering, refusal
 from tests.building import loaded, with_fields
-from tests.engines.combinations import scenario_of
-from tests.engines.covering import covering, refusal
 
 ROOT = Path(__file__).parents[2]
 REGISTRY = models.registry()

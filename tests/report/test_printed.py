@@ -9,8 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.campaign.reading.study import Study
-from lvnav_trade.metrics.published import COLUMNS, marks
 from lvnav_trade.report.printed import printed_tables, short_cases
+from lvnav_trade.results.evaluation.published import COLUMNS, marks
 
 LAYOUT = {
     "title": "Table 4",

@@ -7,10 +7,10 @@ import pandas as pd
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.recorded import Processed, failures, summarised
-from lvnav_trade.engines.recorded.alignment import Alignment
 from lvnav_trade.report.build import html_page, markdown_page
 from lvnav_trade.report.recorded import page
-from lvnav_trade.world.user_file.navigation_log import NavigationLog
+from lvnav_trade.simulation.recorded.alignment import Alignment
+from lvnav_trade.simulation.recorded.navigation_log import NavigationLog
 
 
 def processed(inside: bool = True, square: float = 1.0, heading: str | None = None) -> Processed:

@@ -9,10 +9,10 @@ import pytest
 
 from lvnav_trade.campaign.reading.study import load_study
 from lvnav_trade.campaign.syntax.cards import shipped
-from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.published import COLUMNS, marks
+from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.recount import recount
 from lvnav_trade.report.script import StudyScript
+from lvnav_trade.results.evaluation.published import COLUMNS, marks
 
 PAGE = """\
 # A paper

@@ -8,7 +8,7 @@ import pandas as pd
 
 from lvnav_trade.campaign.reading.study import Figure, Part, Question
 from lvnav_trade.report.script import StudyFigure, StudyScript, published_rows
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 NUMBER = {"source": "A paper", "metric": "velocity_error_3d", "at": "injection", "value": 1.0, "unit": "m/s"}

@@ -8,11 +8,11 @@ import json
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics.designs import designs
 from lvnav_trade.report.blocks import Designs, More, Picture, Table, Text
 from lvnav_trade.report.sentences import say
 from lvnav_trade.report.space import space
-from lvnav_trade.store.read import load
+from lvnav_trade.results.evaluation.designs import designs
+from lvnav_trade.results.tables.read import load
 from tests import many_designs, synthetic
 
 

@@ -11,12 +11,12 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.campaign.reading.study import Study
-from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.published import references
+from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.script import Answered
 from lvnav_trade.report.study import build, heading, study_tables
-from lvnav_trade.store.read import load
+from lvnav_trade.results.evaluation.published import references
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 STUDY = Study.model_validate(

@@ -9,13 +9,13 @@ import shutil
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.requirements.requirements import with_unit
 from lvnav_trade.report import build
 from lvnav_trade.report.answers import _largest_sources
 from lvnav_trade.report.blocks import Text, number
 from lvnav_trade.report.summary import SIGNS, _verdict, summary
-from lvnav_trade.store.read import load
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.requirements.requirements import with_unit
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.requirements.margins import margins
-from lvnav_trade.metrics.requirements.windows import windows
 from lvnav_trade.report.blocks import Text
 from lvnav_trade.report.summary import summary
 from lvnav_trade.report.validity import filter_cells, filter_verdict, overconfidence, short_lived, window_cells
-from lvnav_trade.store.read import Tables, load
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.requirements.margins import margins
+from lvnav_trade.results.requirements.windows import windows
+from lvnav_trade.results.tables.read import Tables, load
 from tests import synthetic
 
 BRIEF = {"name": "velocity", "metric": "velocity_error_3d", "at": "stage1_cutoff", "probability": 0.95,

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from tests.campaign.conftest import study
-from tests.metrics.conftest import alone, good, wrong
+from tests.results.conftest import alone, good, wrong
 
 __all__ = ["alone", "good", "study", "wrong"]

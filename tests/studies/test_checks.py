@@ -9,7 +9,7 @@ from lvnav_studies.checks import faults, faults_in_flight
 from lvnav_studies.claims import Claims
 from lvnav_trade.api.input import read_input
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError, refuse_all
+from lvnav_trade.quantities.errors import InputError, refuse_all
 
 AXES = "axes:\n  - {path: imu, cards: [imu/good, imu/poor]}\n  - {path: filter.gate, values: [4, 5]}\n"
 ORDER = (

@@ -12,7 +12,7 @@ from lvnav_studies.claims import Term
 from lvnav_studies.evaluate import bounds, case_named, locus, where_bound
 from lvnav_studies.rows import claim_rows
 from lvnav_trade.api.measures import COLUMNS, FAILS, HOLDS, Value
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 FINE, COARSE = {"imu": "fine"}, {"imu": "coarse"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_studies.figures import bound
-from lvnav_trade.plots.raster import drawn
+from lvnav_trade.report.figures.raster import drawn
 
 
 def test_the_value_of_a_statement_stands_over_its_axis_with_its_bounds(good):

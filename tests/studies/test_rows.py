@@ -8,7 +8,7 @@ import pytest
 from lvnav_studies import rows
 from lvnav_studies.rows import _named, claim_rows
 from lvnav_trade.api.measures import COLUMNS, FRAMES, whiteness
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 SOURCE = {"source": "A paper", "item": "table 2"}

@@ -13,9 +13,9 @@ from lvnav_studies import Publication, main
 from lvnav_trade import api
 from lvnav_trade.api.pages import Answered
 from lvnav_trade.campaign.reading.study import Study, load_study
-from lvnav_trade.errors import InputError, refuse_all
+from lvnav_trade.quantities.errors import InputError, refuse_all
 from lvnav_trade.report.study import build
-from lvnav_trade.store.read import load
+from lvnav_trade.results.tables.read import load
 from tests import synthetic
 from tests.campaign.reading.test_study import CAMPAIGN
 

@@ -2,9 +2,9 @@
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from lvnav_trade import units
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import quoted
+from lvnav_trade.quantities import units
+from lvnav_trade.quantities.errors import quoted
 
 
 class Window(units.Card):

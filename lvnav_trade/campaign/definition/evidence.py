@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from lvnav_trade.observables.evidence import Evidence
-from lvnav_trade.observables.sensors import FAMILY, kind_of
+from lvnav_trade.sensors.evidence import Evidence
+from lvnav_trade.sensors.family import FAMILY, kind_of
 
 
 def of_sensors() -> list[dict[str, Any]]:

@@ -3,12 +3,12 @@
 from typing import NamedTuple
 
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import quoted
-from lvnav_trade.layout import split_metric
-from lvnav_trade.metrics import registry
-from lvnav_trade.metrics.families import errors
-from lvnav_trade.metrics.metric import REQUIREMENTS, STATEMENTS, Metric
-from lvnav_trade.observables.sensors import SENSOR_STATES
+from lvnav_trade.quantities.errors import quoted
+from lvnav_trade.quantities.state_layout import split_metric
+from lvnav_trade.results import registry
+from lvnav_trade.results.metric import REQUIREMENTS, STATEMENTS, Metric
+from lvnav_trade.results.metrics import errors
+from lvnav_trade.sensors.family import SENSOR_STATES
 
 # SI unit of every quantity whose errors are stored
 ERROR_UNITS = errors.UNITS | {name: state.unit for name, state in SENSOR_STATES.items()}

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from lvnav_trade.campaign.definition.metric_names import known_metric, metric_of, unit_of
-from lvnav_trade.errors import quoted
-from lvnav_trade.metrics import registry
-from lvnav_trade.records import MODES, REASONS
-from lvnav_trade.units import Angle, Card, Length, Pause, parse
+from lvnav_trade.quantities.errors import quoted
+from lvnav_trade.quantities.records import MODES, REASONS
+from lvnav_trade.quantities.units import Angle, Card, Length, Pause, parse
+from lvnav_trade.results import registry
 
 _SIGMA = re.compile(r"[0-9]+(\.[0-9]*)? (sigma|rms)$")  # limit of a convergence time in place of a size
 # Words of a phase that are not events: the flight from lift-off on; the first and the last time of the flight

@@ -5,8 +5,8 @@ from typing import Literal
 
 from pydantic import Field, field_validator
 
-from lvnav_trade import limits, units
-from lvnav_trade.errors import quoted
+from lvnav_trade.quantities import limits, units
+from lvnav_trade.quantities.errors import quoted
 
 _OTHER_RUNS = 40  # runs of a case that is not selected
 _CHOSEN = 10  # designs of a design space that are simulated

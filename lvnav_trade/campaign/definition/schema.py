@@ -6,20 +6,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator
 
-from lvnav_trade import limits, units
 from lvnav_trade.campaign.definition.document import Document, MarginPolicy, Window
 from lvnav_trade.campaign.definition.metric_names import metric_of, required_metrics, unit_of
-from lvnav_trade.campaign.definition.published import (
-    ENDS,
-    FLIGHT,
-    Published,
-    place,
-)
+from lvnav_trade.campaign.definition.published import ENDS, FLIGHT, Published, place
 from lvnav_trade.campaign.definition.runs import MonteCarlo as MonteCarlo
 from lvnav_trade.campaign.definition.searches import Indices, Solve, Tune
 from lvnav_trade.campaign.syntax.tree import Written, hint
-from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.quantities import limits, units
+from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.scenario.scenario import Scenario
 
 
 class Axis(units.Card):
@@ -237,7 +232,7 @@ class Compare(units.Card):
     @field_validator("effects")
     @classmethod
     def _known(cls, effects: dict[str, str]) -> dict[str, str]:
-        from lvnav_trade.metrics.comparison.comparison import parse_effect
+        from lvnav_trade.results.comparison.comparison import parse_effect
 
         for key, amount in effects.items():
             try:

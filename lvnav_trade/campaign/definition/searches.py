@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from lvnav_trade import units
+from lvnav_trade.quantities import units
 
 
 class Vary(units.Card):

@@ -4,23 +4,17 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from lvnav_trade.campaign.definition.axes import (
-    BASE_LABEL,
-    case_label,
-    choice,
-    chosen_levels,
-    get,
-)
+from lvnav_trade.campaign.definition.axes import BASE_LABEL, case_label, choice, chosen_levels, get
 from lvnav_trade.campaign.definition.metric_names import metric_of
 from lvnav_trade.campaign.definition.published import Pooled, Published
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
-from lvnav_trade.errors import Mistake, quoted
-from lvnav_trade.layout import AXES as FRAME_AXES
-from lvnav_trade.limits import AXES, CASES, DESIGNS
-from lvnav_trade.metrics.families.errors import NORM, StateError
-from lvnav_trade.rules import breaches_of_case
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.quantities.errors import Mistake, quoted
+from lvnav_trade.quantities.limits import AXES, CASES, DESIGNS
+from lvnav_trade.quantities.state_layout import AXES as FRAME_AXES
+from lvnav_trade.results.metrics.errors import NORM, StateError
+from lvnav_trade.scenario.rules import breaches_of_case
+from lvnav_trade.scenario.scenario import Scenario
 
 
 def broken_rules(scenario: Scenario, base: Node) -> Iterator[Mistake]:

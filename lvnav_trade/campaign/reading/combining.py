@@ -6,7 +6,7 @@ from lvnav_trade.campaign.definition.axes import BASE_LABEL, axis_names, combina
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.checks import meant, named_cases, unknown_case
 from lvnav_trade.campaign.syntax.tree import Node, mistake_at
-from lvnav_trade.errors import Mistake, quoted
+from lvnav_trade.quantities.errors import Mistake, quoted
 
 
 def narrowing(campaign: Campaign, root: Node) -> Iterator[Mistake]:

@@ -9,10 +9,10 @@ from lvnav_trade.campaign.definition.axes import Case, axis_names
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.tree import HERE, Node, Place, is_index, join
-from lvnav_trade.engines.analysis.effect import Used
-from lvnav_trade.errors import Mistake, quoted
-from lvnav_trade.marks import MARKS
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.quantities.errors import Mistake, quoted
+from lvnav_trade.quantities.marks import MARKS
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.simulation.settings_read import Used
 
 _DESCRIPTIONS = ("kind", "name", "source", "resources", *MARKS)
 # States that no measurement affects are refused in a card too: the user of the filter expects them to be estimated.

@@ -11,9 +11,9 @@ from lvnav_trade.campaign.syntax.cards import Shelf
 from lvnav_trade.campaign.syntax.fields import Kind
 from lvnav_trade.campaign.syntax.marked import with_marks_of
 from lvnav_trade.campaign.syntax.tree import Node, join, mistake
-from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
-from lvnav_trade.limits import MESSAGES
-from lvnav_trade.units import Card
+from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
+from lvnav_trade.quantities.limits import MESSAGES
+from lvnav_trade.quantities.units import Card
 
 _DEEPEST = 16
 

@@ -8,8 +8,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from lvnav_trade.campaign.syntax import fields, tree
-from lvnav_trade.errors import Mistake, quoted
-from lvnav_trade.limits import MESSAGES
+from lvnav_trade.quantities.errors import Mistake, quoted
+from lvnav_trade.quantities.limits import MESSAGES
 
 # Units that datasheets use most, for "did you mean".
 _UNITS = (

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import Shelf
-from lvnav_trade.errors import InputError, writing
-from lvnav_trade.world.flight.export import difference, exported
-from lvnav_trade.world.flight.trajectory import TrajectoryCard, build
-from lvnav_trade.world.user_file.columns import TableTrajectory
+from lvnav_trade.quantities.errors import InputError, writing
+from lvnav_trade.trajectory.export import difference, exported
+from lvnav_trade.trajectory.files.columns import TableTrajectory
+from lvnav_trade.trajectory.flight import TrajectoryCard, build
 
 
 class Written(NamedTuple):

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from lvnav_trade import frames
 from lvnav_trade.campaign.definition.axes import Case, axis_names
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading import switched
@@ -16,17 +15,18 @@ from lvnav_trade.campaign.reading.expand import expanded
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, nowhere
-from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.filter_models import measured
-from lvnav_trade.layout import BACKUP
-from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS
-from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.fault_cards import AnyFault, DeadAxis, Jamming
-from lvnav_trade.world.faults import missing_antenna, missing_axis, missing_satellite
-from lvnav_trade.world.flight.trajectory import TrajectoryCard, build, identity, motion
-from lvnav_trade.world.sensors.units import axis_counts
-from lvnav_trade.world.sky.satellites import left_out, satellites
-from lvnav_trade.world.truth import BEYOND, NOTE, WARNING, Remark
+from lvnav_trade.gnss.fault_cards import AnyFault, DeadAxis, Jamming
+from lvnav_trade.gnss.faults import missing_antenna, missing_axis, missing_satellite
+from lvnav_trade.gnss.satellites import left_out, satellites
+from lvnav_trade.imu.array import axis_counts
+from lvnav_trade.quantities import frames
+from lvnav_trade.quantities.errors import InputError, Mistake
+from lvnav_trade.quantities.state_layout import BACKUP
+from lvnav_trade.scenario.filter_models import measured
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.family import SENSOR_MEASUREMENTS
+from lvnav_trade.trajectory.flight import TrajectoryCard, build, identity, motion
+from lvnav_trade.trajectory.truth import BEYOND, NOTE, WARNING, Remark
 
 _NOT_RECEIVED = "is received at no time of the flight while the fault holds"
 

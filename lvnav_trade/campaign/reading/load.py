@@ -18,8 +18,8 @@ from lvnav_trade.campaign.reading.spaced import spaced
 from lvnav_trade.campaign.reading.written_cases import WrittenCases, first_cases
 from lvnav_trade.campaign.syntax import fields, marked, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, campaign_file, nowhere
-from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
+from lvnav_trade.scenario.scenario import Scenario
 
 
 def load(file: str | Path, sets: Sequence[str] = ()) -> Campaign:

@@ -9,7 +9,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import full_path
 from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 _QUANTITY = "quantity with a unit: "
 _PLAIN = {str: "text", int: "whole number", float: "number", bool: "true or false", Any: "any value"}

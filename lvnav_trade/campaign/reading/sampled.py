@@ -12,10 +12,10 @@ from lvnav_trade.campaign.definition.schema import Axis, ByRule, Campaign
 from lvnav_trade.campaign.reading.spaced import SAMPLED, Ends, between, ends_of, points, with_values, written
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
-from lvnav_trade.errors import InputError, Mistake, quoted
-from lvnav_trade.limits import CASES, DESIGNS
-from lvnav_trade.metrics.basics.people import split
-from lvnav_trade.records import Floats
+from lvnav_trade.quantities.errors import InputError, Mistake, quoted
+from lvnav_trade.quantities.limits import CASES, DESIGNS
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.results.statistics.display_units import split
 
 ROWS = ("metrics", "events")
 """Values of `store` with one row per design."""

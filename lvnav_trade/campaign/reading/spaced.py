@@ -9,11 +9,11 @@ import numpy as np
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
-from lvnav_trade.decimals import DECIMAL
-from lvnav_trade.errors import InputError, Mistake, quoted
-from lvnav_trade.limits import CASES, DESIGNS
-from lvnav_trade.records import Floats
-from lvnav_trade.units import with_ascii_minus
+from lvnav_trade.quantities.decimals import DECIMAL
+from lvnav_trade.quantities.errors import InputError, Mistake, quoted
+from lvnav_trade.quantities.limits import CASES, DESIGNS
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.units import with_ascii_minus
 
 SAMPLED = ("latin_hypercube", "sobol", "box_behnken")
 _QUANTITY = re.compile(rf"({DECIMAL})(?: (\S+))?")

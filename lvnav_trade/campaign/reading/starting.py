@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.reading.exporting import refuse_existing, write_new
-from lvnav_trade.errors import InputError, writing
-from lvnav_trade.world.user_file import guesses, table
-from lvnav_trade.world.user_file.attitude_readings import readings
-from lvnav_trade.world.user_file.columns import TableTrajectory
-from lvnav_trade.world.user_file.first_rows import axes_remark, rest_end
-from lvnav_trade.world.user_file.rows import pairs, read_rows, si
+from lvnav_trade.quantities.errors import InputError, writing
+from lvnav_trade.trajectory.files import guesses, table_flight
+from lvnav_trade.trajectory.files.attitude_readings import readings
+from lvnav_trade.trajectory.files.columns import TableTrajectory
+from lvnav_trade.trajectory.files.first_rows import axes_remark, rest_end
+from lvnav_trade.trajectory.files.rows import pairs, read_rows, si
 
 EPOCH = "2027-01-01T12:00:00Z"
 _INJECTION = "injection"
@@ -90,9 +90,9 @@ def start(folder: Path, file: Path, epoch: str | None = None, time: str | None =
     found = [_with_axes(one, known) for one in found]
     stated |= {one.part: one.content for one in found if one.part != "attitude"}
     known = _with_pairs(stated)
-    events = _ending(table.suggested(known))
+    events = _ending(table_flight.suggested(known))
     found = [one for guess in found for one in _that_fits(guess, stated | {"events": events})]
-    hold = "60 s" if table.at_rest(known) else "0 s"
+    hold = "60 s" if table_flight.at_rest(known) else "0 s"
     with writing(folder, "the campaign cannot be written there"):
         card.parent.mkdir(parents=True, exist_ok=True)
         place = Path(os.path.relpath(file.resolve(), card.parent.resolve())).as_posix()
@@ -144,7 +144,7 @@ def _that_fits(guess: guesses.Guess, stated: dict[str, Any]) -> list[guesses.Gue
     fitting: list[tuple[float, dict[str, Any]]] = []
     for content in readings(guess.content):
         with suppress(InputError):
-            flight = table.from_table(TableTrajectory.model_validate(stated | {"attitude": content}))
+            flight = table_flight.from_table(TableTrajectory.model_validate(stated | {"attitude": content}))
             fitting.append((float(flight.facts["force_off_roll_axis_median_rad"]), content))
     if not fitting:
         return []

@@ -19,8 +19,8 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import shipped
 from lvnav_trade.campaign.syntax.tree import Written
-from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
-from lvnav_trade.units import Card, parse
+from lvnav_trade.quantities.errors import InputError, Mistake, quoted, refuse_all
+from lvnav_trade.quantities.units import Card, parse
 
 FILE = "study.yaml"
 Shown = Literal["requirements", "logic", "coverage", "paired", "error_bound", "integrity", "tested_errors"]

@@ -4,15 +4,15 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from lvnav_trade.engines.setup.sensors import view_of
-from lvnav_trade.engines.setup.shared import seen_in, trajectory_of
-from lvnav_trade.errors import InputError
-from lvnav_trade.observables.sensor import SensorCard
-from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.conditions import BOUNDS, Conditions, Course, inside, never
-from lvnav_trade.world.fault_cards import AnyFault, Jump, UnitFault
-from lvnav_trade.world.faults import periods
-from lvnav_trade.world.sensors.units import excludes_units
+from lvnav_trade.gnss.fault_cards import AnyFault, Jump, UnitFault
+from lvnav_trade.gnss.faults import periods
+from lvnav_trade.imu.array import excludes_units
+from lvnav_trade.quantities.conditions import BOUNDS, Conditions, Course, inside, never
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.sensor import SensorCard
+from lvnav_trade.simulation.preparation.cache import seen_in, trajectory_of
+from lvnav_trade.simulation.preparation.sensors import view_of
 
 _BRIEF = 5.0
 """Longest duration (s) of an IMU fault that `filter.integrity` corrects as a brief failure."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from lvnav_trade.campaign.definition import axes as design
 from lvnav_trade.campaign.reading.checks import Varied
 from lvnav_trade.campaign.syntax import marked, tree
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario.scenario import Scenario
 
 
 class WrittenCases:

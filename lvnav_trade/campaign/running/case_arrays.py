@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lvnav_trade import frames
-from lvnav_trade.engines.simulate.statistics import BlockSummary, add_norms, columns
-from lvnav_trade.layout import BACKUP
-from lvnav_trade.metrics.basics.case import (
+from lvnav_trade.quantities import frames
+from lvnav_trade.quantities.records import ORBIT, OUTCOMES, Bools, CovHistory, Floats, InjectionLaw, Output
+from lvnav_trade.quantities.state_layout import BACKUP
+from lvnav_trade.results.metric import NAVIGATION_UNITS
+from lvnav_trade.results.statistics.case import (
     SAME_TIME,
     CaseResults,
     Gaussian,
@@ -21,11 +22,10 @@ from lvnav_trade.metrics.basics.case import (
     phase_in,
     symmetric,
 )
-from lvnav_trade.metrics.metric import NAVIGATION_UNITS
-from lvnav_trade.records import ORBIT, OUTCOMES, Bools, CovHistory, Floats, InjectionLaw, Output
+from lvnav_trade.simulation.statistics import BlockSummary, add_norms, columns
 
 if TYPE_CHECKING:
-    from lvnav_trade.metrics.mechanics.mission import Law, State
+    from lvnav_trade.results.mechanics.mission import Law, State
 
 # Quantities whose covariance is stored at events
 _KEPT = (*NAVIGATION_UNITS, *(f"{BACKUP}{quantity}" for quantity in NAVIGATION_UNITS))
@@ -164,8 +164,8 @@ class CaseArrays(CaseResults):
         They are computed through the columns of the stored tables. So a verdict before storing has exactly the same
         numbers as a verdict on stored results.
         """
-        from lvnav_trade.metrics.mechanics.mission import State, laws_in
-        from lvnav_trade.store.flight import state_columns
+        from lvnav_trade.results.mechanics.mission import State, laws_in
+        from lvnav_trade.results.tables.flight_tables import state_columns
 
         stored = state_columns(self.prepared, self.covariance)
         rows, joint = stored["states"], stored["joint"]

@@ -9,8 +9,8 @@ from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.pool import each
-from lvnav_trade.engines.analysis.effect import Used
-from lvnav_trade.errors import InputError, refuse_all
+from lvnav_trade.quantities.errors import InputError, refuse_all
+from lvnav_trade.simulation.settings_read import Used
 
 
 class Checked(NamedTuple):

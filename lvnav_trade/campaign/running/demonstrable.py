@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.errors import Mistake
-from lvnav_trade.metrics.basics.probability import runs_needed
-from lvnav_trade.metrics.requirements.requirements import further_runs
+from lvnav_trade.quantities.errors import Mistake
+from lvnav_trade.results.requirements.requirements import further_runs
+from lvnav_trade.results.statistics.probability import runs_needed
 
 
 def needed(probability: float, confidence: float, block: int) -> tuple[int, int]:

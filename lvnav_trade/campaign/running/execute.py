@@ -13,6 +13,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from lvnav_trade.campaign.definition.axes import Case, probes
 from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import resolved
@@ -27,12 +28,11 @@ from lvnav_trade.campaign.running.provenance import manifest, without_folders
 from lvnav_trade.campaign.running.shards import Shard
 from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.campaign.running.whole import whole
-from lvnav_trade.errors import InputError, refuse_all, system_message
-from lvnav_trade.interrupts import raise_if_interrupted
 from lvnav_trade.kernels.cache_folder import is_filled
-from lvnav_trade.store import scratch
-from lvnav_trade.store.contents import owned
-from lvnav_trade.store.write import open_results
+from lvnav_trade.quantities.errors import InputError, refuse_all, system_message
+from lvnav_trade.results.tables import scratch
+from lvnav_trade.results.tables.contents import owned
+from lvnav_trade.results.tables.write import open_results
 
 _DEATHS = 3
 COMPILING = (
@@ -230,8 +230,8 @@ class _Run:
 
     def _trace(self, folder: Path) -> None:
         """Fly the worst runs again and keep them over time."""
-        from lvnav_trade.metrics.requirements.margins import worst_runs
-        from lvnav_trade.store.read import Tables
+        from lvnav_trade.results.requirements.margins import worst_runs
+        from lvnav_trade.results.tables.read import Tables
 
         worst = worst_runs(Tables(folder)).groupby("case", sort=False).run_number
         runs = {str(case): sorted(set(numbers)) for case, numbers in worst}

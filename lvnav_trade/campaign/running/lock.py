@@ -12,9 +12,9 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from lvnav_trade.errors import InputError, writing
-from lvnav_trade.input_files import refuse_irregular
-from lvnav_trade.store.files import replace_file
+from lvnav_trade.quantities.errors import InputError, writing
+from lvnav_trade.quantities.input_files import refuse_irregular
+from lvnav_trade.results.tables.files import replace_file
 
 _NAME, _HOLDER = ".lock", ".lock-holder"
 _LONGEST = 300

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.layout import PARAMETERS
-from lvnav_trade.store.parts import paths, span
+from lvnav_trade.quantities.state_layout import PARAMETERS
+from lvnav_trade.results.tables.parts import paths, span
 
 # Measured on one core of a small virtual machine, for flights of 630 s with 200 Hz and 10 covariance steps per second:
 # 40 runs with 15, 17 and 44 states take 0.18, 0.20 and 0.46 s, a linear covariance 0.08, 0.10 and 0.32 s, and the rest

@@ -12,8 +12,8 @@ from joblib.externals.loky import process_executor, reusable_executor
 from joblib.externals.loky.backend.utils import kill_process_tree
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
+from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.running import work
-from lvnav_trade.interrupts import raise_if_interrupted
 
 
 class WorkList:

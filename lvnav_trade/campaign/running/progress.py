@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from rich import console, progress
 
 from lvnav_trade.campaign.running.clock import stamped
-from lvnav_trade.errors import visible
+from lvnav_trade.quantities.errors import visible
 
 
 class Progress:

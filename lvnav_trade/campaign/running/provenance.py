@@ -10,7 +10,7 @@ from typing import Any
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.errors import without_credentials
+from lvnav_trade.quantities.errors import without_credentials
 
 # Environment variable: with a value, the manifest keeps the name of the machine and absolute paths
 RECORD_HOST = "LVNAV_TRADE_RECORD_HOST"

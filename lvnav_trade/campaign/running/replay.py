@@ -13,8 +13,8 @@ from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running.work import WHY, Done, Job, message_of, navigation, prepared_of
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import InputError, writing
-from lvnav_trade.store.files import replacing
+from lvnav_trade.quantities.errors import InputError, writing
+from lvnav_trade.results.tables.files import replacing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,8 +42,8 @@ def find(cases: Sequence[Case], wanted: str) -> Case:
 
 def replay(campaign: Campaign, case: Case, run: int) -> Replay:
     """Repeat run number `run` (from 0) of a case; InputError if the number is negative."""
-    from lvnav_trade.engines.setup.prepare import prepare
-    from lvnav_trade.engines.simulate import montecarlo
+    from lvnav_trade.simulation import montecarlo
+    from lvnav_trade.simulation.preparation.prepare import prepare
 
     if run < 0:
         raise InputError(f"run {run}: runs are counted from 0")
@@ -93,7 +93,7 @@ def _is_trace(path: Path) -> bool:
 def _trace(block: Any, outputs: Sequence[Any]) -> pd.DataFrame:
     import pandas as pd
 
-    from lvnav_trade.store.schema import SI_SUFFIX, error_column
+    from lvnav_trade.results.tables.schema import SI_SUFFIX, error_column
 
     columns = {"t_s": block.t}
     for index, output in enumerate(outputs):

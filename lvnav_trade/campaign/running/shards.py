@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from lvnav_trade.errors import InputError
-from lvnav_trade.input_files import refuse_irregular
-from lvnav_trade.store.contents import MANIFEST, refuse_foreign
-from lvnav_trade.store.versions import environment
-from lvnav_trade.store.write import difference
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.input_files import refuse_irregular
+from lvnav_trade.results.tables.contents import MANIFEST, refuse_foreign
+from lvnav_trade.results.tables.versions import environment
+from lvnav_trade.results.tables.write import difference
 
 _ASKED = re.compile(r"([0-9]+)/([0-9]+)")
 _FOLDER = re.compile(r"shard-([0-9]+)-of-([0-9]+)")

@@ -6,15 +6,15 @@ from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.running.lock import holder
 from lvnav_trade.campaign.text import table
-from lvnav_trade.errors import InputError
-from lvnav_trade.input_files import refuse_irregular
-from lvnav_trade.store import parts as part_files
-from lvnav_trade.store.contents import MANIFEST
-from lvnav_trade.store.manifest import read_manifest
-from lvnav_trade.store.read import read_table, stored_table
-from lvnav_trade.store.schema import TABLES
-from lvnav_trade.store.versions import environment
-from lvnav_trade.store.write import difference, identity_of
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.input_files import refuse_irregular
+from lvnav_trade.results.tables import parts as part_files
+from lvnav_trade.results.tables.contents import MANIFEST
+from lvnav_trade.results.tables.manifest import read_manifest
+from lvnav_trade.results.tables.read import read_table, stored_table
+from lvnav_trade.results.tables.schema import TABLES
+from lvnav_trade.results.tables.versions import environment
+from lvnav_trade.results.tables.write import difference, identity_of
 
 
 class CaseStatus(NamedTuple):

@@ -7,8 +7,8 @@ from typing import Any
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.definition.schema import Campaign, Requirement
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
-from lvnav_trade.metrics.basics.case import number_in
-from lvnav_trade.metrics.registry import metric_of
+from lvnav_trade.results.registry import metric_of
+from lvnav_trade.results.statistics.case import number_in
 
 # Number of runs of a block that violate each requirement; None if the case does not have the metric
 Counts = tuple[int | None, ...]
@@ -61,7 +61,7 @@ class Stopping:
 
 def _decided(k: int, requirement: Requirement, blocks: Sequence[Counts], block: int) -> int | None:
     """Return the number of runs after which requirement `k` is decided; None if it is undecided or has no metric."""
-    from lvnav_trade.metrics.requirements.requirements import decide
+    from lvnav_trade.results.requirements.requirements import decide
 
     beyond = [counts[k] for counts in blocks]
     violating = [count for count in beyond if count is not None]

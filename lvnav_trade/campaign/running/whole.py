@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.running import work
-from lvnav_trade.store import scratch
+from lvnav_trade.results.tables import scratch
 
 
 class Finished(NamedTuple):

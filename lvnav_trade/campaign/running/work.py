@@ -20,28 +20,26 @@ import numpy as np
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.running import stopping
 from lvnav_trade.campaign.running.plan import Block
-from lvnav_trade.engines.analysis import effect
-from lvnav_trade.engines.analysis import explain as explained
-from lvnav_trade.engines.analysis.separation import with_alarms, with_nominal_alarms
-from lvnav_trade.engines.lincov import history as lincov
-from lvnav_trade.engines.lincov.injection import by_part
-from lvnav_trade.engines.setup import starts
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.engines.setup.receiver.recorded import table_of
-from lvnav_trade.engines.setup.shared import trajectory_of
-from lvnav_trade.engines.simulate import montecarlo, statistics
-from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.interrupts import raise_if_interrupted
-from lvnav_trade.reads import Reads
-from lvnav_trade.records import Asked, CovHistory, Output, Protecting
-from lvnav_trade.scenario import Scenario
-from lvnav_trade.steering import nozzle
-from lvnav_trade.store import scratch
-from lvnav_trade.world.sky.satellites import satellites
-from lvnav_trade.world.truth import Remark
-from lvnav_trade.world.user_file.error_table import refuse_short
+from lvnav_trade.covariance import history as lincov
+from lvnav_trade.covariance.diagnostics import diagnostics as explained
+from lvnav_trade.covariance.diagnostics.separation import with_alarms, with_nominal_alarms
+from lvnav_trade.covariance.injection import by_part
+from lvnav_trade.gnss.recorded_errors import refuse_short
+from lvnav_trade.gnss.satellites import satellites
+from lvnav_trade.quantities.errors import InputError, Mistake
+from lvnav_trade.quantities.reads import Reads
+from lvnav_trade.quantities.records import Asked, CovHistory, Output, Protecting
+from lvnav_trade.results.tables import scratch
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.simulation import montecarlo, nozzle, settings_read, statistics
+from lvnav_trade.simulation.preparation import initial_draws as starts
+from lvnav_trade.simulation.preparation.cache import trajectory_of
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.preparation.signals.recorded_errors import table_of
+from lvnav_trade.trajectory.truth import Remark
 
 Save = Callable[[Path, Any, str], None]  # `scratch.save` or `scratch.cache`
 WHY = {1: "is not finite", 2: "diverged"}
@@ -60,7 +58,9 @@ class Engine(NamedTuple):
     beyond: Callable[..., stopping.Counts]  # (requirements, case, prepared, covariance, summary): violating runs
     starts: Callable[[Any, int, int], Any]  # (prepared, seed, n): initial draws of the first n runs
     control: Callable[[Scenario, int, int], Any]  # (scenario, seed, n): missions under control, or None
-    used: Callable[[Any, Collection[str]], effect.Used | None]  # (prepared, paths read): effective settings, or None
+    used: Callable[
+        [Any, Collection[str]], settings_read.Used | None
+    ]  # (prepared, paths read): effective settings, or None
     remarks: Callable[[Scenario], tuple[Remark, ...]] = lambda scenario: ()  # on the flight
 
 
@@ -116,7 +116,7 @@ ENGINE = Engine(
     stopping.beyond,
     starts.start_draws,
     nozzle.controlled,
-    effect.used,
+    settings_read.used,
     _remarks,
 )
 
@@ -157,7 +157,7 @@ class Answer(NamedTuple):
     rows: tuple[tuple[str, float, float, str], ...] = ()  # quantity, true, formal, unit
     error: str = ""  # reason why there is no result
     mistakes: tuple[Mistake, ...] = ()  # input errors that appear only when the case is prepared
-    used: effect.Used | None = None  # settings of the scenario that have an effect; None if not determined
+    used: settings_read.Used | None = None  # settings of the scenario that have an effect; None if not determined
     is_whole: bool = False  # whether diagnostics and tables of the case are finished too
 
 
@@ -274,7 +274,7 @@ def close(job: Job, case: Case, runs: int) -> Done:
         return Done(case.id, 0, runs, error=message_of(error))
 
 
-_kept: dict[tuple[Any, str, float], tuple[Any, effect.Used | None]] = {}
+_kept: dict[tuple[Any, str, float], tuple[Any, settings_read.Used | None]] = {}
 
 
 def prepared_of(job: Job, case: Case) -> Any:
@@ -282,7 +282,7 @@ def prepared_of(job: Job, case: Case) -> Any:
     return _whole(job, case)[0]
 
 
-def _whole(job: Job, case: Case) -> tuple[Any, effect.Used | None]:
+def _whole(job: Job, case: Case) -> tuple[Any, settings_read.Used | None]:
     """Return the prepared case and its effective settings; the last two cases are cached, as blocks come in order."""
     if (key := (job.engine.prepare, case.id, job.history)) not in _kept:
         while len(_kept) >= 2:
@@ -291,7 +291,7 @@ def _whole(job: Job, case: Case) -> tuple[Any, effect.Used | None]:
     return _kept[key]
 
 
-def prepared_with(engine: Engine, case: Case, history: float) -> tuple[Any, effect.Used | None]:
+def prepared_with(engine: Engine, case: Case, history: float) -> tuple[Any, settings_read.Used | None]:
     """Return a prepared case and the settings with an effect on it; `history` is the step of its history (s)."""
     reads = Reads(case.scenario)
     prepared = engine.prepare(reads.card, history)

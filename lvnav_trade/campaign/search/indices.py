@@ -24,15 +24,15 @@ from lvnav_trade.campaign.definition.searches import Indices
 from lvnav_trade.campaign.reading.spaced import points
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import HISTORY, look, not_described
-from lvnav_trade.engines.analysis.explain import flown_events, scaled
-from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.metrics.basics.chaos import basis, fitted, fitted_indices, predicted
-from lvnav_trade.metrics.families.errors import NORM, StateError
-from lvnav_trade.metrics.registry import metric_of
-from lvnav_trade.records import CovHistory, Floats
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.covariance.diagnostics.diagnostics import flown_events, scaled
+from lvnav_trade.covariance.history import covariance
+from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.quantities.records import CovHistory, Floats
+from lvnav_trade.results.metrics.errors import NORM, StateError
+from lvnav_trade.results.registry import metric_of
+from lvnav_trade.results.statistics.chaos import basis, fitted, fitted_indices, predicted
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 COLUMNS = [
     "source",

@@ -11,8 +11,8 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Solve
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import check_names, confirm, look, not_described
-from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.resources import PREFERRED, TOTALLED, total_of
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.evaluation.resources import PREFERRED, TOTALLED, total_of
 
 COLUMNS = ["case", "chosen", *TOTALLED, "error_ratio", "binding", "meets", "remark"]
 CONFIRMED = ["case", "requirement", "runs", "beyond", "expected", "verdict", "agree"]

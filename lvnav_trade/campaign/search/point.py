@@ -13,20 +13,20 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import stopping, work
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.engines.analysis.explain import flown_events
-from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.engines.simulate.statistics import summarise
-from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.filter_models import filter_models, sensor_model, sensors_used, solves
-from lvnav_trade.filters.assumed import ReceiverModel
-from lvnav_trade.filters.base import FilterCard
-from lvnav_trade.metrics.basics.probability import success_verdict
-from lvnav_trade.metrics.errors.covariances import NOT_APPLICABLE, why_outside
-from lvnav_trade.metrics.requirements.improvements import asked_of
-from lvnav_trade.records import CovHistory
-from lvnav_trade.scenario import Scenario
-from lvnav_trade.units import parse
+from lvnav_trade.covariance.diagnostics.diagnostics import flown_events
+from lvnav_trade.covariance.history import covariance
+from lvnav_trade.filter.assumed import ReceiverModel
+from lvnav_trade.filter.card import FilterCard
+from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.quantities.records import CovHistory
+from lvnav_trade.quantities.units import parse
+from lvnav_trade.results.evaluation.covariances import NOT_APPLICABLE, why_outside
+from lvnav_trade.results.requirements.improvements import asked_of
+from lvnav_trade.results.statistics.probability import success_verdict
+from lvnav_trade.scenario.filter_models import filter_models, sensor_model, sensors_used, solves
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
+from lvnav_trade.simulation.statistics import summarise
 
 HISTORY = 60.0  # s between history times if only events matter, which are history times too
 RETUNED, FROZEN = "re-tuned", "frozen"

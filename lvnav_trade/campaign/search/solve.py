@@ -27,8 +27,8 @@ from lvnav_trade.campaign.search.point import (
     number_at,
     with_filter,
 )
-from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.records import Floats
+from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.quantities.records import Floats
 
 _CLOSE = 1e-3  # relative tolerance of the crossings
 ANSWERS = [

@@ -20,10 +20,10 @@ from lvnav_trade.campaign.definition.searches import Tune
 from lvnav_trade.campaign.reading.spaced import Ends, ends_of
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import changed, fly, looked, not_described, number_at
-from lvnav_trade.engines.setup.shared import trajectory_of
-from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.filters.base import FilterCard
-from lvnav_trade.records import Floats
+from lvnav_trade.filter.card import FilterCard
+from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.simulation.preparation.cache import trajectory_of
 
 VALUES = ["path", "before", "after", "unit", "least", "largest"]
 CASES = [

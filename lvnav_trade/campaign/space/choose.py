@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow as pa
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.metrics.resources import dominating
-from lvnav_trade.records import Floats, Ints
+from lvnav_trade.quantities.records import Floats, Ints
+from lvnav_trade.results.evaluation.resources import dominating
 
 AT_RANDOM = 8
 """Number of randomly drawn designs whose runs check linear covariance."""

@@ -8,20 +8,12 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 
-from lvnav_trade.campaign.definition.axes import (
-    BASE_LABEL,
-    Case,
-    Chosen,
-    axis_names,
-    case_id,
-    chosen_levels,
-    put,
-)
+from lvnav_trade.campaign.definition.axes import BASE_LABEL, Case, Chosen, axis_names, case_id, chosen_levels, put
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.basics.people import split
-from lvnav_trade.rules import breaches_of_case
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.statistics.display_units import split
+from lvnav_trade.scenario.rules import breaches_of_case
+from lvnav_trade.scenario.scenario import Scenario
 
 _LABEL = "design "
 _NUMBER = re.compile(r"(?<![A-Za-z_\d.])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")

@@ -11,22 +11,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.campaign.definition.axes import Case
+from lvnav_trade.campaign.interrupts import raise_if_interrupted
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.campaign.space.designs import Axes, Design, Part, made, number_of, reason_of
 from lvnav_trade.campaign.space.passes import HISTORY as HISTORY
 from lvnav_trade.campaign.space.passes import Passes, together_of
-from lvnav_trade.engines.lincov.shared_pass import covariance_of
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.interrupts import raise_if_interrupted
-from lvnav_trade.metrics.basics.case import Gaussian
-from lvnav_trade.metrics.designs import AXIS, at_event, requirement_columns, slug
-from lvnav_trade.metrics.errors.covariances import NOT_APPLICABLE, why_outside
-from lvnav_trade.metrics.metric import NAVIGATION_UNITS
-from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY, asked_of
-from lvnav_trade.metrics.requirements.margins import ORDER
-from lvnav_trade.metrics.resources import total_of
-from lvnav_trade.records import CovHistory, Floats, Ints
-from lvnav_trade.store.schema import unit_suffix
+from lvnav_trade.covariance.shared_pass import covariance_of
+from lvnav_trade.quantities.records import CovHistory, Floats, Ints
+from lvnav_trade.results.evaluation.covariances import NOT_APPLICABLE, why_outside
+from lvnav_trade.results.evaluation.designs import AXIS, at_event, requirement_columns, slug
+from lvnav_trade.results.evaluation.resources import total_of
+from lvnav_trade.results.metric import NAVIGATION_UNITS
+from lvnav_trade.results.requirements.improvements import ABOVE_ONLY, asked_of
+from lvnav_trade.results.requirements.margins import ORDER
+from lvnav_trade.results.statistics.case import Gaussian
+from lvnav_trade.results.tables.schema import unit_suffix
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 TEXTS = ("case", "label", "axes", "reason", "binding", "verdict", "verdicts")
 _LITRE = 1e-3

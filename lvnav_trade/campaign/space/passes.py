@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.campaign.space.designs import Design, Designs, Part, made, number_of
-from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.lincov.shared_pass import (
+from lvnav_trade.covariance.history import covariance
+from lvnav_trade.covariance.shared_pass import (
     TOLERANCE,
     SharedPass,
     covariance_of,
@@ -18,9 +18,9 @@ from lvnav_trade.engines.lincov.shared_pass import (
     largest_difference,
     shared_pass,
 )
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.errors import InputError
-from lvnav_trade.records import CovHistory
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.records import CovHistory
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 HISTORY = 60.0  # s between history times if only events matter, which are history times too
 _FURTHER = 2  # passes in addition to one per axis: with the smallest sigmas, and for the test

@@ -13,8 +13,8 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running.plan import covariance_seconds, estimate
 from lvnav_trade.campaign.space.choose import AT_RANDOM
 from lvnav_trade.campaign.space.designs import Designs
-from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.metric import NAVIGATION_UNITS
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.metric import NAVIGATION_UNITS
 
 # Measured on one core of a small virtual machine: time of preparation, metrics and row of a design, in addition to its
 # covariance; memory per design of the process that distributes them

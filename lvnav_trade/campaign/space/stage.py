@@ -17,9 +17,9 @@ from lvnav_trade.campaign.space.choose import Chosen, chosen
 from lvnav_trade.campaign.space.designs import Designs, Part
 from lvnav_trade.campaign.space.evaluate import HISTORY, Question, Rows, evaluate
 from lvnav_trade.campaign.space.passes import shared_axes
-from lvnav_trade.errors import InputError
-from lvnav_trade.store import designs as stored
-from lvnav_trade.store import scratch
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.tables import designs as stored
+from lvnav_trade.results.tables import scratch
 
 PART = 100  # designs per work item
 _SHOWN = 5  # largest number of reasons in a message

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from pydantic import BaseModel
 
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.errors import InputError, quoted, writing
+from lvnav_trade.quantities.errors import InputError, quoted, writing
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 

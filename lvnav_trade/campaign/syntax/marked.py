@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, is_index
-from lvnav_trade.marks import MARKS
+from lvnav_trade.quantities.marks import MARKS
 
 
 def with_marks_of(base: Node, result: Node, over: Node) -> Node:

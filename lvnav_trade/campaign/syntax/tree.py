@@ -17,10 +17,18 @@ from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
 from lvnav_trade.campaign.syntax.meaning import MEANINGS, meant
-from lvnav_trade.decimals import is_plain
-from lvnav_trade.errors import HIDDEN, InputError, Mistake, quoted, refuse_all
-from lvnav_trade.input_files import read_bytes
-from lvnav_trade.limits import LIST_LENGTH, QUOTED_LENGTH, WORD_LENGTH, YAML_ALIASES, YAML_BYTES, YAML_DEPTH, YAML_NODES
+from lvnav_trade.quantities.decimals import is_plain
+from lvnav_trade.quantities.errors import HIDDEN, InputError, Mistake, quoted, refuse_all
+from lvnav_trade.quantities.input_files import read_bytes
+from lvnav_trade.quantities.limits import (
+    LIST_LENGTH,
+    QUOTED_LENGTH,
+    WORD_LENGTH,
+    YAML_ALIASES,
+    YAML_BYTES,
+    YAML_DEPTH,
+    YAML_NODES,
+)
 
 HERE = "--set"
 """File name in the place of values from the command line."""

@@ -13,9 +13,9 @@ import pandas as pd
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.syntax.tree import dump
-from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.errors import InputError
 from lvnav_trade.export.vectors.tables import VectorTable, vectors_of
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
 Format = Literal["csv", "parquet"]
 _MARKUP = re.compile(r"[\\`*_<>\[\]#!|~&]")  # Markdown characters, which are escaped in names

@@ -10,17 +10,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.engines.simulate.montecarlo import TapedRun, taped
-from lvnav_trade.engines.simulate.tape import Estimates
 from lvnav_trade.export.scope import refuse_redundant_imus
-from lvnav_trade.filters.delayed import is_present
-from lvnav_trade.filters.differenced import is_reference
-from lvnav_trade.filters.ekf import channel_of, n_measured
-from lvnav_trade.layout import state_names, state_outputs
-from lvnav_trade.observables.partials import LABELS
-from lvnav_trade.records import Floats
-from lvnav_trade.store.schema import unit_suffix
+from lvnav_trade.filter.ekf import channel_of, n_measured
+from lvnav_trade.filter.policies.epoch_differences import is_present
+from lvnav_trade.filter.policies.reference_satellite import is_reference
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.state_layout import state_names, state_outputs
+from lvnav_trade.results.tables.schema import unit_suffix
+from lvnav_trade.sensors.receiver_observables import LABELS
+from lvnav_trade.simulation.montecarlo import TapedRun, taped
+from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.tape import Estimates
 
 START, BEFORE, AFTER, END = "start", "before", "after", "end"
 """Stages of an estimate: at the start, before and after the measurements of an epoch, at the end of the flight."""

@@ -1,4 +1,4 @@
-// Figures of the page: data (lvnav_trade/plots/browser.py) drawn by uPlot when they scroll into view, or are printed.
+// Figures of the page: data (lvnav_trade/report/figures/browser.py) drawn by uPlot when they scroll into view, or are printed.
 (function () {
   const DARK = { "#0072B2": "#4da6e0", "#D55E00": "#f0883e", "#009E73": "#34c79b", "#CC79A7": "#e3a0c4",
     "#8C6D31": "#c4a35f", "#c4c9d1": "#4b5563", "#d1d5db": "#4b5563", "#6b7280": "#9aa3b2" };
@@ -363,7 +363,7 @@
     c.stroke();
   }
 
-  // Ticks of a logarithmic axis, as of plots/raster.py.
+  // Ticks of a logarithmic axis, as of report/figures/raster.py.
   const CLOSE = [[1, 2, 5], [1, 1.5, 2, 3, 5, 7], [1, 1.1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9]];
   function decades(u, axis, low, high) {
     const whole = multiples([1], low, high);

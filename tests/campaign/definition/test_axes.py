@@ -10,9 +10,9 @@ from pydantic import ValidationError
 from lvnav_trade.campaign.definition.axes import Scenarios, case_id, cases, level_label, levels, put
 from lvnav_trade.campaign.definition.schema import Axis
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
-from lvnav_trade.scenario import Scenario
-from tests.world.flights import ascent_card, ascent_settings
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.scenario.scenario import Scenario
+from tests.trajectory.flight_cases import ascent_card, ascent_settings
 
 CAMPAIGNS = Path(__file__).parents[3] / "campaigns"
 TWO = "axes:\n  - {path: imu, cards: [imu/good, imu/poor]}\n  - {path: filter.gate, values: [4, 5]}\n"

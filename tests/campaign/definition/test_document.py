@@ -6,7 +6,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.document import MarginPolicy, Window
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 def test_margins_are_fractions_by_phase():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lvnav_trade.campaign.definition.evidence import of_sensors
-from lvnav_trade.observables.sensors import SENSORS, kind_of
+from lvnav_trade.sensors.family import SENSORS, kind_of
 
 ENTRIES = of_sensors()
 

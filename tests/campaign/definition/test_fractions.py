@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.search.point import number_at
-from lvnav_trade.units import Share
+from lvnav_trade.quantities.units import Share
 
 
 def models(kind: Any, seen: set[Any]) -> Iterator[type[BaseModel]]:

@@ -6,7 +6,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.metric_names import known_metric, known_metrics, required_metrics, unit_of
 from lvnav_trade.campaign.definition.published import Measured
-from lvnav_trade.metrics.metric import BOTH, REQUIREMENTS
+from lvnav_trade.results.metric import BOTH, REQUIREMENTS
 from tests.cli.calling import call
 
 

@@ -9,7 +9,7 @@ import pytest
 from lvnav_trade.campaign.definition.metric_names import required_metrics, unit_of
 from lvnav_trade.campaign.definition.schema import Compare
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 CORNERS = "[[-35 deg, -62 deg], [-35 deg, -50 deg], [-45 deg, -50 deg]]"
 

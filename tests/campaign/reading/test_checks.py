@@ -10,7 +10,7 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.quantities.errors import InputError, Mistake
 
 RANGES, SOLUTION = "[pseudorange, range_rate]", "[position, velocity]"
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 from tests.campaign.reading.test_spaced import labels, loaded
 
 NESTED = (

@@ -10,9 +10,9 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.engines.analysis.effect import Used
-from lvnav_trade.errors import InputError
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.simulation.settings_read import Used
 
 CAMPAIGN = """\
 name: whole

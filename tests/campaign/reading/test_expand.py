@@ -7,8 +7,8 @@ import math
 import pytest
 
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
-from lvnav_trade.world.sky.constellation import AlmanacConstellation
+from lvnav_trade.gnss.constellation import AlmanacConstellation
+from lvnav_trade.quantities.errors import InputError
 
 DEG_PER_HOUR = math.radians(1.0) / 3600.0
 

@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.units import Card, Length
+from lvnav_trade.quantities.units import Card, Length
 
 
 class Square(Card):

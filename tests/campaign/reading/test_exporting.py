@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.campaign.reading.exporting import is_card, refuse_existing, write_flight, write_new
 from lvnav_trade.campaign.reading.flights import read_card
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 CAMPAIGN = """\
 name: both

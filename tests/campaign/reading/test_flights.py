@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading import flights, switched
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.world.conditions import Course
+from lvnav_trade.quantities.conditions import Course
 
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
 LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"

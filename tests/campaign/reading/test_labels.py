@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 START = '{tilt: "9 deg", heading: "1 deg", position: "1 m", velocity: "1 m/s"}'
 TILT = '  - {path: initial.tilt, values: ["0.1 deg", "0.2 deg"]}\n'

@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 DEG_PER_HOUR = math.radians(1.0) / 3600.0
 

@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 AXES = "axes: [{path: imu, cards: [imu/good, imu/poor]}, {path: filter.gate, values: [5, null]}]\n"
 

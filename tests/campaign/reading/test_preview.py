@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.campaign.reading.flights import preview, read_card
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 def test_a_shipped_card_is_read_by_its_name_and_flown(tmp_path):

@@ -10,9 +10,9 @@ from pydantic import BaseModel
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.reference import reference, type_of
 from lvnav_trade.campaign.syntax import fields
-from lvnav_trade.errors import InputError
-from lvnav_trade.observables.sensors import MEASUREMENTS
-from lvnav_trade.units import Length, TimeConstant
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.units import Length, TimeConstant
+from lvnav_trade.sensors.family import MEASUREMENTS
 
 
 def row(path: str, name: str) -> tuple[str, ...]:

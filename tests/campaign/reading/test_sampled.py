@@ -7,7 +7,7 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases, probes
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.space.designs import Designs
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 SAMPLED = """design: latin_hypercube
 samples: 600

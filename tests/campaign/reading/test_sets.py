@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 SET = """\
     name: two bounds

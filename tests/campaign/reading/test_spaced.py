@@ -9,7 +9,7 @@ from scipy.stats import qmc
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.reading.spaced import points
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 def loaded(study, text: str):

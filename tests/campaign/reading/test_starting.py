@@ -11,8 +11,8 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.starting import start
-from lvnav_trade.errors import InputError
-from lvnav_trade.world.user_file.data_file import column_names, read_columns
+from lvnav_trade.quantities.data_file import column_names, read_columns
+from lvnav_trade.quantities.errors import InputError
 
 EXAMPLE = Path("configs/trajectories/example_table.csv")
 EPOCH = "2024-03-20T12:00:00Z"  # that of its card

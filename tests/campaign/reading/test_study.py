@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.campaign.reading.study import load_study
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 CAMPAIGN = """\
 name: {name}

@@ -10,9 +10,9 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading import flights, switched
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.errors import InputError
-from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
-from lvnav_trade.world.conditions import Course
+from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from tests.building import SITE_R, hop
 from tests.standing import pad
 

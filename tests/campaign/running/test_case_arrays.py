@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lvnav_trade.campaign.running.case_arrays import CaseArrays
-from lvnav_trade.engines.simulate.statistics import summarise
-from lvnav_trade.metrics.basics.case_tables import CaseTables
-from lvnav_trade.metrics.registry import metric_of
-from lvnav_trade.store.read import load
+from lvnav_trade.results.registry import metric_of
+from lvnav_trade.results.statistics.case_tables import CaseTables
+from lvnav_trade.results.tables.read import load
+from lvnav_trade.simulation.statistics import summarise
 from tests import synthetic
 
 CASE = "aaaaaaaaaaaa"

@@ -8,7 +8,7 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.checking import check_effect, check_flight
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 def test_flights_that_cases_share_are_flown_once(study) -> None:

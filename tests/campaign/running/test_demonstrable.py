@@ -8,8 +8,8 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running.demonstrable import needed, undemonstrable
-from lvnav_trade.metrics.basics.probability import shows
-from lvnav_trade.metrics.requirements.requirements import decide
+from lvnav_trade.results.requirements.requirements import decide
+from lvnav_trade.results.statistics.probability import shows
 from tests.cli.calling import call
 from tests.cli.conftest import events
 

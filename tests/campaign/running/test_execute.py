@@ -16,9 +16,9 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import checking, execute
 from lvnav_trade.campaign.running.conduct import Conduct
-from lvnav_trade.engines.analysis.effect import Used
-from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.world.truth import BEYOND, NOTE, WARNING, Remark
+from lvnav_trade.quantities.errors import InputError, Mistake
+from lvnav_trade.simulation.settings_read import Used
+from lvnav_trade.trajectory.truth import BEYOND, NOTE, WARNING, Remark
 
 TWO = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 100}\n"
 

@@ -14,7 +14,7 @@ import pytest
 from filelock import FileLock
 
 from lvnav_trade.campaign.running.lock import holder, locked
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 HOLD = """\
 import sys, time

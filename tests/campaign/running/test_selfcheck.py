@@ -8,7 +8,7 @@ from scipy import stats
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import selfcheck
 from lvnav_trade.campaign.running.progress import Progress
-from lvnav_trade.engines.analysis.selfcheck.check import FAMILY, Check
+from lvnav_trade.covariance.selfcheck.check import FAMILY, Check
 
 AXES = "axes=[{path: filter, cards: [filters/loose, filters/tight]}]"
 

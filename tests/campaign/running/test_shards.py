@@ -12,8 +12,8 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute, shards
 from lvnav_trade.campaign.running.conduct import Conduct, Scope
 from lvnav_trade.campaign.running.shards import Shard
-from lvnav_trade.errors import InputError
-from lvnav_trade.store.versions import environment
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.tables.versions import environment
 
 TWO = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 100}\n"
 

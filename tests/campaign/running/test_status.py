@@ -10,8 +10,8 @@ import pytest
 
 from lvnav_trade.campaign.running.lock import locked
 from lvnav_trade.campaign.running.status import CaseStatus, status
-from lvnav_trade.errors import InputError
-from lvnav_trade.store.parts import paths
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.tables.parts import paths
 from tests import synthetic
 
 CASES = [case.id for case, _ in synthetic.CASES]

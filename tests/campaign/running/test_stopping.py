@@ -15,10 +15,10 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
 from lvnav_trade.campaign.running.conduct import Conduct
 from lvnav_trade.campaign.running.stopping import Stopping, beyond
-from lvnav_trade.engines.simulate.statistics import summarise
-from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.requirements.requirements import decide, errors_of
-from lvnav_trade.store.read import load as read
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.requirements.requirements import decide, errors_of
+from lvnav_trade.results.tables.read import load as read
+from lvnav_trade.simulation.statistics import summarise
 from tests import synthetic
 
 ASKED = """\

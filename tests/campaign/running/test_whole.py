@@ -12,8 +12,8 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.whole import whole
 from lvnav_trade.campaign.running.work import Job
-from lvnav_trade.records import Asked
-from lvnav_trade.store import scratch
+from lvnav_trade.quantities.records import Asked
+from lvnav_trade.results.tables import scratch
 
 
 @pytest.fixture(autouse=True)

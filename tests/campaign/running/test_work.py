@@ -18,9 +18,9 @@ from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.running.work import Job
-from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.records import Asked
-from lvnav_trade.store import scratch
+from lvnav_trade.quantities.errors import InputError, Mistake
+from lvnav_trade.quantities.records import Asked
+from lvnav_trade.results.tables import scratch
 
 
 @pytest.fixture(autouse=True)

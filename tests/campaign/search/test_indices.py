@@ -7,7 +7,7 @@ import pytest
 from lvnav_trade.campaign.definition.searches import Indices
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.search.indices import indices
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 REQUIREMENT = "requirements=[{name: v, metric: velocity_error_3d, at: liftoff, probability: 0.95, below: 1 m/s}]"
 

@@ -9,7 +9,7 @@ from lvnav_trade.campaign.definition.searches import Solve
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.search import least as module
 from lvnav_trade.campaign.search.least import least
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report import search as page
 
 AXES = [

@@ -8,8 +8,8 @@ import pytest
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.search.point import changed, frozen, look, not_described, number_at, with_filter
-from lvnav_trade.errors import InputError
-from lvnav_trade.filter_models import filter_models
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.scenario.filter_models import filter_models
 
 TILT = "requirements=[{name: tilt, metric: attitude_error_3d, at: liftoff, probability: 0.95, below: 3 mrad}]"
 

@@ -11,7 +11,7 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.definition.searches import Solve, Vary
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.search.solve import from_words, search, solve, span
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.report.search import solved
 
 

@@ -9,8 +9,8 @@ import pytest
 from lvnav_trade.campaign.definition.searches import Tune, Variable
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.search.tune import Point, score, tune
-from lvnav_trade.errors import InputError
-from lvnav_trade.filters.base import FilterCard
+from lvnav_trade.filter.card import FilterCard
+from lvnav_trade.quantities.errors import InputError
 
 NOISE = Variable(path="filter.velocity_noise", between=("0.01 m/s/sqrt(h)", "10 m/s/sqrt(h)"))
 

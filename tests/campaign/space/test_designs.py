@@ -11,8 +11,8 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.single import single
 from lvnav_trade.campaign.space.designs import Designs, Unvaried, label_of, made, number_in, number_of, reason_of
-from lvnav_trade.errors import InputError
-from lvnav_trade.units import parse
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.units import parse
 
 
 def test_a_design_has_the_values_of_its_point(campaign) -> None:

@@ -11,8 +11,8 @@ from lvnav_trade.campaign.search.point import frozen, look
 from lvnav_trade.campaign.space.designs import Designs
 from lvnav_trade.campaign.space.evaluate import Question, evaluate, metrics_of
 from lvnav_trade.campaign.space.passes import HISTORY, shared_axes
-from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.setup.prepare import prepare
+from lvnav_trade.covariance.history import covariance
+from lvnav_trade.simulation.preparation.prepare import prepare
 
 
 def question(campaign, shared=()) -> Question:

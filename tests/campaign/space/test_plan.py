@@ -10,7 +10,7 @@ from lvnav_trade.campaign.definition.runs import MonteCarlo
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.space import plan as module
 from lvnav_trade.campaign.space.plan import planned, refuse_too_large
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 FLIGHTS = {"a case": {"liftoff": 0.0, "staging": 150.0, "injection": 600.0}}
 

@@ -10,7 +10,7 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running.status import status
 from lvnav_trade.campaign.space import evaluate as evaluated
 from lvnav_trade.campaign.space import stage
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 SETS = ["covariance.spot_check=0", "covariance.adjoint=false", "covariance.observability=false"]
 SETS += ["covariance.nonlinearity=false", "samples=12"]

@@ -10,9 +10,9 @@ import pytest
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import card_text, catalogue, shipped
-from lvnav_trade.errors import InputError
-from lvnav_trade.filters.base import FilterCard
-from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.filter.card import FilterCard
+from lvnav_trade.imu.error_model import ImuCard
+from lvnav_trade.quantities.errors import InputError
 
 IMUS = sorted(file.stem for file in (shipped("configs") / "imu").glob("*.yaml"))
 FILTERS = sorted(file.stem for file in (shipped("configs") / "filters").glob("*.yaml"))

@@ -9,8 +9,8 @@ import pytest
 from pydantic import Field
 
 from lvnav_trade.campaign.syntax import fields, tree
-from lvnav_trade.scenario import Scenario
-from lvnav_trade.units import Card, Length
+from lvnav_trade.quantities.units import Card, Length
+from lvnav_trade.scenario.scenario import Scenario
 
 
 class Square(Card):

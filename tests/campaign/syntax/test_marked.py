@@ -6,8 +6,8 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import case_id, cases
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.errors import InputError
-from lvnav_trade.store.versions import campaign_digest
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.results.tables.versions import campaign_digest
 
 MARKED = """\
 name: marked

@@ -10,8 +10,8 @@ from lvnav_trade.campaign.reading.reference import json_schema
 from lvnav_trade.campaign.syntax.cards import Shelf, card_text
 from lvnav_trade.campaign.syntax.meaning import MEANINGS, meant
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import InputError
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.scenario.scenario import Scenario
 
 SCENARIO = tuple(Scenario.model_fields)
 

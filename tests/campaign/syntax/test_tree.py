@@ -9,7 +9,7 @@ import pytest
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Place
-from lvnav_trade.errors import InputError
+from lvnav_trade.quantities.errors import InputError
 
 
 def test_numbers_and_words_are_read_without_surprises() -> None:

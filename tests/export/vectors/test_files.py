@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.api import case_of
-from lvnav_trade.errors import InputError
 from lvnav_trade.export.vectors import files as made
 from lvnav_trade.export.vectors.tables import VectorTable
+from lvnav_trade.quantities.errors import InputError
 from tests.export.cases import prepared_of
 
 

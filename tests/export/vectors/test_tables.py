@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.simulate import montecarlo
-from lvnav_trade.engines.simulate.montecarlo import TapedRun, new_work
-from lvnav_trade.engines.simulate.tape import new_tape
 from lvnav_trade.export.vectors import tables as made
 from lvnav_trade.export.vectors.files import _written
-from tests.engines.covering import DIMENSIONS
+from lvnav_trade.simulation import montecarlo
+from lvnav_trade.simulation.montecarlo import TapedRun, new_work
+from lvnav_trade.simulation.tape import new_tape
+from tests.both_engines.covering import DIMENSIONS
 from tests.export.cases import prepared_of
 from tests.export.vectors.independent import covariance_of, error, state_of, tables_of, transition, updated
 

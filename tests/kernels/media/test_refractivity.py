@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lvnav_trade.frames import ecef_from_geodetic, geodetic_from_ecef, rotation_e_n
 from lvnav_trade.kernels.media import refractivity as room
 from lvnav_trade.kernels.media.refractivity import (
     EARTH_RADIUS,
@@ -18,6 +17,7 @@ from lvnav_trade.kernels.media.refractivity import (
     standard_refractivity,
 )
 from lvnav_trade.kernels.media.troposphere import niell
+from lvnav_trade.quantities.frames import ecef_from_geodetic, geodetic_from_ecef, rotation_e_n
 
 FAR = 26.56e6
 

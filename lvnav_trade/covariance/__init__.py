@@ -1,0 +1,4 @@
+"""Linear covariance over the nominal flight: formal, true, by source, forwards and backwards.
+
+Read `history.py` first.
+"""

@@ -1,0 +1,261 @@
+"""Backward pass from a metric at an event: contribution of each error source to its variance, by time of origin.
+
+For a metric m = l' e at the event, the adjoint lambda = l is propagated backwards through every update and window of
+the forward pass, with the same gains. Noise that entered with vector g and variance q contributes (lambda' g)^2 q to
+the variance of m. Each contribution has a source and a time: the sum over times is the forward error budget, the sum
+over sources shows when the error originated.
+"""
+
+from typing import NamedTuple
+
+from lvnav_trade.covariance.epoch_differences import joint_back, renew_back
+from lvnav_trade.covariance.propagate import fill_inputs
+from lvnav_trade.covariance.receiver_error import clone_back, solution_back
+from lvnav_trade.filter.policies.delay import place_of_channel
+from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.covariance import apply_phi_transposed
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector_transposed, fill_samples
+from lvnav_trade.quantities.records import Floats, Ints
+from lvnav_trade.simulation.epoch.imu_errors import fill_partials
+from lvnav_trade.simulation.epoch.joint import component_partial, measured_channel, n_entering
+from lvnav_trade.simulation.epoch.joint_ticks import nominal_tick
+
+
+class Backward(NamedTuple):
+    """State and result of a backward pass, updated in place.
+
+    e : (n_metric, N). Adjoint of the joint states.
+    c : (n_metric, n_component). Adjoint of the error components.
+    contribution : (n_metric, n_source, n_bin). Variance by source and time bin.
+    """
+
+    e: Floats
+    c: Floats
+    contribution: Floats
+
+
+class Entering(NamedTuple):
+    """Metrics of a backward pass: linear sums of errors at one or several history times.
+
+    place : (n_hist,). Index in `rows` of the history time; -1 if it is not in the sum.
+    rows : (n_sum, n_metric, N). Weights of the joint states at each of these times.
+    """
+
+    place: Ints
+    rows: Floats
+
+
+@jit
+def _dot(a, b):
+    """Return the sum of products over the length of `a`; `b` may be longer."""
+    total = 0.0
+    for i in range(a.shape[0]):
+        total += a[i] * b[i]
+    return total
+
+
+@jit
+def _update_back(back, tape, true, signals, row_of, time_bin, whitened, place):
+    """Propagate the adjoint backwards through one update, and add the contribution of its noise.
+
+    Parameters
+    ----------
+    back, tape, true, signals : Backward, UpdateTape, Components, Signals
+    row_of : number of the update on the tape
+    time_bin : bin of the contribution
+    whitened : whether the measurement is from a decorrelated solution
+    place : place of the stored state that a delayed measurement was compared with
+    """
+    gain, h, epoch, channel = tape.gain[row_of], tape.h[row_of], tape.epoch[row_of], tape.channel[row_of]
+    source = true.noise_source[channel]
+    # the noise of a decorrelated solution entered with the receiver-error states
+    is_in_states = whitened or source < 0
+    variance = 0.0 if is_in_states else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
+    for m in range(back.e.shape[0]):
+        through = _dot(gain, back.e[m])
+        if variance > 0.0:
+            back.contribution[m, source, time_bin] += through * through * variance
+        for family in range(n_entering(signals, whitened)):
+            c, partial = component_partial(h, signals, true, family, epoch, channel, whitened)
+            if c >= 0:
+                back.c[m, true.first_shared + c] -= through * partial
+        row = true.differences.of[channel]
+        if row >= 0:
+            for c in range(true.first_shared):
+                back.c[m, c] -= through * true.differences.reach[row, epoch, c]
+        for k in range(true.n_entry[channel]):
+            back.e[m, true.column[place, channel, k]] -= through * h[true.entry[place, channel, k]]
+
+
+@jit
+def _components_back(back, scratch, sums, true, units, seconds, window, time_bin):
+    """Propagate the adjoint of the components backwards through a window, and add the contribution of their noise.
+
+    window : index of its length, first tick, number of ticks
+    """
+    length, first, n_tick = window
+    decay = true.decay[length]
+    fill_inputs(scratch, true, units, sums, seconds, first, n_tick)
+    for c in range(true.source.shape[0]):
+        source, k, states = true.source[c], true.slot[c], (true.state_from[c], true.state_from[c + 1])
+        g, lane = true.group[source], true.lane[source]
+        factor, noise = true.factor[length, g, k, 0, lane], true.noise[length, g, k, 0, lane]
+        echo = 1.0 if true.echo[length, g, k, 0, lane] > 0.0 else 0.0
+        b = scratch.b[g, k, ..., lane]
+        for m in range(back.e.shape[0]):
+            through, entered = back.c[m, c], 0.0
+            # the same noise drives the component and the error of the states that model it
+            for p in range(states[0], states[1]):
+                at = true.states[p]
+                through += back.e[m, at]
+                entered += (factor - decay[at]) * back.e[m, at]
+            if states[0] == states[1] and true.moves[g, k]:
+                entered = _dot(b, back.e[m])
+                through -= echo * entered
+            back.contribution[m, source, time_bin] += through * through * noise
+            back.c[m, c] = factor * back.c[m, c] + entered
+
+
+@jit
+def _white_back(back, true, length, time_bin):
+    """Add the contribution of half of the white noise of a window by source; the other half enters at its other end."""
+    for source in range(true.group.shape[0]):
+        white = true.white[length, true.group[source], ..., true.lane[source]]
+        for i in range(back.e.shape[1]):
+            if white[i] > 0.0:
+                for m in range(back.e.shape[0]):
+                    back.contribution[m, source, time_bin] += 0.5 * white[i] * back.e[m, i] * back.e[m, i]
+
+
+@jit
+def _start_back(back, true):
+    """Add the contributions of initial errors, and of initial values of components with the states that model them."""
+    n = back.e.shape[1]
+    for m in range(back.e.shape[0]):
+        for source in range(true.initial.shape[0]):
+            for i in range(n):
+                for k in range(n):
+                    back.contribution[m, source, 0] += back.e[m, i] * true.initial[source, i, k] * back.e[m, k]
+        for c in range(true.source.shape[0]):
+            through = back.c[m, c]
+            for p in range(true.state_from[c], true.state_from[c + 1]):
+                through += back.e[m, true.states[p]]
+            back.contribution[m, true.source[c], 0] += through * through * true.start[c]
+
+
+@jit
+def _samples_back(back, scratch, sample_gain, true, vehicle, units, tick, time_bin):
+    """Propagate the adjoint backwards through the update of a tick by IMU samples, and add contributions."""
+    fill_samples(scratch.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
+    for m in range(back.e.shape[0]):
+        y = back.e[m]
+        for r in range(N_SAMPLE):
+            scratch.y[r] = _dot(sample_gain[tick, r], y)
+        for source in range(true.group.shape[0]):
+            for r in range(N_SAMPLE):
+                through = scratch.y[r]
+                back.contribution[m, source, time_bin] += through * through * true.sample_noise[source, r]
+        for j in range(true.sensor.shape[0]):
+            if true.sampled[j] and true.profile[j] < 0:
+                first = true.first[j]
+                source, k = true.source[first], true.slot[first]
+                g, lane = true.group[source], true.lane[source]
+                for axis in range(3):
+                    for i in range(1 if units is None else 3):  # an axis of an array enters all combined axes
+                        r = 3 * true.sensor[j] + (axis + i) % 3
+                        back.c[m, first + axis] -= scratch.y[r] * scratch.a[g, k + axis, r, lane]
+        for r in range(N_SAMPLE):
+            for k in range(vehicle.columns.shape[1]):
+                y[vehicle.columns[r, k]] -= scratch.y[r] * scratch.h[r, k]
+
+
+@jit
+def _tick_back(back, scratch, flight, true, vehicle, units, tick):
+    """Propagate the adjoint backwards over a tick, and set the partial derivatives of its samples."""
+    dt = flight.unit.dt
+    nominal_tick(scratch.sums, flight.reference, tick, dt)
+    fill_partials(scratch.a, true, units, vehicle, tick, dt)
+    for m in range(back.e.shape[0]):
+        advance_vector_transposed(back.e[m], scratch.sums, dt, vehicle.motion)
+
+
+@jit
+def _ticks_back(back, scratch, tape, true, case, flight, vehicle, window):
+    """Propagate the adjoint backwards through the ticks of a window with IMU samples (VehicleModel, or None).
+
+    window : first tick, number of ticks, bin of time
+    """
+    if vehicle is not None:
+        first, n_tick, time_bin = window
+        units = case.options.units
+        for tick in range(first + n_tick - 1, first - 1, -1):
+            _tick_back(back, scratch, flight, true, vehicle, units, tick)
+            _samples_back(back, scratch, tape.sample_gain, true, vehicle, units, tick, time_bin)
+
+
+@jit
+def _window_back(back, scratch, tape, true, case, w, time_bin):
+    """Propagate the adjoint backwards over window w, and add the contributions of process noise and components."""
+    schedule, model = case.schedule, case.model
+    length = schedule.length[w]
+    sums, at, seconds = tape.sums[w], tape.position[w], model.seconds[length]
+    transition.fill(scratch.D, true.nav_kinds, true.nav_drivers, sums, at[0], at[1], at[2], seconds)
+    _white_back(back, true, length, time_bin)
+    window = length, schedule.first_tick[w], schedule.n_tick[w]
+    _components_back(back, scratch, sums, true, case.options.units, seconds, window, time_bin)
+    for m in range(back.e.shape[0]):
+        apply_phi_transposed(
+            back.e[m], scratch.D, true.nav_rows, true.nav_columns, true.decay[length], model.clock, seconds
+        )
+    _white_back(back, true, length, time_bin)
+
+
+@jit
+def _solution_back(back, y, chain, true, epoch, time_bin):
+    """Propagate the adjoint backwards through an epoch of the receiver-error states (Chain, or None)."""
+    if chain is not None:
+        solution_back(back, y, chain, true, epoch, time_bin)
+
+
+@jit
+def go_back(back, scratch, tape, true, case, flight, entering, time_bins):
+    """Propagate the adjoint from the end of the flight back to its start.
+
+    Parameters
+    ----------
+    back : Backward, of zeros; set here
+    scratch : BackwardScratch
+    tape : UpdateTape of the forward pass
+    true, case, flight : Components, FilterCase, NominalFlight
+    entering : Entering, the metrics
+    time_bins : (n_window,) time bin of each window
+    """
+    schedule, signals, options, whitens = case.schedule, case.signals, case.options, case.model.has_covariance
+    has_entered = False
+    # each window in the reverse order of `forward.forward`: history, clones, updates, receiver errors, propagation
+    for w in range(schedule.n_tick.shape[0] - 1, -1, -1):
+        time_bin, at, hist = time_bins[w], schedule.epoch[w], schedule.hist[w]
+        if hist >= 0 and entering.place[hist] >= 0:
+            has_entered = True
+            for m in range(back.e.shape[0]):
+                for i in range(back.e.shape[1]):
+                    back.e[m, i] += entering.rows[entering.place[hist], m, i]
+        if not has_entered:
+            continue
+        if at >= 0:
+            joint_back(back, true, options.late, options.delayed, at)
+        for row in range(tape.first[w + 1] - 1, tape.first[w] - 1, -1):
+            place = place_of_channel(options.late, tape.channel[row], tape.epoch[row])
+            whitened = whitens and tape.channel[row] < signals.n_receiver
+            _update_back(back, tape, true, signals, row, time_bin, whitened, place)
+        if at >= 0:
+            _solution_back(back, scratch.y, flight.chain, true, at, time_bin)
+            renew_back(back, true.successive, case.model, at, time_bin)
+            _solution_back(back, scratch.y, true.successive, true, at, time_bin)
+        if schedule.n_tick[w] > 0:
+            clone_back(back, true, options.late, w)
+            _window_back(back, scratch, tape, true, case, w, time_bin)
+            window = schedule.first_tick[w], schedule.n_tick[w], time_bin
+            _ticks_back(back, scratch, tape, true, case, flight, options.vehicle, window)
+    _start_back(back, true)

@@ -1,0 +1,319 @@
+"""Truth-side error components of a case, as arrays for the covariance kernels. The filter's models are separate."""
+
+import math
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.covariance.epoch_differences import Successive, successive_of
+from lvnav_trade.covariance.imu_array import REMAINDER, WHITE, Differences, differences, stands_for
+from lvnav_trade.covariance.slots import Component, as_lanes, by_length, slot_tables
+from lvnav_trade.covariance.sources import measurement_tables, n_joint, noise_sources, source_names
+from lvnav_trade.filter.model import transition_blocks
+from lvnav_trade.imu.array import keyed, mounted
+from lvnav_trade.imu.error_model import ImuCard
+from lvnav_trade.kernels.clock import spectral_densities
+from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
+from lvnav_trade.quantities.per_axis import rms, squares
+from lvnav_trade.quantities.records import Bools, Floats, Ints
+from lvnav_trade.quantities.state_layout import ErrorTerm, standing_for
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+GRAVITY = -2
+# Time constant (s) of noise that is independent from window to window.
+WHITE_TIME = 1e-12
+
+
+class Components(NamedTuple):
+    """True error components of a case, as arrays for the covariance kernels.
+
+    An error source is one lane of a group; each of its scalar components has a slot of that lane. The joint vector has
+    N states: the n errors of the filter, errors of the receiver, and clones. A window is a number of IMU ticks that the
+    covariance is propagated over at once; n_length different lengths occur. A block is three components, by axis of a
+    sensor.
+
+    group : (n_source,). Group of lanes that the source belongs to.
+    lane : (n_source,). Lane of the source within its group.
+    n_slot : (n_group,). Slots in use, the most of any source of the group.
+    followed : (n_group, n_slot). Whether the cross covariance of the slot with the joint states is propagated.
+    moves : (n_group, n_slot). Whether the slot drives attitude, velocity or position during propagation.
+    samples : (n_group, n_slot). Whether the slot enters IMU samples that the filter processes as measurements.
+    factor : (n_length, n_group, n_slot, 1, n_lane). Decay factor over a window.
+    noise : (n_length, n_group, n_slot, 1, n_lane). Variance added by driving noise over a window.
+    echo : (n_length, n_group, n_slot, 1, n_lane). Part of `noise` that also enters the states with opposite sign: the
+        quantisation remainder.
+    source : (n_component,). Source of each component.
+    slot : (n_component,). Slot of each component in the lane of its source.
+    states : (n_pair,). Filter states that model a component, component after component.
+    state_from : (n_component + 1,). Start of each component's part of `states`.
+    start : (n_component,). Initial variance.
+    sensor : (n_block,). Sensor that the block belongs to: GYRO or ACCEL.
+    driver : (n_block,). Quantity that the block multiplies, as in `kernels.transition`; also REMAINDER, WHITE, GRAVITY.
+    matched : (n_block,). First filter state that models the block, -1 none.
+    profile : (n_block,). Profile that is the mean of the block, -1 none.
+    triad : (n_block,). Triad of the IMU array that the block belongs to.
+    stands : (n_stage, n_block, 3, n_state). Weight of each component in each filter state where IMUs are combined;
+        empty for one IMU.
+    first : (n_block,). First component of the block, the next two follow it; -1 for a profile.
+    moving : (n_block,). As `moves`, by block.
+    sampled : (n_block,). As `samples`, by block.
+    by_samples : Whether the filter processes IMU samples as measurements.
+    first_shared : First component that is a correlated measurement error; all later components are too.
+    shared_family : (n_family,). Block of the filter's extra states that models the family of correlated errors, -1
+        none.
+    nav_rows : (n_nav,). First row of each 3 x 3 block of the true transition matrix.
+    nav_columns : (n_nav,). First column of each of these blocks.
+    nav_kinds : (n_nav,). Kind of each of these blocks, as in `kernels.transition`.
+    nav_drivers : (n_nav,). Quantity that the parameter of the block multiplies.
+    white : (n_length, n_group, N, n_lane). Variance of the white noise of each source, by state, over a window.
+    initial : (n_source, N, N). Initial covariance of attitude, velocity, position and clock errors, by source.
+    noise_source : (n_channel,). Source of the white measurement noise of each channel, -1 none.
+    decay : (n_length, N). Decay factor of the joint states over a window.
+    n_entry : (n_channel,). Number of Jacobian entries that are not zero.
+    entry : (n_place, n_channel, n_entry). Places of these entries in the Jacobian row, by place of the stored state.
+    column : (n_place, n_channel, n_entry). Joint states that these entries belong to.
+    solution : First joint state of the errors of the receiver's solution or of measured differences, -1 none.
+    solution_source : (n_in,). Source of each white noise that drives these errors.
+    clone : First joint state of the clones for delay compensation, -1 none.
+    sample_noise : (n_source, 6). True variance of the noise of an IMU sample: rate, then specific force, SI squared.
+    differences : Errors of measured differences of two IMUs.
+    successive : Errors of measured differences of two epochs; None where no such difference is measured.
+    """
+
+    group: Ints
+    lane: Ints
+    n_slot: Ints
+    followed: Bools
+    moves: Bools
+    samples: Bools
+    factor: Floats
+    noise: Floats
+    echo: Floats
+    source: Ints
+    slot: Ints
+    states: Ints
+    state_from: Ints
+    start: Floats
+    sensor: Ints
+    driver: Ints
+    matched: Ints
+    profile: Ints
+    triad: Ints
+    stands: Floats
+    first: Ints
+    moving: Bools
+    sampled: Bools
+    by_samples: bool
+    first_shared: int
+    shared_family: Ints
+    nav_rows: Ints
+    nav_columns: Ints
+    nav_kinds: Ints
+    nav_drivers: Ints
+    white: Floats
+    initial: Floats
+    noise_source: Ints
+    decay: Floats
+    n_entry: Ints
+    entry: Ints
+    column: Ints
+    solution: int
+    solution_source: Ints
+    clone: int
+    sample_noise: Floats
+    differences: Differences
+    successive: Successive | None
+
+
+def _terms(prepared: Prepared) -> list[ErrorTerm]:
+    """Return the random errors of the IMUs; `offset` of each is the first filter state that models it, -1 none."""
+    several = prepared.options.units is not None  # a state then models a sum of components, not one of them
+    states = {} if several else {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
+    terms = [term._replace(offset=states.get((term.sensor, term.driver), -1)) for term in prepared.sources]
+    for triad, (number, unit) in enumerate(mounted(prepared.scenario.imu)):
+        for sensor, card, label in ((GYRO, unit.gyro, "gyro"), (ACCEL, unit.accel, "accelerometer")):
+            if card.quantisation > 0.0:
+                step = card.quantisation / math.sqrt(12.0)
+                name = keyed(f"{label} quantisation", number)
+                terms.append(ErrorTerm(name, 0, sensor, REMAINDER, 0.0, step, triad=triad))
+            # noise of unequal axes is a component in body axes, which rotate; equal axes need no component, since their
+            # noise is isotropic (`_white_noise`)
+            by_axis = several or isinstance(card.random_walk, tuple)
+            if by_axis and prepared.layout.motion < 0 and rms(card.random_walk) > 0.0:
+                name = keyed(f"{label} random walk", number)
+                terms.append(ErrorTerm(name, 0, sensor, WHITE, card.random_walk, 0.0, WHITE_TIME, triad))
+    return terms
+
+
+def _profiles(prepared: Prepared) -> list[tuple[int, int, int, int]]:
+    """Return sensor, driver, first filter state that models it (-1 none) and triad of each deterministic profile."""
+    states = {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
+    if prepared.options.units is not None:
+        states = {}
+    coded = zip(prepared.unit.profile_sensor.tolist(), prepared.unit.profile_driver.tolist(), strict=True)
+    return [(code % 2, driver, states.get((code % 2, driver), -1), code // 2) for code, driver in coded]
+
+
+def _of_term(prepared: Prepared, term: ErrorTerm, source: int, moves: bool, samples: bool) -> list[Component]:
+    """Return the three components of an error term, one per axis."""
+    seconds, variances, walks = prepared.lengths, squares(term.sigma), squares(term.walk)
+    if term.driver == REMAINDER:
+        # the remainder is new at the end of every window, uniform over a step; it stays in a window without ticks
+        factor = np.where(seconds > 0.0, 0.0, 1.0)
+        noise = [np.where(seconds > 0.0, walk, 0.0) for walk in walks]
+    else:
+        factor = np.exp(-seconds / term.time_constant)
+        # Gauss-Markov: s^2 (1 - exp(-2 t / T)) keeps the variance s^2; a random walk adds its PSD times t
+        loss = np.expm1(-2.0 * seconds / term.time_constant)
+        noise = [walk * seconds - variance * loss for variance, walk in zip(variances, walks, strict=True)]
+    alike = term.offset >= 0 and np.array_equal(factor, prepared.model.decay[:, term.offset])
+    states = [(term.offset + i,) for i in range(3)] if term.offset >= 0 else [(), (), ()]
+    return [
+        Component(source, factor, driven, variance, modelled, not alike, moves, samples, term.driver == REMAINDER)
+        for driven, variance, modelled in zip(noise, variances, states, strict=True)
+    ]
+
+
+def _shared_tables(sigma: float, time_constant: float, seconds: Floats) -> tuple[Floats, Floats]:
+    """Return decay factor and driving variance (n_length,) of a correlated measurement error."""
+    # an error without memory is new at every epoch; it stays in a window without ticks
+    still = 1.0 if math.isinf(time_constant) else 0.0
+    factor = np.exp(-seconds / time_constant) if time_constant > 0.0 else np.where(seconds > 0.0, still, 1.0)
+    return factor, sigma**2 * (1.0 - factor**2)
+
+
+def _of_families(prepared: Prepared, names: list[str]) -> tuple[list[Component], list[int]]:
+    """Return the components of correlated measurement errors, and by family the block of extra states (-1 none)."""
+    model, signals, shared_components, blocks = prepared.model, prepared.signals, list[Component](), list[int]()
+    shared = signals.shared
+    for number, family in enumerate(prepared.families if model.aided else ()):
+        stand = standing_for(prepared.layout.extras, family.state, family.labels[0])
+        state = stand[0][0] if stand else -1
+        factor, noise = _shared_tables(family.sigma, family.time_constant, prepared.lengths)
+        entering = shared.member[number] >= 0
+        # whether the true partial derivatives differ from those of the filter state
+        differs = (
+            prepared.chain is not None
+            or state < 0
+            or not np.array_equal(shared.partial[number], np.where(entering, signals.partial[state], 0.0))
+        )
+        for _ in family.labels:
+            states = tuple(model.extra_offset[shared.state_of[shared.error_of == len(shared_components)]].tolist())
+            follow = differs or any(not np.array_equal(factor, model.decay[:, at]) for at in states)
+            source = names.index(family.source)
+            shared_components.append(Component(source, factor, noise, family.sigma**2, states, follow))
+        blocks.append(state)
+    return shared_components, blocks
+
+
+def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
+    """Return the variance of white process noise by source, window length and joint state, SI squared."""
+    imu, receiver, layout = prepared.scenario.imu, prepared.scenario.receiver, prepared.layout
+    noise = np.zeros((len(names), prepared.lengths.size, n_joint(prepared)))
+    seconds = prepared.lengths[:, None]
+    # noise of an IMU array or of unequal axes enters by components, noise of IMU samples by their update
+    if layout.motion < 0 and isinstance(imu, ImuCard):
+        for label, at, card in (("gyro", ATT, imu.gyro), ("accelerometer", VEL, imu.accel)):
+            if not isinstance(card.random_walk, tuple):
+                noise[names.index(f"{label} random walk"), :, at : at + 3] = card.random_walk**2 * seconds
+    if layout.clock >= 0:
+        densities = np.array(spectral_densities(receiver.clock.h0, receiver.clock.h_minus2))
+        noise[names.index("receiver clock"), :, layout.clock : layout.clock + 2] = seconds * densities
+    return noise
+
+
+def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
+    """Return the true noise variance of an IMU sample by source, (n_source, 6) SI squared."""
+    imu, noise, units = prepared.scenario.imu, np.zeros((len(names), 6)), prepared.options.units
+    for triad, (number, unit) in enumerate(mounted(imu)):
+        sizes = np.array([squares(unit.gyro.random_walk), squares(unit.accel.random_walk)]) * imu.rate
+        if units is not None:  # solved (2, 3, 3): weights of each sensing axis in the combined triad
+            sizes = np.einsum("sic,sc->si", units.solved[0, triad] ** 2, sizes) * units.noisy[0, :, 1] ** 2
+        noise[names.index(keyed("gyro random walk", number)), :3] += sizes[0]
+        noise[names.index(keyed("accelerometer random walk", number)), 3:] += sizes[1]
+    return noise
+
+
+def _initial(prepared: Prepared, names: list[str]) -> Floats:
+    """Return the initial covariance of the joint states by source, (n_source, N, N) SI squared."""
+    n, layout, clock = n_joint(prepared), prepared.layout, prepared.scenario.receiver.clock
+    initial = np.zeros((len(names), n, n))
+    for index, at in enumerate((ATT, VEL, POS)):
+        root = prepared.start.roots[index]
+        initial[index, at : at + 3, at : at + 3] = root @ root.T
+    if layout.clock >= 0:
+        variances = np.array([clock.initial_bias, clock.initial_drift]) ** 2
+        states = slice(layout.clock, layout.clock + 2)
+        initial[names.index("receiver clock start"), states, states] = np.diag(variances)
+    return initial
+
+
+def components(prepared: Prepared) -> Components:
+    """Return the true error components of a case as arrays.
+
+    The models are those of the truth. Of the filter only the state layout, the decay factors and the partial
+    derivatives are used, to find by how much a component differs from the state that models it.
+    """
+    names, model, n = source_names(prepared), prepared.model, n_joint(prepared)
+    terms, by_samples, units = _terms(prepared), prepared.layout.motion >= 0, prepared.options.units
+    profiles = _profiles(prepared)
+    blocks = [*((term.sensor, term.driver, term.offset, term.triad) for term in terms), *profiles]
+    sensor, driver, matched, triad = np.array(blocks, dtype=np.int64).reshape(-1, 4).T.copy()
+    profile = np.array([*[-1] * len(terms), *range(len(profiles))], dtype=np.int64)
+    moving = (matched < 0) & ((driver == GRAVITY) | (not by_samples))
+    sampled = (matched < 0) & (driver >= 0) & by_samples
+    of_terms = [
+        _of_term(prepared, term, names.index(term.name), bool(moving[k]), bool(sampled[k]))
+        for k, term in enumerate(terms)
+    ]
+    shared, state_blocks = _of_families(prepared, names)
+    n_imu = 3 * len(terms)
+    first = np.where(profile < 0, 3 * np.arange(profile.size), -1)
+    tables = slot_tables([*chain.from_iterable(of_terms), *shared], len(names), prepared.lengths.size)
+    rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
+    if by_samples:  # everything but the gravity gradient is propagated sample by sample
+        rows, columns, kinds, drivers = model.block_rows, model.block_columns, model.block_kinds, model.block_drivers
+    return Components(
+        **tables,
+        sensor=sensor,
+        driver=driver,
+        matched=matched,
+        profile=profile,
+        triad=triad,
+        stands=np.zeros((0, 0, 3, 0)) if units is None else stands_for(prepared.layout, units, sensor, driver, triad),
+        first=first,
+        moving=moving,
+        sampled=sampled,
+        by_samples=by_samples,
+        first_shared=n_imu,
+        shared_family=np.array(state_blocks, dtype=np.int64),
+        nav_rows=rows,
+        nav_columns=columns,
+        nav_kinds=kinds,
+        nav_drivers=drivers,
+        white=by_length(_white_noise(prepared, names), tables["group"], tables["lane"]),
+        initial=_initial(prepared, names),
+        noise_source=noise_sources(prepared, names),
+        decay=np.pad(model.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
+        **measurement_tables(prepared, names),
+        sample_noise=_sample_noise(prepared, names),
+        differences=differences(prepared, sensor, driver, triad, profile, first, n_imu),
+        successive=successive_of(prepared, names, state_blocks),
+    )
+
+
+def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats, Floats]:
+    """Return `sources`, `cross` and `variance` of the joint covariance at the start, see `JointCovariance`.
+
+    The initial estimate of a component is zero, so the error of the state that models it is the component itself.
+    """
+    sources, start = true.initial.copy(), np.zeros((len(true.initial), true.followed.shape[1], 1))
+    cross = np.zeros((*start.shape[:2], n_joint(prepared)))
+    start[true.source, true.slot, 0] = true.start
+    for c, (source, slot, variance) in enumerate(zip(true.source, true.slot, true.start, strict=True)):
+        states = true.states[true.state_from[c] : true.state_from[c + 1]]
+        sources[source, states[:, None], states] += variance
+        cross[source, slot, states] += variance
+    sources, cross, start = (as_lanes(values, true.group, true.lane) for values in (sources, cross, start))
+    return sources, cross, start

@@ -1,0 +1,4 @@
+"""Diagnostics of a covariance analysis.
+
+Read `diagnostics.py` first, which calls the others.
+"""

@@ -1,0 +1,105 @@
+"""A few Monte Carlo runs of a case, assessed where linear covariance is most likely to be wrong."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import erfc, gammainc, gammaincc
+
+from lvnav_trade.kernels.covariance import N_NAV_ERROR
+from lvnav_trade.kernels.vector import WIDTH
+from lvnav_trade.quantities.records import CovHistory, Floats
+from lvnav_trade.simulation.montecarlo import run_block
+from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.statistics import BlockSummary, merge, summarise
+
+GAP = 5.0
+"""Seconds without a measurement after which the next measurement is assessed separately."""
+AFTER_GAP = "first measurement at "
+"""Beginning of the name of such a time."""
+
+
+SUSPECT = 0.2
+"""Level of the test over all errors of a case at all times, below which the second half of the runs is simulated."""
+
+
+def spot_check(prepared: Prepared, history: CovHistory, events: dict[str, float], seed: int, runs: int) -> BlockSummary:
+    """Simulate runs of a case and return their statistics at the events and after every gap.
+
+    Half of the runs are simulated first; the others only if an error is larger or smaller than expected. The draws are
+    those of the campaign's runs with the same numbers.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    history
+        Linear covariance of the case.
+    events
+        s since lift-off, by name of the event.
+    seed, runs
+        Seed of the campaign, and number of runs.
+    """
+    times = {name: t for name, t in events.items() if prepared.t_hist[0] <= t <= prepared.t_hist[-1]}
+    times |= {gap.name: gap.end for gap in gaps(history)}
+
+    def summary(first: int, count: int) -> BlockSummary:
+        return summarise(run_block(prepared, seed, first, count), times, history.true_sigma, prepared.outputs)
+
+    half = WIDTH * -(-runs // (2 * WIDTH))
+    first_half = summary(0, min(half, runs))
+    if half >= runs or not _suspect(first_half, history):
+        return first_half
+    return merge([first_half, summary(half, runs - half)])
+
+
+def _suspect(found: BlockSummary, history: CovHistory) -> bool:
+    """Return whether navigation errors of some runs contradict linear covariance, at level `SUSPECT` in total.
+
+    Tested are the mean square about the mean, by chi-square, and the largest error, by the Gaussian distribution.
+    """
+    at = np.searchsorted(history.t, found.t_event - 1e-9)
+    sigma, mean = (values[at, :N_NAV_ERROR] for values in (history.true_sigma, history.mean))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z: Floats = (found.event_error[:, :, :N_NAV_ERROR] - mean) / sigma
+    z = z[:, sigma > 0.0]
+    if not z.size:
+        return False
+    if not np.isfinite(z).all():
+        return True  # a run failed
+    n, n_row = z.shape
+    half = 0.5 * np.sum(z**2, axis=0)
+    chances = 2.0 * np.minimum(gammainc(0.5 * n, half), gammaincc(0.5 * n, half))
+    largest = n * erfc(np.abs(z).max() / np.sqrt(2.0))
+    return bool(min(chances.min(), largest) < SUSPECT / n_row)
+
+
+class Gap(NamedTuple):
+    """Interval without measurements.
+
+    name : Name of the measurement that ends it.
+    begin : s since lift-off. Last measurement before.
+    end : s since lift-off. First history time with the measurement that ends it.
+    """
+
+    name: str
+    begin: float
+    end: float
+
+
+def gaps(history: CovHistory) -> tuple[Gap, ...]:
+    """Return the gaps of a flight: intervals without measurements longer than `GAP` and three update intervals.
+
+    The time before the first measurement counts too. The name of a gap contains its end.
+    """
+    measured = np.flatnonzero(history.n_row > 0)
+    if not measured.size:
+        return ()
+    t = history.t_epoch[measured]
+    usual = float(np.median(np.diff(t))) if t.size > 1 else 0.0
+    before = np.concatenate([history.t[:1], t[:-1]])
+    long = t - before > max(GAP, 3.0 * usual)
+    at = np.minimum(np.searchsorted(history.t, t[long] - 1e-9), history.t.size - 1)
+    ends = history.t[at].tolist()
+    return tuple(
+        Gap(f"{AFTER_GAP}{end:g} s", begin, end) for begin, end in zip(before[long].tolist(), ends, strict=True)
+    )

@@ -1,0 +1,105 @@
+"""Process noise from an ensemble: the error of the filter's transition for perturbed inertial systems."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.kernels.transition import ATT, POS, VEL
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.simulation.montecarlo import simulated
+from lvnav_trade.simulation.preparation.inputs import Options
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+
+class StepErrors(NamedTuple):
+    """Ensemble statistics of the transition error per step: true error at its end minus the propagated initial error.
+
+    t : (n_step,) s since lift-off. End of each step.
+    seconds : (n_step,) s. Length of each step.
+    mean : (n_step, n_state) SI. Mean over the runs, frame i (parameters in body axes).
+    covariance : (n_step, n_state, n_state) SI squared. Covariance over the runs.
+    error : (n_step, n_state) SI. Root mean square of the error itself, for comparison.
+    n_run : Number of runs.
+    """
+
+    t: Floats
+    seconds: Floats
+    mean: Floats
+    covariance: Floats
+    error: Floats
+    n_run: int
+
+
+class Densities(NamedTuple):
+    """Process noise equivalent to the transition error per step, as root PSDs averaged over axes and steps.
+
+    attitude : rad/sqrt(s).
+    velocity : m/s/sqrt(s).
+    position : m/sqrt(s).
+    gyro_bias : rad/s/sqrt(s).
+    accel_bias : m/s^2/sqrt(s).
+    """
+
+    attitude: float
+    velocity: float
+    position: float
+    gyro_bias: float
+    accel_bias: float
+
+
+def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
+    """Return the statistics of the transition error between history times, over an ensemble of unaided runs.
+
+    Each run draws all errors of IMU and start, modelled by the filter or not. The transition is evaluated at the motion
+    sensed in the run, as in a filter on board.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    seed, n_run
+        Seed of the campaign, and number of runs.
+    """
+    unaided = prepared._replace(
+        model=prepared.model._replace(aided=False),
+        options=Options(misses=True),
+        scenario=prepared.scenario.model_copy(
+            update={"filter": prepared.scenario.filter.model_copy(update={"feedback": "open"})}
+        ),
+    )
+    n_hist, n = prepared.t_hist.size, prepared.layout.n_state
+    total, squares, size = np.zeros((n_hist, n)), np.zeros((n_hist, n, n)), np.zeros((n_hist, n))
+    for misses in simulated(unaided, seed, n_run):
+        total += misses.missed.sum(axis=0)
+        squares += np.einsum("rhi,rhj->hij", misses.missed, misses.missed)
+        size += np.sum(misses.error**2, axis=0)
+    mean = total / n_run
+    covariance = (squares - n_run * mean[:, :, None] * mean[:, None, :]) / max(1, n_run - 1)
+    return StepErrors(
+        prepared.t_hist[1:], np.diff(prepared.t_hist), mean[1:], covariance[1:], np.sqrt(size / n_run)[1:], n_run
+    )
+
+
+def densities(found: StepErrors, prepared: Prepared, since: float = 0.0, until: float = math.inf) -> Densities:
+    """Return the process noise with the mean square transition error of the ensemble.
+
+    Parameters
+    ----------
+    found
+        Statistics of the transition error.
+    prepared
+        Prepared case.
+    since, until
+        s since lift-off. Interval of the flight whose steps are used.
+    """
+    in_interval = (found.t > since) & (found.t <= until) & (found.seconds > 0.0)
+    variance = np.diagonal(found.covariance, axis1=1, axis2=2) + found.mean**2
+    density = variance[in_interval].sum(axis=0) / found.seconds[in_interval].sum()
+
+    def root(at: int) -> float:
+        return float(np.sqrt(density[at : at + 3].mean()))
+
+    by_name = {block.name: block.offset for block in prepared.layout.parameters}
+    biases = [root(by_name[name]) if name in by_name else 0.0 for name in ("gyro_bias", "accel_bias")]
+    return Densities(root(ATT), root(VEL), root(POS), *biases)

@@ -1,0 +1,152 @@
+"""Lower bounds on the modelled noise, which an exponential bound on the estimation error requires."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.covariance.components import components
+from lvnav_trade.covariance.diagnostics.observability import initial_spread
+from lvnav_trade.covariance.workspace import UpdateTape
+from lvnav_trade.filter.ekf import inject
+from lvnav_trade.filter.rows import CARRIER_PHASE, DELTA_PSEUDORANGE, POSITION, PSEUDORANGE, TDCP, TYPES
+from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.covariance import add_turned, predict
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.sensors.family import SENSORS
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+FLOOR = 1e-9
+"""Eigenvalue of the correlation matrix of the noise below which it counts as zero; rounding errors reach 1e-12."""
+_UNITS = {TYPES[card.measurement]: card.unit for card in SENSORS} | dict.fromkeys(
+    (PSEUDORANGE, POSITION, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE), "m"
+)
+
+
+class ErrorBound(NamedTuple):
+    """Bounds q1 I <= Q <= q2 I and r1 I <= R <= r2 I of the noise in the filter model over a nominal flight.
+
+    The condition holds if Q has full rank and every measurement has noise.
+
+    rank : Rank of Q, the process noise between two updates; the smallest of all intervals.
+    states : Number of states.
+    low : Smallest eigenvalue of Q, with states in units of their initial sigmas.
+    high : Largest eigenvalue of Q, likewise.
+    weakest : (n,). Direction of the smallest eigenvalue, in initial sigmas; its largest entry is 1.
+    rows : Unit, smallest and largest one-sigma of the measurement noise, by unit.
+    """
+
+    rank: int
+    states: int
+    low: float
+    high: float
+    weakest: Floats
+    rows: tuple[tuple[str, float, float], ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether both lower bounds are positive."""
+        return self.rank == self.states and all(low > 0.0 for _, low, _ in self.rows)
+
+
+@jit
+def _gather(noise, P, D, tape, schedule, true, model):
+    """Set noise (n_interval, n, n), the process noise between successive updates; return the number of intervals.
+
+    P (n, n) and D (n_block, 9) are scratch. Noise after the last update is not included.
+    """
+    n, count = P.shape[0], 0
+    P[:, :] = 0.0
+    for w in range(schedule.n_tick.size):
+        if schedule.n_tick[w] > 0:
+            length, at = schedule.length[w], tape.position[w]
+            seconds = model.seconds[length]
+            transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
+            add_turned(P, model.uneven, tape.sums[w], seconds)
+            predict(
+                P,
+                D,
+                true.nav_rows,
+                true.nav_columns,
+                model.decay[length],
+                model.noise[length],
+                model.clock,
+                seconds,
+            )
+            add_turned(P, model.uneven, tape.sums[w], seconds)
+            inject(P, model, schedule.injection[w])
+        if tape.first[w + 1] > tape.first[w]:
+            for i in range(n):
+                for j in range(n):
+                    noise[count, i, j] = P[i, j]
+                    P[i, j] = 0.0
+            count += 1
+    return count
+
+
+def error_bound(prepared: Prepared, tape: UpdateTape) -> ErrorBound:
+    """Return the bounds of the noise in the filter model on its nominal flight.
+
+    They are sufficient conditions for an error bounded in mean square (Reif, Guenther, Yaz and Unbehauen, IEEE Trans.
+    Automatic Control 44(4), 1999), in the form of Canepa and Servidia, eq. 7.17 and 7.18.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    tape
+        Tape of the forward pass.
+
+    Raises
+    ------
+    InputError
+        If the flight has no measurement.
+    """
+    true, model, n = components(prepared), prepared.model, prepared.layout.n_state
+    updates = int(np.count_nonzero(np.diff(tape.first) > 0))
+    if not updates:
+        raise InputError("covariance.error_bound: the filter takes no measurement on this flight")
+    noise = np.zeros((updates, n, n))
+    _gather(
+        noise,
+        np.zeros((n, n)),
+        np.zeros((true.nav_rows.size, 9)),
+        tape,
+        prepared.schedule,
+        true,
+        model,
+    )
+    states = np.array(prepared.layout.reported)
+    noise, n = noise[:, states[:, None], states], states.size
+    Q = noise[1:] if updates > 1 else noise  # the time before the first update may be shorter than an interval
+    scale = initial_spread(prepared.start.P[np.ix_(states, states)])[0]
+    safe = np.where(scale > 0.0, scale, 1.0)
+    Q = Q / np.outer(safe, safe)
+    root = np.sqrt(np.einsum("kii->ki", Q))
+    unit = np.where(root > 0.0, root, 1.0)
+    ranks = np.sum(np.linalg.eigvalsh(Q / (unit[:, :, None] * unit[:, None, :])) > FLOOR, axis=1)
+    values, vectors = np.linalg.eigh(Q)
+    worst = int(np.argmin(values[:, 0]))
+    direction = vectors[worst, :, 0]
+    return ErrorBound(
+        int(ranks.min()),
+        n,
+        max(0.0, float(values[:, 0].min())),
+        float(values[:, -1].max()),
+        direction / direction[np.argmax(np.abs(direction))],
+        _rows(prepared, tape),
+    )
+
+
+def _rows(prepared: Prepared, tape: UpdateTape) -> tuple[tuple[str, float, float], ...]:
+    """Return unit, smallest and largest one-sigma of the noise of all processed measurements, by unit."""
+    used = int(tape.used[0])
+    epoch, channel = tape.epoch[:used], tape.channel[:used]
+    sigma = np.sqrt(prepared.signals.variance[epoch, channel])
+    units = np.array([_UNITS.get(kind, "m/s") for kind in prepared.model.row_type[channel].tolist()])
+    return tuple(
+        (unit, float(sigma[units == unit].min()), float(sigma[units == unit].max()))
+        for unit in dict.fromkeys(("m", "m/s", *units.tolist()))
+        if np.any(units == unit)
+    )

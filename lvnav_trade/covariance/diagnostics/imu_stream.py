@@ -1,0 +1,148 @@
+"""Allan deviation of a case's IMUs: a simulated stream at rest, compared with the curve of the card."""
+
+import math
+from collections import namedtuple
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.imu import allan
+from lvnav_trade.imu.array import triads_of
+from lvnav_trade.imu.error_model import AccelCard, GyroCard, ImuCard
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.kernels.transition import CONSTANT
+from lvnav_trade.quantities.per_axis import rms
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.simulation.preparation.imu_arrays import white_of
+from lvnav_trade.simulation.preparation.imu_inputs import Unit
+from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.sensing import sense
+
+_LEAST = 10  # intervals of the longest averaging time in the stream
+_PER_DECADE = 6
+
+# Arrays of a run that the IMU kernels use, by the names that they read.
+_Work = namedtuple("_Work", "run nav true_par true_tables increments remainder")
+
+
+class Curve(NamedTuple):
+    """Allan deviation of a sensor.
+
+    sensor : Name of the sensor.
+    unit : SI unit of the deviation.
+    tau : (n,) s. Averaging times.
+    stream : (n,). Of the simulated stream, root mean square over the axes.
+    card : (n,). By the card, all processes.
+    white : (n,). By the card, white noise and quantisation.
+    instability : (n,). By the card, bias instability.
+    walk : (n,). By the card, random walk.
+    """
+
+    sensor: str
+    unit: str
+    tau: Floats
+    stream: Floats
+    card: Floats
+    white: Floats
+    instability: Floats
+    walk: Floats
+
+
+@jit
+def _collect(out: Any, work: Any, unit: Any, count: Any, key: Any) -> None:
+    """Set out (n, 6) to the means of the IMU's output over `count` ticks each, rad/s and m/s^2."""
+    for k in range(out.shape[0]):
+        sense(work, None, unit, None, k * count, count, key)
+        for i in range(6):
+            total = 0.0
+            for tick in range(count):
+                total += work.increments[tick, i]
+            out[k, i] = total / (count * unit.dt)
+
+
+def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> Unit:
+    """Return one IMU of the case at rest, with the error blocks of its triad and without warm-up and motion."""
+    unit, none = prepared.unit, np.zeros((n_tick, 3))
+    blocks = unit.sensors // 2 == triad
+    names = ("sigma", "decay", "walk", "sources", "drivers")
+    parameters = {name: getattr(unit, name)[: blocks.size][blocks] for name in names}
+    empty = {name: getattr(unit, name)[:0] for name in Unit._fields if name.startswith("profile")}
+    return unit._replace(
+        **parameters,
+        **empty,
+        sensors=unit.sensors[blocks] % 2,
+        dtheta=none,
+        dvel=none,
+        gravity=-1,
+        drifting=True,
+        white=white_of(card, unit.dt),
+        biases_only=bool(np.all(parameters["drivers"] == CONSTANT)),
+    )
+
+
+def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, seed: int) -> Floats:
+    """Return the output of an IMU of a case at rest, as means over its process steps, (n_mean, 6) rad/s and m/s^2."""
+    unit = _at_rest(prepared, triad, card, n_mean * prepared.unit.process_ticks)
+    n_block, out = max(1, len(unit.sigma)), np.zeros((n_mean, 6))
+    work = _Work(
+        np.zeros(1, dtype=np.uint64),
+        np.zeros(10),
+        np.zeros((n_block, 3)),
+        np.zeros((2, processes.N_TABLE)),
+        np.zeros((unit.process_ticks, 6)),
+        np.zeros(6),
+    )
+    words = seed_words(seed)
+    processes.start(work.true_par, unit.sigma, unit.sources, *words, work.run[0])
+    _collect(out, work, unit, unit.process_ticks, words)
+    return out
+
+
+def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the Allan deviations by a card over tau (n,) s, root mean square of the axes.
+
+    Returns
+    -------
+    white, instability, walk
+        (n,) SI. White noise with quantisation, bias instability, random walk.
+
+    Notes
+    -----
+    The quantisation remainder is uniform over a step and independent, which gives sqrt(3) times its sigma over tau.
+    """
+    white = allan.together(allan.white(rms(card.random_walk), tau), 0.5 * card.quantisation / tau)
+    instability = np.zeros_like(tau)
+    if card.flicker > 0.0 and card.instability_fit is not None:
+        instability = np.full_like(tau, card.flicker * allan.FLOOR)
+    elif card.flicker > 0.0:
+        instability = allan.gauss_markov(card.instability, tau)
+    return white, instability, allan.random_walk(rms(card.rate_random_walk), tau)
+
+
+def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, ...]:
+    """Return the Allan deviations of gyros and accelerometers of every IMU of a case, from a simulated stream.
+
+    seconds : length of the stream; empty if it is too short for one averaging time
+    """
+    imu, dt = prepared.scenario.imu, prepared.unit.dt * prepared.unit.process_ticks
+    n_mean = math.floor(seconds / dt)
+    most = n_mean // _LEAST
+    if most < 1:
+        return ()
+    count = max(2, math.ceil(_PER_DECADE * math.log10(max(most, 2))))
+    factors = np.unique(np.rint(np.geomspace(1, most, count)).astype(np.int64)).tolist()
+    tau, curves = dt * np.array(factors, dtype=float), []
+    owners = (
+        [(0, imu, "")]
+        if isinstance(imu, ImuCard)
+        else [(k, imu.units[triad.unit], f"unit {triad.unit + 1} ") for k, triad in enumerate(triads_of(imu))]
+    )
+    for triad, card, name in owners:
+        means = stream_at_rest(prepared, triad, card, n_mean, seed)
+        for first, label, sensor, unit in ((0, "gyro", card.gyro, "rad/s"), (3, "accelerometer", card.accel, "m/s^2")):
+            deviation = np.sqrt(np.mean(allan.overlapping(means[:, first : first + 3], dt, factors) ** 2, axis=1))
+            parts = by_card(sensor, tau)
+            curves.append(Curve(f"{name}{label}", unit, tau, deviation, allan.together(*parts), *parts))
+    return tuple(curves)

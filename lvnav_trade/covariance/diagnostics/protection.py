@@ -1,0 +1,149 @@
+"""Protection levels on the nominal flight: bounds on position and velocity errors at a given integrity risk.
+
+The filter is compared with sub-filters, each without one satellite for the whole flight (solution separation: Brenner
+1996; Young and McGraw, Navigation 50(3), 2003; multiple hypotheses as in Blanch et al., IEEE Trans. AES 51(1), 2015). A
+sub-filter never uses its satellite, so it bounds a failure of that satellite with any onset.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from lvnav_trade.covariance.history import covariance
+from lvnav_trade.quantities.records import CovHistory, Floats, Protecting
+from lvnav_trade.quantities.state_layout import PROTECTED
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+_HALVINGS = 60
+
+
+class Protection(NamedTuple):
+    """Protection levels over a flight, by axis of position and velocity, SI, reporting axes.
+
+    t : (n_hist,) s since lift-off. History times.
+    sigma : (n_hist, n_quantity, 3). Standard deviation in the filter's own covariance.
+    fault_free : (n_hist, n_quantity, 3). Protection level if no satellite fails.
+    level : (n_hist, n_quantity, 3). Protection level with satellite failures.
+    worst : (n_hist, n_quantity). Number in `satellites` of the failure with the largest level, -1 none.
+    satellites : (n_satellite,). Names of the satellites in use, each with a sub-filter without it.
+    limits : (n_satellite, n_hist, n_quantity, 3). Alarm limit on the separation of the sub-filter.
+    apart : (n_satellite, n_hist, n_quantity, 3). Mean separation: mean error of the filter minus that of the sub-
+        filter.
+    alarms : Whether every run tests for alarms.
+    """
+
+    t: Floats
+    sigma: Floats
+    fault_free: Floats
+    level: Floats
+    worst: Floats
+    satellites: tuple[str, ...]
+    limits: Floats
+    apart: Floats
+    alarms: bool
+
+
+def beyond(size: Floats, sigma: Floats) -> Floats:
+    """Return the probability that the magnitude of a centred Gaussian exceeds a size."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(size <= 0.0, 1.0, 2.0 * ndtr(-np.where(sigma > 0.0, size / sigma, np.inf))))
+
+
+def quantile(probability: float) -> float:
+    """Return the number of sigmas that the magnitude of a centred Gaussian exceeds with a probability."""
+    return float(-ndtri(0.5 * probability))
+
+
+def thresholds(sigma: Floats, without: Floats, false_alarm: float) -> Floats:
+    """Return the alarm limits of the separations between a filter and its sub-filters, (n_satellite, ...).
+
+    For optimal filters Var(x_0 - x_k) = Var(x_k) - Var(x_0). The false-alarm probability of one axis is shared by all
+    satellites.
+
+    Parameters
+    ----------
+    sigma, without
+        (...) and (n_satellite, ...). Sigma of the filter and of its sub-filters.
+    false_alarm
+        Probability of an alarm of any satellite, for one axis.
+    """
+    apart = np.sqrt(np.maximum(0.0, without**2 - sigma**2))
+    return np.asarray(apart * quantile(false_alarm / max(1, len(without))))
+
+
+def protection_level(sigma: Floats, without: Floats, limits: Floats, risk: float, prior: float) -> Floats:
+    """Return the smallest L (...) with 2 Q(L / s_0) + prior sum_k 2 Q((L - T_k) / s_k) <= risk, by bisection.
+
+    Parameters
+    ----------
+    sigma, without
+        (...) and (n_satellite, ...). Sigma s_0 of the filter and s_k of its sub-filters.
+    limits
+        (n_satellite, ...). Alarm limits T_k of the separations.
+    risk, prior
+        Integrity risk, and prior probability that a satellite has failed.
+    """
+    reach = quantile(risk / (1.0 + prior * len(without)))
+    low, high = np.zeros(sigma.shape), reach * sigma
+    if len(without):
+        high = np.maximum(high, np.max(limits + reach * without, axis=0))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        total = beyond(middle, sigma) + prior * np.sum(beyond(middle - limits, without), axis=0)
+        low, high = np.where(total > risk, middle, low), np.where(total > risk, high, middle)
+    return np.asarray(high)
+
+
+def without_satellite(prepared: Prepared, satellite: int) -> Prepared:
+    """Return the case with a filter that does not use a satellite; truth and draws are unchanged."""
+    model, n_kind = prepared.model, prepared.model.n_kind
+    measured = model.measured.copy()
+    measured[n_kind * satellite : n_kind * (satellite + 1)] = False
+    return prepared._replace(model=model._replace(measured=measured))
+
+
+def columns_of(prepared: Prepared) -> list[list[int]]:
+    """Return the columns of the outputs of position and of velocity, by axis."""
+    return [[k for k, output in enumerate(prepared.outputs) if output.quantity == name] for name in PROTECTED]
+
+
+def protection(prepared: Prepared, history: CovHistory, asked: Protecting) -> Protection:
+    """Return the protection levels of a case, by one linear covariance for every satellite that its filter uses.
+
+    Integrity risk and false-alarm probability are divided equally between the three axes of position and of velocity,
+    so both hold for all six together (union bound).
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    history
+        Linear covariance of the case.
+    asked
+        Integrity risk, false-alarm probability, prior probability of a satellite fault.
+    """
+    columns, used = columns_of(prepared), np.unique(prepared.signals.used[prepared.signals.used >= 0]).tolist()
+    n_axis = sum(len(axes) for axes in columns)
+    risk, false_alarm = asked.integrity_risk / n_axis, asked.false_alarm / n_axis
+    sigma, mean = history.formal[:, columns], history.mean[:, columns]
+    sub_filters = [covariance(without_satellite(prepared, satellite)) for satellite in used]
+    shape = (len(used), *sigma.shape)
+    without = np.maximum(np.array([item.formal[:, columns] for item in sub_filters]).reshape(shape), sigma)
+    apart = mean - np.array([item.mean[:, columns] for item in sub_filters]).reshape(shape)
+    limits = thresholds(sigma, without, false_alarm)
+    level = protection_level(sigma, without, limits, risk, asked.satellite_fault)
+    asking = limits + quantile(risk) * without
+    worst = np.argmax(np.linalg.norm(asking, axis=-1), axis=0) if used else np.full(sigma.shape[:2], -1)
+    alike = np.all(without <= sigma * (1.0 + 1e-9), axis=(0, -1)) if used else True
+    return Protection(
+        history.t,
+        sigma,
+        quantile(risk) * sigma,
+        level,
+        np.where(alike, -1, worst),
+        tuple(prepared.sky.names[satellite] for satellite in used),
+        limits,
+        apart,
+        asked.alarms,
+    )

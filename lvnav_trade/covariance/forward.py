@@ -1,0 +1,197 @@
+"""Forward pass of linear covariance: formal covariance by the filter model, true covariance by error source."""
+
+import numpy as np
+
+from lvnav_trade.covariance.epoch_differences import begin_successive, clone_joint, measure_further
+from lvnav_trade.covariance.imu_array import add_sums, inform_nominal
+from lvnav_trade.covariance.propagate import nominal_window, propagate
+from lvnav_trade.covariance.receiver_error import advance_solution, clone_error, complete_rows
+from lvnav_trade.covariance.recording import write, write_samples, write_solution
+from lvnav_trade.covariance.samples import expected_of_samples
+from lvnav_trade.filter.policies.delay import keep
+from lvnav_trade.filter.policies.epoch_differences import accumulate_transition, begin_transition
+from lvnav_trade.filter.policies.integrity.state import begin_monitor
+from lvnav_trade.filter.policies.mode_logic import begin_watch
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.strapdown import place
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.sensors.family import measure
+from lvnav_trade.simulation.epoch.held import hold_solution
+from lvnav_trade.simulation.epoch.process import end_epoch, process_epoch
+from lvnav_trade.simulation.epoch.ticks import sample_window
+
+
+@jit
+def _record_window(tape, w, work):
+    """Record the integrals of a window, and the position at which its transition was linearised."""
+    if tape.channel.shape[0] > 0:
+        for i in range(work.sums.shape[0]):
+            tape.sums[w, i] = work.sums[i]
+        for i in range(3):
+            tape.position[w, i] = work.nav[7 + i]
+
+
+@jit
+def _measure_receiver(work, further, signals, tight, epoch):
+    """Set the receiver's measurements on the nominal flight at an epoch."""
+    if tight:
+        for slot in range(signals.n_used[epoch]):
+            s = signals.used[epoch, slot]
+            work.ranges[slot, 0], work.ranges[slot, 1] = signals.range[epoch, s], signals.rate[epoch, s]
+        measure_further(work, further, signals, epoch)
+    else:
+        for axis in range(3):
+            work.solution[axis] = signals.position[epoch, axis]
+            work.solution[3 + axis] = signals.velocity[epoch, axis]
+
+
+@jit
+def _measure_sensors(work, sensors, differences, epoch):
+    """Set the measurements of the other sensors (Sensors, or None) on the nominal flight at an epoch."""
+    if sensors is not None:
+        for k in range(sensors.code.shape[0]):
+            measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+            p = differences.pair_of[k]
+            if p >= 0:
+                for i in range(3):
+                    work.observed[k, i] = differences.nominal[p, epoch, i]
+
+
+@jit
+def _solve(work, chain, late, epoch):
+    """Set the solution of a receiver that reports a covariance, not-a-number without a solution, and complete its
+    Jacobian rows by the receiver-error states.
+    """
+    for i in range(6):
+        work.solution[i] = chain.point[epoch, i] if chain.solved[epoch] else np.nan
+    complete_rows(work.H, late, epoch)
+
+
+@jit
+def _report(rx, chain, signals, epoch):
+    """Set the covariance that the receiver reports on the nominal flight (Reported, or None), without the factor of the
+    filter's tuning.
+    """
+    if rx is not None:
+        for i in range(6):
+            for j in range(6):
+                factor = signals.scale[epoch, i] * signals.scale[epoch, j]
+                rx.covariance[i, j] = chain.reported[epoch, i, j] / factor
+
+
+@jit
+def _jump(mean, clock, jumps):
+    """Add jumps of clock bias and drift (2,) to the mean error."""
+    if clock >= 0:
+        mean[clock] += jumps[0]
+        mean[clock + 1] += jumps[1]
+
+
+@inlined
+def _measure(work, rx, case, joint, chain, epoch):
+    """Propagate the receiver errors to an epoch, and set the measurements of the nominal flight.
+
+    chain : Chain of a receiver that reports a covariance with its solution, or None
+    """
+    options, signals, model = case.options, case.signals, case.model
+    _jump(joint.state.mean, model.clock, signals.clock_jump[epoch])
+    if chain is not None:
+        advance_solution(joint.state, joint.scratch, chain, joint.true, epoch)
+    begin_successive(joint, joint.true.successive, model, epoch)
+    _measure_receiver(work, options.further, signals, model.tight, epoch)
+    _measure_sensors(work, case.sensors, joint.true.differences, epoch)
+    if chain is not None:
+        _solve(work, chain, options.late, epoch)
+        _report(rx, chain, signals, epoch)
+
+
+@inlined
+def _propagate(work, parts, case, joint, flight, vehicle, late, w):
+    """Propagate all covariances over window w.
+
+    Parameters
+    ----------
+    work, parts, case, joint, flight : as in `forward`
+    vehicle : VehicleModel of a filter that processes IMU samples as measurements, or None
+    late : Late, for which the navigation error is cloned at times of validity, or None
+    w : window
+    """
+    schedule, model, options, unit = case.schedule, case.model, case.options, flight.unit
+    first, n_tick, length = schedule.first_tick[w], schedule.n_tick[w], schedule.length[w]
+    algorithm, sensed = model.strapdown, not joint.true.by_samples
+    if vehicle is not None:
+        sample_window(work, parts, case, joint, flight, w)
+    nominal_window(work, flight.reference, unit, first, n_tick, algorithm, sensed, schedule.linearised[w])
+    propagate(work, case, joint, flight, options.units, w)
+    inform_nominal(work.P, options.units, model, first, n_tick, model.seconds[length])
+    accumulate_transition(
+        parts.earlier, options.delayed, joint.scratch.D, work.held, model, length, schedule.injection[w]
+    )
+    _record_window(joint.tape, w, work)
+    if late is not None:
+        place(work.nav, flight.reference, first + n_tick)
+        keep(parts.past, work.nav, work.previous, work.x, late, w, case.step, algorithm.gravity)
+        clone_error(joint.state, joint.true, late, w)
+
+
+@inlined
+def _update(work, parts, case, joint, flight, vehicle, report, epoch):
+    """Process the measurements of an epoch; vehicle and report as in `_propagate` and `_write`."""
+    options = case.options
+    if vehicle is not None:
+        joint.out.expected_nis[epoch] += expected_of_samples(joint.true, flight.ticks, parts.motion, vehicle)
+        joint.out.n_row[epoch] += N_SAMPLE
+    _measure(work, parts.rx, case, joint, flight.chain, epoch)
+    if report is not None:
+        hold_solution(work, parts, joint, flight.chain.solved, None, report, epoch)
+    process_epoch(work, parts, case, joint, parts.open_loop, case.sensors, options.rules, epoch)
+    end_epoch(work, parts, case, epoch)
+    clone_joint(joint, options.late, options.delayed, epoch)
+
+
+@inlined
+def _write(work, case, joint, record, samples, report, hist, tick):
+    """Write the results at a history time, which follows a tick.
+
+    samples : Samples, if errors of IMU samples are reported, or None
+    report : Report, if errors of the receiver's solution are reported, or None
+    """
+    out, state, true, units = joint.out, joint.state, joint.true, case.options.units
+    write(out, hist, work.P, state, joint.scratch, true, record.attitude[hist], record.axes[hist])
+    add_sums(out, hist, state, true, units, tick)
+    if samples is not None:
+        write_samples(out, hist, state, true, units, samples, tick, case.tick)
+    if report is not None:
+        write_solution(out, hist)
+
+
+@jit
+def forward(work, parts, case, joint, flight, record):
+    """Propagate and update the formal covariance and the true covariance by source over the nominal flight.
+
+    Parameters
+    ----------
+    work : Nominal, at the start of the flight; updated in place
+    parts : Parts, arrays of the optional features; updated in place
+    case : FilterCase
+    joint : Joint, whose `out` gets the results and whose `tape` the record for a backward pass
+    flight : NominalFlight
+    record : Axes of the results
+    """
+    schedule, options = case.schedule, case.options
+    begin_watch(parts.watch)
+    begin_monitor(parts.monitor)
+    begin_transition(parts.earlier, options.delayed)
+    for w in range(schedule.n_tick.shape[0]):
+        first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
+        if n_tick > 0:
+            _propagate(work, parts, case, joint, flight, options.vehicle, options.late, w)
+        if schedule.epoch[w] >= 0 and case.model.aided:
+            # measurements are linearised at the true state, not at the end of the strapdown's integration
+            place(work.nav, flight.reference, first + n_tick)
+            _update(work, parts, case, joint, flight, options.vehicle, options.report, schedule.epoch[w])
+        if joint.tape.channel.shape[0] > 0:
+            joint.tape.first[w + 1] = joint.tape.used[0]
+        if schedule.hist[w] >= 0:
+            tick = max(0, first + n_tick - 1)
+            _write(work, case, joint, record, options.samples, options.report, schedule.hist[w], tick)

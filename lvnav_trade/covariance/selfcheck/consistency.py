@@ -1,0 +1,73 @@
+"""Consistency of the innovations of some runs: mean square, and rejections by the gate."""
+
+import math
+
+import numpy as np
+from scipy import stats
+
+from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.quantities.records import CovHistory, Floats
+from lvnav_trade.simulation.montecarlo import run_block
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+RUNS = 32
+KIND = "innovations"
+GATED = 0.01
+"""Probability of rejecting a valid measurement above which linear covariance does not describe the filter."""
+
+
+def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[Check]:
+    """Return checks of the mean square of normalised innovations, and of their number beyond the gate.
+
+    For a filter that models the whole truth the mean square is 1 per scalar (chi-square). For any other filter linear
+    covariance gives the expected mean square. The runs are the first of the campaign. Bounds follow from the scatter of
+    the runs, so they also hold for innovations that are correlated within a run.
+    """
+    reason = _why_not(prepared, history)
+    if reason:
+        return [Check(KIND, "mean square", reason=reason)]
+    block = run_block(prepared, seed, 0, RUNS)
+    channels = prepared.channels.n_channel + N_SAMPLE * (prepared.options.vehicle is not None)
+    z = block.innovation[block.failed == 0][:, :, :channels]
+    if len(z) < RUNS // 2:
+        return [Check(KIND, "mean square", where=f"{RUNS - len(z)} of {RUNS} runs failed")]
+    count = np.isfinite(z).sum(axis=(1, 2))
+    expected = float(history.expected_nis.sum() / history.n_row.sum())
+    square = np.nansum(z**2, axis=(1, 2)) / count
+    where = f"{int(count.mean())} scalars a run, {len(z)} runs; expected {expected:.3f}"
+    law = _law(square, expected, expected * math.sqrt(2.0 / count.sum()))
+    return [Check(KIND, "mean square", float(square.mean()), where=where, law=law), *_gate(prepared, history, z, count)]
+
+
+def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> list[Check]:
+    """Return the check of the number of innovations beyond the gate against that expected; empty without a gate."""
+    gate = math.sqrt(prepared.model.gate_squared)
+    if math.isinf(gate):
+        return []
+    rows = history.n_row > 0
+    ratio = history.expected_nis[rows] / history.n_row[rows]
+    chance = stats.chi2.sf(prepared.model.gate_squared / ratio, 1)
+    part = float(np.sum(chance * history.n_row[rows]) / history.n_row.sum())
+    beyond, total = (np.abs(z) > gate).sum(axis=(1, 2)), int(count.sum())
+    where = f"beyond {gate:g} sigma, of {total}; expected {part * total:.3g}"
+    spread = float(beyond.std(ddof=1)) * math.sqrt(len(z))
+    poisson = math.sqrt(max(part * total, 1e-300))
+    wide = spread > 1.5 * poisson and part * total > 20.0
+    law = stats.norm(part * total, spread) if wide else stats.binom(total, part)
+    return [Check(KIND, "refused by the gate", float(beyond.sum()), where=where, law=law)]
+
+
+def _law(values: Floats, expected: float, least: float) -> object:
+    """Return the distribution of the mean of values (n_run,) about `expected`; least: smallest standard deviation."""
+    return stats.t(len(values) - 1, expected, max(least, float(values.std(ddof=1)) / math.sqrt(len(values))))
+
+
+def _why_not(prepared: Prepared, history: CovHistory) -> str:
+    if not history.n_row.sum():
+        return "the filter takes no measurement on this flight"
+    if prepared.options.rules is not None:
+        return "a mode logic decides run by run which measurements are used"
+    if history.false_rejection.max(initial=0.0) > GATED:
+        return "the gate rejects more than 1 % of good measurements, and linear covariance knows no gate"
+    return ""

@@ -1,0 +1,198 @@
+"""Statistics of the draws of IMU errors and initial errors: mean, variance and correlation against the cards."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import stats
+
+from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.imu.array import triads_of
+from lvnav_trade.imu.error_model import ImuCard
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.attitude import small_rotation
+from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.kernels.strapdown import R, V
+from lvnav_trade.quantities.error_sources import label_of
+from lvnav_trade.quantities.frames import reporting_axes
+from lvnav_trade.quantities.per_axis import axes, rms, squares
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.state_layout import ErrorTerm
+from lvnav_trade.simulation.imu_array import new_units, sense_units
+from lvnav_trade.simulation.montecarlo import new_work
+from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.sensing import from_errors
+
+RUNS = 128
+KIND = "draws"
+_STEPS = 400
+"""Largest number of process steps over which correlations are checked."""
+_TICKS, _NOISE_RUNS = 500, 16
+
+
+def moments(what: str, z: Floats, where: str = "") -> list[Check]:
+    """Return checks of mean and variance of draws z that should be standard normals."""
+    n = z.size
+    return [
+        Check(KIND, f"{what}, mean (sigma)", float(z.mean()), where=where, law=stats.norm(0.0, 1.0 / math.sqrt(n))),
+        Check(KIND, f"{what}, variance", float(np.mean(z**2)), where=where, law=stats.chi2(n, scale=1.0 / n)),
+    ]
+
+
+def correlation(what: str, first: Floats, later: Floats, expected: float, seconds: float) -> Check:
+    """Return the check of the correlation between standard normals and their values some time later.
+
+    Parameters
+    ----------
+    what
+        Name of the quantity.
+    first, later
+        Standard normals, and the same quantities later.
+    expected
+        Expected correlation.
+    seconds
+        s. Time in between.
+    """
+    law = stats.norm(expected, math.sqrt((1.0 + expected**2) / first.size))
+    where = f"after {seconds:.3g} s; expected {expected:.3f}"
+    return Check(KIND, f"{what}, correlation", float(np.mean(first * later)), where=where, law=law)
+
+
+def of_imu(prepared: Prepared, seed: int) -> list[Check]:
+    """Return the checks of the IMU parameters (and of the gravity disturbance) by source, and of the white noise."""
+    checks: list[Check] = []
+    first, later, lags = _processes(prepared, seed)
+    step = prepared.unit.process_ticks * prepared.unit.dt
+    for source in dict.fromkeys(block.name for block in prepared.sources):
+        blocks = [(k, block) for k, block in enumerate(prepared.sources) if block.name == source]
+        k, block = blocks[0]
+        what, at = label_of(source), [k for k, _ in blocks]
+        begun, grown = np.array(axes(block.sigma)), np.sqrt(_variance(block, step, lags[k]))
+        draws, drawn = first[:, at][..., on := begun > 0.0] / begun[on], grown > 0.0
+        if on.any():
+            checks += moments(what, draws, "at the start")
+        if lags[k]:
+            z = later[:, at][..., drawn] / grown[drawn]
+            checks += moments(what, z, f"after {lags[k] * step:.3g} s")
+        if lags[k] and math.isfinite(block.time_constant):
+            expected = math.exp(-lags[k] * step / block.time_constant)
+            checks.append(correlation(what, first[:, at][..., drawn] / grown[drawn], z, expected, lags[k] * step))
+    for what, z in _white(prepared, seed):
+        checks += moments(what, z)
+        checks.append(correlation(what, z[:, :-1], z[:, 1:], 0.0, prepared.unit.dt))
+    return checks
+
+
+def _variance(block: ErrorTerm, step: float, count: int) -> Floats:
+    """Return the variance (3,) of an error parameter after `count` steps (s each), by its card."""
+    start, rate = np.array(squares(block.sigma)), np.array(squares(block.walk))
+    if math.isinf(block.time_constant):
+        return np.asarray(start + rate * step * count)
+    decay = math.exp(-2.0 * step / block.time_constant)
+    return np.asarray(start + rate * step * (1.0 - decay**count) / (1.0 - decay))
+
+
+def _lag(block: ErrorTerm, step: float) -> int:
+    """Return the number of steps after which a parameter is checked again; 0 if it does not vary."""
+    if math.isinf(block.time_constant):
+        return _STEPS if rms(block.walk) > 0.0 else 0
+    return min(_STEPS, max(1, round(block.time_constant / step)))
+
+
+def _processes(prepared: Prepared, seed: int) -> tuple[Floats, Floats, list[int]]:
+    """Return the parameters (n_run, n_block, 3) at the start of runs and after some steps, and the numbers of steps."""
+    unit, (k0, k1) = prepared.unit, seed_words(seed)
+    lags = [_lag(block, unit.process_ticks * unit.dt) for block in prepared.sources]
+    shape = (RUNS, len(lags), 3)
+    first, later, values = np.zeros(shape), np.zeros(shape), np.zeros((max(1, len(lags)), 3))
+    due = {lag: np.array([lag == other for other in lags]) for lag in set(lags)}
+    for run in range(RUNS if lags else 0):
+        processes.start(values, unit.sigma, unit.sources, k0, k1, np.uint64(run))
+        first[run] = values
+        for step in range(1, max(lags) + 1):
+            processes.step(values, unit.decay, unit.walk, unit.sources, k0, k1, np.uint64(run), np.uint64(step))
+            if step in due:
+                later[run, due[step]] = values[due[step]]
+    return first, later, lags
+
+
+def _white(prepared: Prepared, seed: int) -> Iterator[tuple[str, Floats]]:
+    """Yield the white noise of every sensor of every IMU, (n_run, n_tick, n_axis) in sigmas of its card."""
+    imu, n = prepared.scenario.imu, min(_TICKS, len(prepared.unit.dtheta))
+    if isinstance(imu, ImuCard):
+        noise, names = _of_unit(prepared, seed, n)[:, None], [""]
+        owners, count = [imu], [3]
+    else:
+        noise, triads = _of_units(prepared, seed, n), triads_of(imu)
+        owners, count = [imu.units[triad.unit] for triad in triads], [triad.n_axis for triad in triads]
+        names = [f"unit {triad.unit + 1} " for triad in triads]
+    for triad, (card, name) in enumerate(zip(owners, names, strict=True)):
+        for first, label, sensor in ((0, "gyro", card.gyro), (3, "accelerometer", card.accel)):
+            sigma = np.array(axes(sensor.random_walk))[: count[triad]] * math.sqrt(prepared.unit.dt)
+            if (on := sigma > 0.0).any():
+                yield (
+                    f"{name}{label} random walk",
+                    noise[:, triad, :, first : first + on.size][..., on] / sigma[on],
+                )
+
+
+def _of_unit(prepared: Prepared, seed: int, n: int) -> Floats:
+    """Return the increments' noise of an IMU without other errors, (n_run, n, 6)."""
+    unit, tables, out = prepared.unit, np.zeros((2, processes.N_TABLE)), np.zeros((_NOISE_RUNS, n, 6))
+    white = np.array([*unit.white[:6], 0.0, 0.0])  # without quantisation, whose remainder is not white
+    for run in range(_NOISE_RUNS):
+        processes.corrupt(
+            out[run],
+            0,
+            0,
+            n,
+            unit.dtheta,
+            unit.dvel,
+            tables[0],
+            tables[1],
+            white,
+            np.zeros(6),
+            unit,
+            *seed_words(seed),
+            np.uint64(run),
+        )
+    return np.asarray(out - np.hstack([unit.dtheta[:n], unit.dvel[:n]]))
+
+
+def _of_units(prepared: Prepared, seed: int, n: int) -> Floats:
+    """Return the increments' noise of the IMUs of an array, (n_run, n_triad, n, 6).
+
+    The difference of two runs over sqrt(2) has the noise of one run, without deterministic errors.
+    """
+    units, (work, _) = prepared.options.units, new_work(prepared, lanes=False)
+    work = work._replace(increments=np.zeros((n, 6)))
+    quiet = units._replace(white=units.white * np.repeat([1.0, 0.0], [6, 2]), redundant=None)
+    array_work = new_units(quiet, n)
+    sensed = []
+    for run in range(2 * _NOISE_RUNS):
+        work.run[0] = run
+        sense_units(work, array_work, quiet, 0, 0, n, prepared.unit.dt, *seed_words(seed))
+        sensed.append(array_work.sensed.copy())
+    runs = np.array(sensed)
+    return np.asarray((runs[::2] - runs[1::2]) / math.sqrt(2.0))
+
+
+def of_start(prepared: Prepared, seed: int) -> list[Check]:
+    """Return the checks of the initial errors: tilt, heading, velocity, position."""
+    (work, _), start, card = new_work(prepared, lanes=False), prepared.start, prepared.scenario.initial
+    ref, errors = prepared.reference, np.empty((RUNS, 9))
+    C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], prepared.trajectory.theta0)[0]
+    for run in range(RUNS):
+        q = from_errors(work, start, *seed_words(seed), np.uint64(run))
+        errors[run, :3] = C_n_i @ small_rotation(*start.nav[:4], *q)
+        errors[run, 3:6] = start.nav[V : V + 3] - work.nav[V : V + 3]
+        errors[run, 6:] = start.nav[R : R + 3] - work.nav[R : R + 3]
+    parts = (
+        ("initial tilt", card.tilt, errors[:, :2]),
+        ("initial heading", card.heading, errors[:, 2]),
+        ("initial velocity", card.velocity, errors[:, 3:6]),
+        ("initial position", card.position, errors[:, 6:]),
+    )
+    return [
+        check for what, sigma, errors_of_part in parts if sigma > 0.0 for check in moments(what, errors_of_part / sigma)
+    ]

@@ -1,0 +1,177 @@
+"""Jacobian rows of every measurement against central differences of the predicted measurement."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.covariance.diagnostics.estimate import increments, place, place_earlier, tick_at
+from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.states import sizes
+from lvnav_trade.covariance.workspace import Nominal, new_nominal
+from lvnav_trade.filter.ekf import channel_of, fill_receiver, fill_sensor, n_measured, place_antenna, row_of
+from lvnav_trade.filter.policies.epoch_differences import is_present
+from lvnav_trade.filter.rows import TYPES
+from lvnav_trade.kernels.transition import CONSTANT, GYRO
+from lvnav_trade.kernels.vehicle import N_SAMPLE, fill_samples
+from lvnav_trade.quantities.records import Bools, Floats, Ints
+from lvnav_trade.quantities.state_layout import state_names
+from lvnav_trade.sensors.family import measure
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+EPOCHS = 5
+"""Number of epochs of the flight at which each measurement is checked."""
+ALLOWED = 1e-3
+"""Largest relative difference of an entry; differences of ranges of 2e7 m have rounding errors."""
+LEAST = 1e-6
+"""Fraction of the largest entry of a row, in steps of the differences, below which entries are negligible."""
+
+
+class Rows(NamedTuple):
+    """Measurement rows of an epoch.
+
+    names : (n_row,). Measurement of each row.
+    H : (n_row, n_state). Jacobian.
+    z : (n_row,). Measured minus predicted.
+    """
+
+    names: tuple[str, ...]
+    H: Floats
+    z: Floats
+
+
+RowsAt = Callable[[Prepared, Nominal, int, Floats], Rows]
+
+
+def jacobians(prepared: Prepared) -> list[Check]:
+    """Return a check for each measurement of the filter, with state and time of its figure.
+
+    The figure is the largest relative difference between an entry of its Jacobian and the central difference of the
+    prediction.
+    """
+    work, size, names = new_nominal(prepared), sizes(prepared), state_names(prepared.layout)
+    quantities = np.array([name.partition(" ")[0] for name in names])
+    groups = quantities[:, None] == quantities
+    worst: dict[str, tuple[float, str]] = {}
+    for epoch, rows_at in _places(prepared):
+        none = np.zeros(size.size)
+        nominal = rows_at(prepared, work, epoch, none)
+        differences = np.empty_like(nominal.H)
+        for state in range(size.size):
+            d = none.copy()
+            d[state] = size[state]
+            plus, minus = (rows_at(prepared, work, epoch, sign * d).z for sign in (1.0, -1.0))
+            differences[:, state] = (plus - minus) / 2.0
+        deviations, states = _off(nominal.H * size, differences, groups)
+        for row, measurement in enumerate(nominal.names):
+            if not deviations[row] <= worst.get(measurement, (-1.0, ""))[0]:
+                worst[measurement] = (float(deviations[row]), f"{names[states[row]]} at {prepared.t_epoch[epoch]:g} s")
+    samples = _samples(prepared) if prepared.options.vehicle is not None else []
+    checks = [Check("Jacobian", name, figure, high=ALLOWED, where=where) for name, (figure, where) in worst.items()]
+    missing = [name for name in prepared.scenario.filter.measurements if name in TYPES and name not in worst]
+    never = [Check("Jacobian", name, reason="it measures at no epoch of this flight") for name in missing]
+    return [*checks, *samples, *never]
+
+
+def _off(rows: Floats, differences: Floats, groups: Bools) -> tuple[Floats, Ints]:
+    """Return the largest relative deviation of differences from rows (n_row, n_state), (n_row,), and its state.
+
+    groups (n_state, n_state): whether two states belong to the same quantity. A component of a vector may be near zero
+    although the vector is not, so deviations are relative to the largest entry of the quantity.
+    """
+    large = np.maximum(np.abs(rows), np.abs(differences))
+    of_quantity = np.max(np.where(groups, large[:, None, :], 0.0), axis=2)
+    least = LEAST * large.max(axis=1, keepdims=True) + np.finfo(float).tiny
+    part = np.abs(rows - differences) / np.maximum(of_quantity, least)
+    return part.max(axis=1), part.argmax(axis=1)
+
+
+def _places(prepared: Prepared) -> Iterator[tuple[int, RowsAt]]:
+    """Yield epochs with a function that returns their rows: of the receiver, then of each sensor."""
+    model, signals, epochs = prepared.model, prepared.signals, range(prepared.t_epoch.size)
+    with_rows = np.array([epoch for epoch in epochs if n_measured(model, signals, epoch) > 0], dtype=np.int64)
+    for epoch in _spread(with_rows):
+        yield epoch, _receiver_rows
+    for k, device in enumerate(prepared.devices):
+        if model.measured[prepared.channels.first[k]]:
+            for epoch in _spread(np.flatnonzero(device.on)):
+                yield epoch, partial(_sensor_rows, k)
+
+
+def _spread(epochs: Ints) -> list[int]:
+    """Return some of the epochs, evenly spread from first to last."""
+    return sorted({int(epochs[k]) for k in np.linspace(0, epochs.size - 1, EPOCHS).astype(int)} if epochs.size else ())
+
+
+def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
+    """Set the estimate to the truth minus the error d.
+
+    The body rate, which moves the antenna, depends on the gyro bias or on the rate state only: Jacobian rows neglect
+    other gyro parameters, so they are removed from d for the rate.
+    """
+    error, motion = d.copy(), prepared.layout.motion
+    for block in prepared.layout.parameters:
+        if block.sensor != GYRO or block.driver != CONSTANT or motion >= 0:
+            error[block.offset : block.offset + 3] = 0.0
+    place(prepared, work, epoch, error, time)
+    if motion >= 0:
+        work.previous[:3] -= prepared.unit.dt * d[motion : motion + 3]
+        place_antenna(work, None, None, prepared.model, prepared.unit.dt, epoch)
+
+
+def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Rows:
+    """Return the receiver rows that the filter processes."""
+    model, signals = prepared.model, prepared.signals
+    delayed, earlier = prepared.options.delayed, place_earlier(prepared, work, epoch, d)
+    _estimate(prepared, work, epoch, d)
+    fill_receiver(work, earlier, delayed, model, signals, epoch)
+    rows = [(row, channel_of(model, signals, epoch, row)) for row in range(n_measured(model, signals, epoch))]
+    return _dense(prepared, work, [pair for pair in rows if is_present(delayed, model, epoch, pair[1])])
+
+
+def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Rows:
+    """Return the rows of sensor k, which measures the truth at the time of validity in the filter."""
+    model, sensors = prepared.model, prepared.sensors
+    assert sensors is not None  # the case has this one
+    at = row_of(model, work, sensors.channel[k])
+    _estimate(prepared, work, epoch, d, prepared.t_epoch[epoch] - prepared.devices[k].delay[epoch])
+    measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+    fill_sensor(work, None, None, model, prepared.signals, sensors, k, epoch)
+    return _dense(prepared, work, [(at + i, sensors.channel[k] + i) for i in range(sensors.scalars[k])])
+
+
+def _dense(prepared: Prepared, work: Nominal, rows: list[tuple[int, int]]) -> Rows:
+    """Return rows, given with their channels, as dense Jacobian rows."""
+    model, H = prepared.model, np.zeros((len(rows), prepared.layout.n_state))
+    for to, (row, channel) in enumerate(rows):
+        n = model.n_entry[channel]
+        H[to, model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
+    kinds = {number: name for name, number in TYPES.items()}
+    names = tuple(kinds[int(model.row_type[channel])] for _, channel in rows)
+    return Rows(names, H, work.z[[row for row, _ in rows]].copy())
+
+
+def _samples(prepared: Prepared) -> list[Check]:
+    """Return the check of the rows of IMU samples, against the increments of an IMU with such parameters."""
+    vehicle, layout, dt = prepared.options.vehicle, prepared.layout, prepared.unit.dt
+    size, worst, where = sizes(prepared), 0.0, ""
+    h = np.zeros((N_SAMPLE, vehicle.columns.shape[1]))
+    for time in np.linspace(prepared.reference.t[0], prepared.reference.t[-1], EPOCHS + 2)[1:-1]:
+        tick, H = tick_at(prepared, time), np.zeros((N_SAMPLE, layout.n_state))
+        motion = np.concatenate([prepared.reference.dtheta[tick], prepared.reference.dvel[tick]]) / dt
+        fill_samples(h, vehicle.blocks, motion[:3], motion[3:])
+        for row in range(N_SAMPLE):
+            np.add.at(H[row], vehicle.columns[row], h[row])  # unused entries add zero
+        differences = np.zeros_like(H)
+        differences[:, layout.motion : layout.motion + N_SAMPLE] = np.eye(N_SAMPLE)
+        for block in layout.parameters:
+            for state in range(block.offset, block.offset + 3):
+                d = np.zeros(layout.n_state)
+                d[state] = size[state]
+                with_d, without = (increments(prepared, tick, 1, sign * d)[0] for sign in (1.0, -1.0))
+                differences[:, state] = (with_d - without) / (2.0 * dt * size[state])
+        deviations = np.abs((H - differences) * size).max(axis=1) / np.abs(H * size).max(axis=1)
+        if deviations.max() >= worst:
+            worst, where = float(deviations.max()), f"{time:.0f} s"
+    return [Check("Jacobian", "imu", worst, high=ALLOWED, where=where)]

@@ -1,0 +1,226 @@
+"""Statistics of the draws of receiver and sensor errors: mean, variance and correlation against the cards."""
+
+import math
+from collections import defaultdict
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.covariance.diagnostics.estimate import navigation_at, tick_at
+from lvnav_trade.covariance.selfcheck.check import Check
+from lvnav_trade.covariance.selfcheck.draws import RUNS, correlation, moments
+from lvnav_trade.gnss.dynamics import factors
+from lvnav_trade.gnss.fault_cards import DegradedNoise
+from lvnav_trade.gnss.faults import active
+from lvnav_trade.gnss.receiver_cards import DirectSolution
+from lvnav_trade.kernels.clock import step_covariance
+from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.quantities.error_sources import label_of
+from lvnav_trade.quantities.records import Bools, Floats, Ints
+from lvnav_trade.scenario.filter_models import solves
+from lvnav_trade.sensors.family import RECEIVER_SOLUTION, fill, measure
+from lvnav_trade.sensors.imu_difference import ImuDifferenceCard
+from lvnav_trade.sensors.jacobian_row import N_ENTRY
+from lvnav_trade.simulation.epoch.case import case_of
+from lvnav_trade.simulation.montecarlo import Truth, Work, new_work
+from lvnav_trade.simulation.preparation.correlated import RECORDED
+from lvnav_trade.simulation.preparation.prepare import Prepared
+from lvnav_trade.simulation.preparation.signals.noise import rate_sigma_of
+from lvnav_trade.simulation.sensing import begin, measure_sensors, observe
+
+_EPOCHS = 24
+_OF_SENSOR = 8
+"""Number of additional epochs for a sensor that measures at few of the others."""
+
+
+class Drawn(NamedTuple):
+    """Draws of runs at some epochs.
+
+    start : (n_run, 2) m, m/s. Initial clock bias and drift.
+    steps : (n_run, n_epoch, 2) m, m/s. Noise of the clock steps.
+    shared : (n_run, 1 + n_epoch, n_component) SI. Correlated measurement errors, at the start and at the epochs.
+    white : White measurement noise by source, in sigmas of its card.
+    """
+
+    start: Floats
+    steps: Floats
+    shared: Floats
+    white: dict[str, Floats]
+
+
+def of_measurements(prepared: Prepared, seed: int) -> list[Check]:
+    """Return the checks of the receiver's clock, of correlated measurement errors, and of white noise."""
+    if not prepared.t_epoch.size or not prepared.model.aided:
+        return []
+    drawn = _drawn(prepared, seed)
+    checks = _clock(prepared, drawn) if _ranges(prepared) and prepared.channels.receiver else []
+    at, interval = 0, prepared.signals.interval
+    for family in prepared.families:
+        components = slice(at, at + len(family.labels))
+        at = components.stop
+        if family.kind == RECORDED:
+            continue
+        z = drawn.shared[:, :, components] / family.sigma
+        what = label_of(family.source)
+        checks += moments(what, z[:, 0], "at the start")
+        if math.isfinite(family.time_constant):
+            lag = min(z.shape[1] - 1, max(1, round(family.time_constant / interval)))
+            expected = math.exp(-lag * interval / family.time_constant) if family.time_constant > 0.0 else 0.0
+            checks += moments(what, z[:, lag], f"after {lag * interval:.3g} s")
+            checks.append(correlation(what, z[:, 0], z[:, lag], expected, lag * interval))
+    return checks + [check for what, z in drawn.white.items() for check in moments(what, z)]
+
+
+def _ranges(prepared: Prepared) -> bool:
+    """Return whether ranges are drawn, for the filter or for the receiver's solution."""
+    return bool(prepared.model.tight or solves(prepared.scenario))
+
+
+def _clock(prepared: Prepared, drawn: Drawn) -> list[Check]:
+    """Return the checks of the receiver's clock: start, and steps of bias and drift."""
+    card = prepared.scenario.receiver.clock
+    q11, _, q22 = step_covariance(prepared.signals.interval, card.h0, card.h_minus2)
+    checks: list[Check] = []
+    for what, sigma, values in (
+        ("clock bias", card.initial_bias, drawn.start[:, 0]),
+        ("clock drift", card.initial_drift, drawn.start[:, 1]),
+        ("step of clock bias", math.sqrt(q11), drawn.steps[..., 0]),
+        ("step of clock drift", math.sqrt(q22), drawn.steps[..., 1]),
+    ):
+        checks += moments(what, values / sigma) if sigma > 0.0 else []
+    return checks
+
+
+def _epochs(prepared: Prepared) -> Ints:
+    """Return epochs over the flight, with some of each sensor; without frozen epochs."""
+    alive = ~prepared.signals.frozen
+    wanted = [np.flatnonzero(alive)]
+    wanted += [np.flatnonzero(device.on & alive) for device in prepared.devices]
+    counts = [_EPOCHS] + [_OF_SENSOR] * len(prepared.devices)
+    chosen = [
+        some[np.linspace(0, some.size - 1, n).astype(int)] for some, n in zip(wanted, counts, strict=True) if some.size
+    ]
+    return np.unique(np.concatenate(chosen))
+
+
+def _plain(prepared: Prepared) -> Bools:
+    """Return whether no fault increases the noise at the epochs, (n_epoch,)."""
+    plain = np.ones(prepared.t_epoch.size, dtype=np.bool_)
+    faults, course = prepared.scenario.faults, prepared.trajectory.course
+    for _, _, within, *_ in active(faults, DegradedNoise, course, prepared.t_epoch):
+        plain &= ~within
+    return plain
+
+
+def _drawn(prepared: Prepared, seed: int) -> Drawn:
+    """Simulate receiver and sensors of some runs at some epochs of the nominal flight, and return their draws."""
+    signals, key, epochs = prepared.signals, seed_words(seed), _epochs(prepared)
+    (work, parts), plain, ranges = new_work(prepared, lanes=False), _plain(prepared), _ranges(prepared)
+    truth = Truth(prepared.unit, prepared.start, prepared.record)
+    start_case = case_of(prepared)
+    # ranges also if the receiver computes a solution from them, which itself draws nothing
+    case = case_of(prepared, model=prepared.model._replace(tight=ranges))
+    clean = {epoch: _innovations(prepared, work, epoch, exact=True) for epoch in epochs.tolist()}
+    start, steps = np.empty((RUNS, 2)), np.empty((RUNS, epochs.size, 2))
+    shared, white = np.zeros((RUNS, 1 + epochs.size, signals.shared.start.size)), defaultdict[str, list[Floats]](list)
+    for run in range(RUNS):
+        work.run[0] = run
+        begin(work, parts.units, start_case, truth, key)
+        start[run], shared[run, 0] = work.clock, work.shared[: shared.shape[2]]
+        for k, epoch in enumerate(epochs.tolist()):
+            bias, drift = work.clock
+            observe(work, parts, case, None, key, epoch)
+            measure_sensors(work, parts.units, prepared.sensors, None, signals, key, epoch)
+            bias += signals.interval * drift + signals.clock_jump[epoch, 0]
+            drift += signals.clock_jump[epoch, 1]
+            steps[run, k] = work.clock - (bias, drift)
+            shared[run, k + 1] = work.shared[: shared.shape[2]]
+            if plain[epoch] and prepared.channels.receiver:
+                _add_receiver(white, prepared, work, epoch, ranges)
+                _add_phases(white, prepared, work, parts.last, epoch)
+            for name, innovation in _innovations(prepared, work, epoch).items():
+                z, sigma = innovation[0] - clean[epoch][name][0], innovation[1]
+                white[name].append(z[sigma > 0.0] / sigma[sigma > 0.0])
+    joined = {name: np.concatenate(parts) for name, parts in white.items()}
+    return Drawn(start, steps, shared, {name: z for name, z in joined.items() if z.size})
+
+
+def _shared_errors(prepared: Prepared, work: Work, epoch: int, channels: Ints) -> Floats:
+    """Return the sum of the correlated errors in measured channels (n,) at an epoch."""
+    shared = prepared.signals.shared
+    if not shared.member.size:
+        return np.zeros(channels.size)
+    member = shared.member[:, channels]
+    values = np.where(member >= 0, work.shared[np.maximum(member, 0)], 0.0)
+    return np.asarray(np.sum(shared.partial[:, epoch, channels] * values, axis=0))
+
+
+def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work, epoch: int, ranges: bool) -> None:
+    """Append the white noise of the receiver's measurements, in sigmas of its card (or of its tracking loops)."""
+    signals, sky, card = prepared.signals, prepared.sky, prepared.scenario.receiver
+    if ranges:
+        s = signals.used[epoch, : signals.n_used[epoch]]
+        rate_sigma = rate_sigma_of(prepared.scenario, sky, prepared.trajectory)
+        for k, (name, true, sigma) in enumerate(
+            (
+                ("pseudorange noise", signals.range, sky.range_sigma),
+                ("range-rate noise", signals.rate, rate_sigma),
+            )
+        ):
+            error = work.ranges[: s.size, k] - true[epoch, s] - work.clock[k]
+            error -= _shared_errors(prepared, work, epoch, prepared.model.n_kind * s + k)
+            white[name].append(error[sigma[epoch, s] > 0.0] / sigma[epoch, s][sigma[epoch, s] > 0.0])
+        return
+    assert isinstance(card.solution, DirectSolution)
+    true = np.concatenate([signals.position[epoch], signals.velocity[epoch]])
+    error = work.solution - true - _shared_errors(prepared, work, epoch, np.arange(6))
+    grown = factors(card.noise_by, RECEIVER_SOLUTION, prepared.trajectory, sky.t[epoch : epoch + 1])
+    for k, (name, sigma) in enumerate(
+        (
+            ("position solution noise", card.solution.position_sigma),
+            ("velocity solution noise", card.solution.velocity_sigma),
+        )
+    ):
+        if sigma > 0.0:
+            white[name].append(error[3 * k : 3 * k + 3] / (sigma * np.ravel(grown[k])))
+
+
+def _add_phases(
+    white: dict[str, list[Floats]], prepared: Prepared, work: Work, last: Floats | None, epoch: int
+) -> None:
+    """Append the white noise of the receiver's carrier phases, in their sigmas.
+
+    last : (n_sat, n_kind), phases with which differences are formed
+    """
+    signals, further, n_kind = prepared.signals, prepared.options.further, prepared.model.n_kind
+    if further is None or last is None:
+        return
+    s = signals.used[epoch, : signals.n_used[epoch]]
+    for kind in np.flatnonzero(further.is_phase):
+        measured = last[s, kind] if further.is_difference[kind] else work.ranges[: s.size, kind]
+        error = measured - further.phase[epoch, s] - work.clock[0]
+        error = error - _shared_errors(prepared, work, epoch, n_kind * s + kind)
+        sigma = prepared.sky.phase_sigma[epoch, s]
+        white["carrier-phase noise"].append(error[sigma > 0.0] / sigma[sigma > 0.0])
+
+
+def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False) -> dict[str, tuple[Floats, Floats]]:
+    """Return innovations at the truth, minus lasting errors, and noise sigmas (n_scalar,) of the sensors at an epoch.
+
+    The result is by noise source. exact : whether measurements have no error
+    """
+    by_source, H, z = {}, np.zeros((4, N_ENTRY)), np.zeros(4)
+    none = np.zeros(prepared.layout.n_state)
+    for k, device in enumerate(prepared.devices):
+        if not device.on[epoch] or isinstance(device.card, ImuDifferenceCard):  # their noise is that of the units
+            continue
+        sensors, n = prepared.sensors, len(device.channels.labels)
+        assert sensors is not None  # the case has this one
+        if exact:
+            measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+        nav = navigation_at(prepared, tick_at(prepared, prepared.t_epoch[epoch] - device.delay[epoch]), none)
+        fill(H, z, 0, sensors.code[k], work.observed[k], nav, sensors.theta[k, epoch], sensors.known[k, epoch])
+        channels = np.arange(n) + sensors.channel[k] + prepared.signals.shift
+        lasting = np.zeros(n) if exact else _shared_errors(prepared, work, epoch, channels)
+        by_source[device.noise] = (z[:n] - lasting, device.sigma[epoch, :n])
+    return by_source

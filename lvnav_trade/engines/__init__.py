@@ -1,1 +1,0 @@
-"""Two engines on the same kernels: `setup` prepares a case, `simulate` runs it, `lincov` propagates its covariance."""

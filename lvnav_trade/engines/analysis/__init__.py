@@ -1,1 +1,0 @@
-"""Diagnostics of a covariance analysis: start with `explain.py`, which calls the others."""

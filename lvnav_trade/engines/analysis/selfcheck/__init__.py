@@ -1,1 +1,0 @@
-"""Checks of a configuration of the user's own: start with `case.py`, which calls the others."""

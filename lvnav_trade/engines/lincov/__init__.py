@@ -1,1 +1,0 @@
-"""Linear covariance over the nominal flight: formal, true, by source, forwards and backwards. Begin with `history`."""

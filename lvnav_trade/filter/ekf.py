@@ -1,0 +1,389 @@
+"""The filter's steps: propagate a window, process an epoch's measurements, correct the navigation state."""
+
+import numpy as np
+
+from lvnav_trade.filter.policies.delay import LAST, carry_on, correct_stored, place_of
+from lvnav_trade.filter.policies.epoch_differences import subtract_extra
+from lvnav_trade.kernels import processes, transition
+from lvnav_trade.kernels.covariance import add_turned, grow, inflate, predict
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.strapdown import R
+from lvnav_trade.kernels.transition import correct_motion
+from lvnav_trade.kernels.whitening import whiten
+from lvnav_trade.quantities.line_of_sight import antenna, line_of_sight
+from lvnav_trade.sensors import receiver_solution
+from lvnav_trade.sensors.family import fill
+from lvnav_trade.sensors.jacobian_row import N_ENTRY
+from lvnav_trade.sensors.ranges import range_row, rate_row, subtract_earlier
+
+
+@jit
+def apply_robustness(P, model, length):
+    """Let the covariance grow over one window, whose length has index `length`: by fading memory, and by what an
+    H-infinity filter allows for.
+    """
+    if model.inflation[length] != 1.0:
+        inflate(P, model.inflation[length], model.n_estimated)
+    grow(P, model.growth[length])
+
+
+@jit
+def inject(P, model, injection):
+    """Add the variances of a change of operating region.
+
+    Parameters
+    ----------
+    P : (n_state, n_state) covariance, updated in place
+    model : FilterModel
+    injection : row of `model.injected`; -1 adds nothing
+    """
+    if injection >= 0:
+        for i in range(P.shape[0]):
+            P[i, i] = P[i, i] + model.injected[injection, i]
+
+
+@inlined
+def predict_covariance(P, D, sums, model, length, injection):
+    """Propagate a covariance over one window: P <- Phi P Phi' + Q.
+
+    Parameters
+    ----------
+    P : (n_state, n_state) covariance, updated in place
+    D : (n_block, 9) blocks of the transition, of `fill_transition`
+    sums : (18,) integrals of the strapdown over the window, from which the blocks were computed
+    model : FilterModel
+    length : index of the window length in `model.seconds`
+    injection : change of operating region at the end of the window, a row of `model.injected`; -1 none
+    """
+    apply_robustness(P, model, length)
+    # half of the noise of unequal axes enters before the transition, half after, as `predict` does with the rest
+    add_turned(P, model.uneven, sums, model.seconds[length])
+    predict(
+        P,
+        D,
+        model.block_rows,
+        model.block_columns,
+        model.decay[length],
+        model.noise[length],
+        model.clock,
+        model.seconds[length],
+    )
+    add_turned(P, model.uneven, sums, model.seconds[length])
+    inject(P, model, injection)
+
+
+@jit
+def fill_transition(work, model, length):
+    """Set `work.D`, the blocks of the transition over one window, whose length has index `length`."""
+    transition.fill(
+        work.D,
+        model.block_kinds,
+        model.block_drivers,
+        work.sums,
+        work.nav[R],
+        work.nav[R + 1],
+        work.nav[R + 2],
+        model.seconds[length],
+    )
+
+
+@jit
+def propagate_estimates(work, model, length):
+    """Propagate the estimates of clock, IMU parameters and extra states over one window.
+
+    The clock bias grows by drift times time; a Gauss-Markov estimate decays by its factor.
+    """
+    if model.clock >= 0:
+        work.clock_hat[0] = work.clock_hat[0] + model.seconds[length] * work.clock_hat[1]
+    if model.fading:
+        for b in range(model.par_offset.shape[0]):
+            for i in range(3):
+                work.par[b, i] = model.decay[length, model.par_offset[b] + i] * work.par[b, i]
+        for e in range(model.extra_offset.shape[0]):
+            work.extra[e] = model.decay[length, model.extra_offset[e]] * work.extra[e]
+        processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)
+
+
+@inlined
+def predict_window(work, model, length, injection):
+    """Propagate covariance and estimates over one window by its transition; arguments as in `predict_covariance`."""
+    fill_transition(work, model, length)
+    predict_covariance(work.P, work.D, work.sums, model, length, injection)
+    propagate_estimates(work, model, length)
+
+
+@jit
+def _place_at(work, model, nav, increments, first, dt):
+    """Set the state of every antenna from a navigation state and the increments of one strapdown step.
+
+    Parameters
+    ----------
+    nav : (10,) navigation state, frame i
+    increments : array with the angle increments (rad, body axes) of the step at `first`, `first` + 1, `first` + 2
+    dt : s, of a strapdown step
+    """
+    for i in range(3):
+        work.rate[i] = increments[first + i] / dt
+    for a in range(model.lever_arms.shape[0]):
+        antenna(work.antenna[a], nav, work.rate, model.lever_arms[a], model.rate_sign)
+
+
+@jit
+def place_antenna(work, past, late, model, dt, epoch):
+    """Set the estimated state of every antenna from the navigation state and the rate of the last step.
+
+    Parameters
+    ----------
+    past : stored states of `late.keep`. With a buffered receiver the antenna is placed at the time of validity.
+    late : Late, or None
+    dt : s, of a strapdown step
+    """
+    _place_at(work, model, work.nav, work.previous, 0, dt)
+    if late is not None and not late.extrapolated and late.receiver >= 0:
+        stored = past[place_of(late, late.receiver, epoch)]
+        _place_at(work, model, stored, stored, LAST, dt)
+
+
+@jit
+def _add_extra(work, model, signals, epoch, row, channel):
+    """Set the Jacobian entries of the extra states; return their contribution to the predicted measurement."""
+    h = work.H[row]
+    total = like(work.x[0], 0.0)
+    for f in range(model.extra_member.shape[0]):
+        e = model.extra_member[f, channel]
+        if e >= 0:
+            partial = like(work.x[0], signals.partial[f, epoch, channel])
+            # decorrelation mixes the rows of all axes, so there every extra state needs an entry to itself
+            h[N_ENTRY + (e if model.has_covariance else f)] = partial
+            total = total + partial * work.extra[e]
+    return total
+
+
+@jit
+def _fill_further(work, earlier, delayed, model, signals, epoch):
+    """Set the rows of the further observables: carrier phase and differences of two epochs."""
+    for slot in range(signals.n_used[epoch]):
+        s = signals.used[epoch, slot]
+        a = signals.antenna[epoch, s]
+        for kind in range(2, model.n_kind):
+            row, channel = model.n_kind * slot + kind, model.n_kind * s + kind
+            if not delayed.present[epoch, channel]:
+                continue
+            ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], work.antenna[a])
+            predicted = range_row(work.H[row], work.antenna[a], ux, uy, uz, distance, work.clock_hat[0])
+            predicted = predicted + _add_extra(work, model, signals, epoch, row, channel)
+            if delayed.difference[kind]:
+                before = earlier.antenna[signals.antenna[epoch - 1, s]]
+                ux, uy, uz, distance = line_of_sight(signals.satellite[epoch - 1, s], before)
+                predicted = predicted - subtract_earlier(
+                    work.H[row], delayed.earlier, before, ux, uy, uz, distance, earlier.clock[0]
+                )
+                predicted = predicted - subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel)
+            work.z[row] = work.ranges[slot, kind] - predicted
+
+
+@jit
+def fill_tight(work, earlier, delayed, model, signals, epoch):
+    """Set Jacobian rows `work.H` and innovations `work.z` (measured minus predicted) of all satellites in use.
+
+    Each satellite has `model.n_kind` rows: pseudorange (m), range rate (m/s), then the further observables.
+
+    Parameters
+    ----------
+    earlier, delayed : Earlier and Delayed of differences of two epochs; None without further observables
+    model, signals : FilterModel, Signals
+    epoch : index
+    """
+    for slot in range(signals.n_used[epoch]):
+        s = signals.used[epoch, slot]
+        at = work.antenna[signals.antenna[epoch, s]]
+        ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], at)
+        moving, row, channel = signals.satellite_velocity[epoch, s], model.n_kind * slot, model.n_kind * s
+        predicted = range_row(work.H[row], at, ux, uy, uz, distance, work.clock_hat[0])
+        work.z[row] = work.ranges[slot, 0] - (predicted + _add_extra(work, model, signals, epoch, row, channel))
+        row = row + 1
+        predicted = rate_row(work.H[row], at, moving, ux, uy, uz, distance, work.clock_hat[1])
+        work.z[row] = work.ranges[slot, 1] - (predicted + _add_extra(work, model, signals, epoch, row, channel + 1))
+    if delayed is not None:
+        _fill_further(work, earlier, delayed, model, signals, epoch)
+
+
+@jit
+def fill_loose(work, model, signals, epoch):
+    """Set Jacobian rows and innovations (measured minus predicted) of a solution: position (m), velocity (m/s)."""
+    for row in range(6):
+        if model.has_covariance:  # decorrelation combines whole rows, so unused entries must be zero
+            for e in range(model.extra_offset.shape[0]):
+                work.H[row, N_ENTRY + e] = like(work.x[0], 0.0)
+        predicted = receiver_solution.row(work.H[row], work.antenna[0], row)
+        work.z[row] = work.solution[row] - (predicted + _add_extra(work, model, signals, epoch, row, row))
+
+
+@jit
+def row_of(model, work, channel):
+    """Return the row of a sensor channel in `work.H` and `work.z`: sensors have the last rows."""
+    return work.z.shape[0] - model.n_entry.shape[0] + channel
+
+
+@jit
+def fill_sensor(work, past, late, model, signals, sensors, k, epoch):
+    """Set Jacobian rows and innovations (measured minus predicted) of sensor k.
+
+    Parameters
+    ----------
+    past : stored states. With delay compensation the prediction is that of the time of validity.
+    late : Late, or None
+    model, signals, sensors : FilterModel, Signals, Sensors
+    k, epoch : indices
+    """
+    at = row_of(model, work, sensors.channel[k])
+    code, theta, known = sensors.code[k], sensors.theta[k, epoch], sensors.known[k, epoch]
+    if late is not None and late.of_sensor[k] >= 0:
+        stored = past[place_of(late, late.of_sensor[k], epoch)]
+        fill(work.H, work.z, at, code, work.observed[k], stored, theta, known)
+    else:
+        fill(work.H, work.z, at, code, work.observed[k], work.nav, theta, known)
+    for i in range(sensors.scalars[k]):
+        channel = sensors.channel[k] + i
+        work.z[at + i] = work.z[at + i] - _add_extra(work, model, signals, epoch, at + i, channel)
+
+
+@jit
+def n_measured(model, signals, epoch):
+    """Return the number of receiver rows that the filter processes at an epoch.
+
+    A simulated solution needs four satellites. A receiver that solves for position itself has six rows at every epoch;
+    innovations without a solution are not-a-number.
+    """
+    if (epoch + 1) % model.every != 0 or model.n_receiver == 0:
+        return 0
+    if model.tight:
+        return model.n_kind * signals.n_used[epoch]
+    return 6 if model.solves or signals.n_used[epoch] >= 4 else 0
+
+
+@jit
+def channel_of(model, signals, epoch, row):
+    """Return the channel of a receiver row at an epoch."""
+    return model.n_kind * signals.used[epoch, row // model.n_kind] + row % model.n_kind if model.tight else row
+
+
+@jit
+def _report(reported, rx, signals, epoch):
+    """Set the reported covariance (6, 6) of a solution: that of the receiver (Receiver), or of a simulated solution
+    (None) the variances of the filter model.
+    """
+    for i in range(6):
+        for j in range(6):
+            if rx is not None:
+                reported[i, j] = rx.covariance[i, j] * (signals.scale[epoch, i] * signals.scale[epoch, j])
+            else:
+                reported[i, j] = like(reported[0, 0], signals.variance[epoch, i] if i == j else 0.0)
+
+
+@jit
+def _add_spread(reported, points):
+    """Add the variance that the regression over sigma points (Points, or None) does not explain to the noise."""
+    if points is not None:
+        for i in range(6):
+            reported[i, i] = reported[i, i] + points.spread[i]
+
+
+@jit
+def _extrapolate(work, past, late, epoch):
+    """Extrapolate a delayed solution to the present, if the filter is so configured (Late, or None)."""
+    if late is not None and late.extrapolated:
+        carry_on(work.z, work.reported, past, work.P, late, epoch)
+
+
+@jit
+def _whiten(work, gains, model):
+    """Decorrelate the rows of a solution. Stored gains (Gains, or None) are for correlated rows, which then stay."""
+    if gains is None:
+        separate(work.reported, model)
+        whiten(work.reported, work.z, work.H, 6, work.H.shape[1])
+
+
+@jit
+def decorrelate(work, parts, case, rx, late, epoch):
+    """Decorrelate the rows of a solution by its reported covariance, so that they can be processed as scalars.
+
+    With R = L L' the rows become L^-1 z and L^-1 H, with unit variance.
+
+    Parameters
+    ----------
+    rx : Receiver, whose solution reports a covariance; None for a simulated solution
+    late : Late, whose extrapolation correlates position with velocity; None without delay compensation
+    """
+    if rx is None and late is None:
+        return
+    if case.model.has_covariance:
+        _report(work.reported, rx, case.signals, epoch)
+        _add_spread(work.reported, parts.points)
+        _extrapolate(work, parts.past, late, epoch)
+        _whiten(work, case.options.gains, case.model)
+
+
+@jit
+def separate(covariance, model):
+    """Set the covariance (6, 6) of position with velocity to zero if the filter does not process position.
+
+    Position comes first in the Cholesky factor, so a filter without velocity needs no change.
+    """
+    if not model.measured[0]:
+        for i in range(3):
+            for j in range(3, 6):
+                covariance[i, j], covariance[j, i] = 0.0 * covariance[i, i], 0.0 * covariance[i, i]
+
+
+@jit
+def clear_epoch(work, epoch):
+    """Set the counts of an epoch to zero and its innovations to not-a-number, which means: no measurement."""
+    zero = like(work.x[0], 0.0)
+    work.nis[epoch], work.n_row[epoch], work.n_reject[epoch] = zero, zero, zero
+    for channel in range(work.innovation.shape[1]):
+        work.innovation[epoch, channel] = like(zero, np.nan)
+
+
+@inlined
+def fill_receiver(work, earlier, delayed, model, signals, epoch):
+    """Set the rows of all receiver measurements of an epoch, linearised at the same state."""
+    if model.tight:
+        fill_tight(work, earlier, delayed, model, signals, epoch)
+    else:
+        fill_loose(work, model, signals, epoch)
+
+
+@jit
+def correct_parameters(work, model):
+    """Add the error state to the estimated parameters of the IMU."""
+    for b in range(model.par_offset.shape[0]):
+        for i in range(3):
+            work.par[b, i] = work.par[b, i] + work.x[model.par_offset[b] + i]
+
+
+@jit
+def correct_receiver(work, model):
+    """Add the error state to the estimates of the receiver's clock and of the extra states."""
+    if model.clock >= 0:
+        for i in range(2):
+            work.clock_hat[i] = work.clock_hat[i] + work.x[model.clock + i]
+    for e in range(model.extra_offset.shape[0]):
+        work.extra[e] = work.extra[e] + work.x[model.extra_offset[e]]
+
+
+@jit
+def correct(work, past, late, model):
+    """Feed the error state back to all estimates and set it to zero (closed loop).
+
+    Corrected are navigation state, stored states of delayed measurements, IMU parameters, clock and extra states.
+    """
+    x = work.x
+    correct_motion(work.nav, x)
+    correct_stored(past, late, x)  # delayed measurements are compared with corrected states
+    correct_parameters(work, model)
+    correct_receiver(work, model)
+    processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)
+    for i in range(model.n_state):
+        x[i] = like(x[i], 0.0)

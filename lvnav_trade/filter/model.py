@@ -1,0 +1,369 @@
+"""Filter model: transition blocks, noise and Jacobian structure from a filter card, without truth."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filter.card import FilterCard
+from lvnav_trade.filter.rows import TYPES, clock_gains, extra_tables, row_tables, row_types
+from lvnav_trade.filter.states import Taken
+from lvnav_trade.filter.strapdown import strapdown_of
+from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.clock import spectral_densities
+from lvnav_trade.kernels.covariance import N_NAV_ERROR
+from lvnav_trade.kernels.strapdown import Strapdown
+from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
+from lvnav_trade.quantities.envelope import EnvelopeCard
+from lvnav_trade.quantities.per_axis import PerAxis, axes, squares
+from lvnav_trade.quantities.records import Bools, Floats, Ints
+from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
+
+# One-sigma (m) of the receiver's clock at an epoch before the filter starts: a difference with it has no weight.
+UNKNOWN = 1e6
+BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias"}
+
+
+class FilterModel(NamedTuple):
+    """A filter as arrays for the kernels: states, transition, noise and Jacobian structure.
+
+    Index arrays are int64. A window is a number of IMU ticks that the covariance is propagated over at once; n_length
+    different lengths occur.
+
+    aided : Whether the filter processes measurements, or the receiver computes a solution of its own.
+    tight : Whether the receiver's channels are ranges of satellites (tight coupling).
+    solves : Whether the receiver computes its solution itself, from ranges.
+    measured : (n_channel,). Whether the filter processes the channel.
+    n_receiver : Number of receiver channels, which are the first; 0 if the filter uses none.
+    n_kind : Number of observables of each satellite.
+    rate_sign : Sign of the body-rate error in the state that models it: 1 for a rate state, -1 for a gyro bias.
+    strapdown : Algorithm of the strapdown.
+    block_rows : (n_block,). First row of each 3 x 3 block of the transition matrix.
+    block_columns : (n_block,). First column of each block.
+    block_kinds : (n_block,). Kind of each block, as in `kernels.transition`.
+    block_drivers : (n_block,). Quantity that the parameter of the block multiplies.
+    seconds : (n_length,) s. Window lengths.
+    decay : (n_length, n_state). Decay factor of each state over a window.
+    noise : (n_length, n_state) SI squared. Process-noise variance added over a window; for random walks that differ by
+        axis, that of the least.
+    uneven : (2, 3) SI squared per second. PSD of each gyro and accelerometer axis, body axes, in excess of the least of
+        the three; None if all axes are alike.
+    clock : State of the clock bias, followed by the drift; -1 without a clock.
+    n_estimated : Number of states that updates correct; the states from here on are considered.
+    n_assessed : Number of states in the NEES.
+    n_state : Number of states.
+    reported : (n_reported,). States of which errors are reported.
+    par_sensor : (n_par,). Sensor of each block of IMU parameters: GYRO or ACCEL.
+    par_driver : (n_par,). Quantity that the parameter multiplies.
+    par_offset : (n_par,). First state of the block.
+    biases_only : Whether the IMU parameters are biases only.
+    fading : Whether any state decays.
+    inflation : (n_length,). Factor on standard deviations over a window (fading memory); 1 without.
+    growth : (n_length, 9) 1 / SI squared. What an H-infinity filter takes off the inverse covariance of attitude,
+        velocity and position over a window; 0 without.
+    injected : (n_injection, n_state) SI squared. Variance added at a change of operating region.
+    gate_squared : Largest square of a normalised innovation that is accepted; infinite without a gate.
+    joseph : Whether the covariance update has Joseph's form.
+    row_type : (n_channel,). Measurement type of the channel, which selects its Jacobian.
+    n_entry : (n_channel,). Number of Jacobian entries that are not zero.
+    entry : (n_channel, n_entry). Places of these entries in the Jacobian row.
+    column : (n_channel, n_entry). States that these entries belong to.
+    lever_arms : (n_antenna, 3) m. Antenna phase centres relative to the IMU, body axes.
+    extra_offset : (n_extra,). State of each extra state.
+    extra_member : (n_extra_family, n_channel). Extra state that enters the channel, -1 none.
+    every : The filter processes the receiver's measurements of every n-th epoch only, n being this number.
+    has_covariance : Whether solutions come with a reported covariance, by which the filter decorrelates them.
+    clock_gain : (n_kind, n_state). Gain by which a reference satellite determines the clock state of an observable.
+    """
+
+    aided: bool
+    tight: bool
+    solves: bool
+    measured: Bools
+    n_receiver: int
+    n_kind: int
+    rate_sign: float
+    strapdown: Strapdown
+    block_rows: Ints
+    block_columns: Ints
+    block_kinds: Ints
+    block_drivers: Ints
+    seconds: Floats
+    decay: Floats
+    noise: Floats
+    uneven: Floats | None
+    clock: int
+    n_estimated: int
+    n_assessed: int
+    n_state: int
+    reported: Ints
+    par_sensor: Ints
+    par_driver: Ints
+    par_offset: Ints
+    biases_only: bool
+    fading: bool
+    inflation: Floats
+    growth: Floats
+    injected: Floats
+    gate_squared: float
+    joseph: bool
+    row_type: Ints
+    n_entry: Ints
+    entry: Ints
+    column: Ints
+    lever_arms: Floats
+    extra_offset: Ints
+    extra_member: Ints
+    every: int
+    has_covariance: bool
+    clock_gain: Floats
+
+
+def transition_blocks(parameters: tuple[ErrorTerm, ...], order: int) -> tuple[Ints, Ints, Ints, Ints]:
+    """Return the 3 x 3 blocks of the transition matrix in the order in which they are applied.
+
+    Parameters
+    ----------
+    parameters
+        Estimated or considered IMU parameters, three states each.
+    order
+        1: I + F dt, terms linear in the window length. 2: all blocks of `kernels.transition`.
+
+    Returns
+    -------
+    rows, columns, kinds, drivers
+        (n_block,) each. First row, first column, kind as in `kernels.transition`, quantity that the parameter of the
+        block multiplies.
+
+    Notes
+    -----
+    Blocks are applied one after the other. In order 1, position is propagated with the velocity before the window; the
+    block VEL_VEL then removes the second-order term that the gravity gradient makes of it. In order 2, position takes
+    half of the velocity before the window and half after it.
+    """
+    gyro = [block for block in parameters if block.sensor == GYRO]
+    accel = [block for block in parameters if block.sensor != GYRO]
+    if order == 1:
+        blocks = [(POS, VEL, transition.POS_VEL, 0), (VEL, VEL, transition.VEL_VEL, 0)]
+    else:
+        blocks = [(POS, VEL, transition.POS_VEL_HALF, 0)]
+        blocks += [(VEL, block.offset, transition.VEL_GYRO, block.driver) for block in gyro]
+    blocks += [(VEL, ATT, transition.VEL_ATT, 0), (VEL, POS, transition.VEL_POS, 0)]
+    blocks += [(VEL, block.offset, transition.VEL_ACCEL, block.driver) for block in accel]
+    blocks += [(ATT, block.offset, transition.ATT_GYRO, block.driver) for block in gyro]
+    if order == 2:
+        blocks.append((POS, VEL, transition.POS_VEL_HALF, 0))
+    rows, columns, kinds, drivers = (np.array(values, dtype=np.int64) for values in zip(*blocks, strict=True))
+    return rows, columns, kinds, drivers
+
+
+def _square(value: PerAxis) -> float | Floats:
+    return np.array(squares(value)) if isinstance(value, tuple) else value**2
+
+
+def _blocks(layout: StateLayout) -> list[tuple[slice, PerAxis, float]]:
+    """Return states, one-sigma (SI) and time constant (s) of every block of IMU parameters and of extra states."""
+    parameters: list[tuple[slice, PerAxis, float]] = [
+        (slice(b.offset, b.offset + 3), b.sigma, b.time_constant) for b in layout.parameters
+    ]
+    return parameters + [(slice(e.offset, e.offset + len(e.labels)), e.sigma, e.time_constant) for e in layout.extras]
+
+
+def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tuple[Floats, Floats]:
+    """Return decay factor and process-noise variance of every state over windows of the given lengths.
+
+    Parameters
+    ----------
+    layout
+        States of the filter.
+    densities
+        (n_state,) SI squared per second. PSD of the noise of each state.
+    seconds
+        (n_length,) s. Window lengths.
+
+    Returns
+    -------
+    decay, noise
+        (n_length, n_state) each. A Gauss-Markov state has d = exp(-t / T) and, in addition to its PSD, the variance
+        that keeps its sigma constant.
+    """
+    decay = np.ones((seconds.size, layout.n_state))
+    noise = seconds[:, None] * densities
+    for states, sigma, time_constant in _blocks(layout):
+        if math.isfinite(time_constant):
+            decay[:, states] = np.exp(-seconds / time_constant)[:, None]
+            # half of the noise q enters before the decay d, half after: s^2 = d^2 (s^2 + q / 2) + q / 2 gives
+            # q = 2 s^2 (1 - d^2) / (1 + d^2), which is 2 s^2 tanh(t / T)
+            noise[:, states] += 2.0 * _square(sigma) * np.tanh(seconds / time_constant)[:, None]
+    return decay, noise
+
+
+def _uneven(layout: StateLayout, imu: ImuModel) -> Floats | None:
+    """Return the PSD of each axis in excess of the least of the three, (2, 3); None if all axes are alike.
+
+    The excess is not negative, so adding it keeps a covariance positive definite.
+    """
+    walks = (imu.gyro_random_walk, imu.accel_random_walk)
+    if layout.motion >= 0 or not any(isinstance(walk, tuple) for walk in walks):
+        return None
+    return np.array([np.array(squares(walk)) - min(squares(walk)) for walk in walks])
+
+
+def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: ReceiverModel, drift: float) -> Floats:
+    """Return the PSD of the process noise of each state, (n_state,), SI squared per second; drift m/s one-sigma."""
+    densities = np.zeros(layout.n_state)
+    # with a model of the vehicle the noise of IMU samples is measurement noise and must not be counted twice
+    by_window = layout.motion < 0
+    densities[ATT : ATT + 3] = by_window * min(squares(imu.gyro_random_walk)) + card.attitude_noise**2
+    densities[VEL : VEL + 3] = by_window * min(squares(imu.accel_random_walk)) + card.velocity_noise**2
+    densities[POS : POS + 3] = card.position_noise**2
+    for block in layout.parameters:
+        densities[block.offset : block.offset + 3] = _square(block.walk)
+    for extra in layout.extras:
+        densities[extra.offset : extra.offset + len(extra.labels)] = _square(extra.walk)
+    if layout.clock >= 0:
+        bias, walk = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
+        if layout.has_reduced_clock:  # bias variance after one update interval equals that of the two-state clock
+            interval = 1.0 / card.update_rate
+            bias, walk = bias + walk * interval**2 / 3.0 + drift**2 * interval, 0.0
+        densities[layout.clock : layout.clock + 2] = bias, walk
+    return densities
+
+
+def build_filter_model(
+    card: FilterCard,
+    layout: StateLayout,
+    taken: Taken,
+    seconds: Floats,
+    strapdown: Strapdown | None = None,
+    injected: Floats | None = None,
+    stored: Bools | None = None,
+) -> FilterModel:
+    """Return a filter card and its sensor models as arrays for the kernels.
+
+    Long because it fills a record of 40 fields, each with its own expression.
+
+    Parameters
+    ----------
+    card
+        Filter card.
+    layout
+        States of the filter, of `state_layout`.
+    taken
+        Sensor models, channels and measurements of the filter.
+    seconds
+        (n_length,) s. Window lengths that occur.
+    strapdown
+        Algorithm of the strapdown; None: that of the card, in the inertial frame.
+    injected
+        (n_injection, n_state) SI squared. Variances added at changes of operating region; None: none.
+    stored
+        (n_channel,). Whether a channel has stored gains; the others are not processed. None: no stored gains.
+
+    Returns
+    -------
+    FilterModel
+        The filter as arrays.
+    """
+    imu, receiver, channels, measurements = taken.imu, taken.receiver, taken.channels, taken.measurements
+    rows, columns, block_kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
+    if "imu" in measurements:  # everything but the gravity gradient is propagated sample by sample
+        gradient = block_kinds == transition.VEL_POS
+        rows, columns, block_kinds, drivers = (
+            rows[gradient],
+            columns[gradient],
+            block_kinds[gradient],
+            drivers[gradient],
+        )
+    decay, noise = window_tables(layout, _densities(card, layout, imu, receiver, taken.clock_drift), seconds)
+    row_type = row_types(channels)
+    count, entry, column = row_tables(layout, row_type, taken.has_lever, taken.has_covariance)
+    extra_offset, extra_member = extra_tables(layout, channels.n_channel)
+    corrected = layout.delayed + layout.n_delayed if layout.n_delayed else layout.n_estimated
+    considers = bool(layout.cloned) and card.delayed_state == "consider"
+    measured = np.isin(row_type, [kind for name, kind in TYPES.items() if name in measurements])
+    return FilterModel(
+        aided=taken.solves or any(name in TYPES for name in measurements),
+        tight=channels.tight,
+        solves=taken.solves,
+        measured=measured if stored is None else measured & stored,
+        n_receiver=channels.n_receiver if channels.receiver else 0,
+        n_kind=len(channels.observables),
+        rate_sign=1.0 if layout.motion >= 0 else -1.0,
+        strapdown=strapdown or strapdown_of(card.strapdown, card.gravity),
+        block_rows=rows,
+        block_columns=columns,
+        block_kinds=block_kinds,
+        block_drivers=drivers,
+        seconds=seconds,
+        decay=decay,
+        noise=noise,
+        uneven=_uneven(layout, imu),
+        clock=layout.clock,
+        n_estimated=corrected - (len(layout.cloned) if considers else 0),
+        n_assessed=layout.n_estimated,
+        n_state=layout.n_state,
+        reported=np.array(layout.reported, dtype=np.int64),
+        par_sensor=np.array([b.sensor for b in layout.parameters], dtype=np.int64),
+        par_driver=np.array([b.driver for b in layout.parameters], dtype=np.int64),
+        par_offset=np.array([b.offset for b in layout.parameters], dtype=np.int64),
+        biases_only=all(b.driver == transition.CONSTANT for b in layout.parameters),
+        fading=bool(np.any(decay != 1.0)),
+        inflation=np.exp(seconds / (card.fading_memory or math.inf)),
+        growth=np.outer(seconds, np.zeros(N_NAV_ERROR) if card.h_infinity is None else card.h_infinity.weights),
+        injected=np.zeros((1, layout.n_state)) if injected is None else injected,
+        gate_squared=math.inf if card.gate is None else card.gate**2,
+        joseph=card.update == "joseph",
+        row_type=row_type,
+        n_entry=count,
+        entry=entry,
+        column=column,
+        lever_arms=np.array(taken.lever_arms, dtype=float),
+        extra_offset=extra_offset,
+        extra_member=extra_member,
+        every=taken.every,
+        has_covariance=taken.has_covariance,
+        clock_gain=clock_gains(layout, channels),
+    )
+
+
+def initial_covariance(
+    layout: StateLayout, initial: InitialModel, C_n_i: Floats, envelope: EnvelopeCard | None = None
+) -> Floats:
+    """Return the initial covariance of the filter, (n_state, n_state), SI squared.
+
+    Parameters
+    ----------
+    layout
+        States of the filter.
+    initial
+        One-sigma of the initial errors.
+    C_n_i
+        (3, 3). Rotation from the local frame (north, east, down) at the starting point to the inertial frame.
+    envelope
+        Motion envelope of a filter that models the vehicle; None otherwise.
+    """
+    variance, clock, motion = np.zeros(layout.n_state), layout.clock, layout.motion
+    variance[VEL : VEL + 3], variance[POS : POS + 3] = initial.velocity**2, initial.position**2
+    for states, sigma, _ in _blocks(layout):
+        variance[states] = _square(sigma)
+    biases = {BIAS_OF[b.name]: b for b in layout.parameters if b.name in BIAS_OF}
+    if clock >= 0:
+        drift = 0.0 if layout.has_reduced_clock else initial.clock_drift
+        variance[clock : clock + 2] = initial.clock_bias**2, drift**2
+    if motion >= 0 and envelope is not None:
+        variance[motion : motion + 3] = envelope.start_rate**2
+        variance[motion + 3 : motion + 6] = envelope.start_acceleration**2
+    P = np.diag(variance)
+    for clone, state in enumerate(layout.cloned, start=layout.clone):
+        P[clone, clone] = UNKNOWN**2 if state == clock else variance[state]
+    tilt = np.diag([initial.tilt**2, initial.tilt**2, initial.heading**2])
+    P[ATT : ATT + 3, ATT : ATT + 3] = C_n_i @ tilt @ C_n_i.T
+    for extra in layout.extras:
+        if extra.correlation and extra.name in biases:
+            bias = biases[extra.name]
+            for i in range(3):
+                shared = axes(extra.correlation)[i] * axes(extra.sigma)[i] * axes(bias.sigma)[i]
+                P[extra.offset + i, bias.offset + i] = P[bias.offset + i, extra.offset + i] = shared
+    return P

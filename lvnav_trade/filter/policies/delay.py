@@ -1,0 +1,235 @@
+"""Delayed measurements: compared with the stored state of their time of validity, or extrapolated to the present.
+
+Canepa and Servidia, algorithm 5.1 and eq. 7.19, 7.20.
+
+Buffered: the innovation is formed with the estimate at the time of validity. Gain and Jacobian are the present ones,
+since the transition matrix over the delay is approximated by the identity. Corrections in between are also applied to
+the stored states.
+
+Extrapolated: position and velocity of the receiver are extrapolated to the present by one Euler step with the filter's
+velocity and acceleration. The covariance of that step is added to the reported covariance of the solution.
+"""
+
+from typing import NamedTuple
+
+from lvnav_trade.kernels.attitude import from_rotation, matrix, multiply
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.strapdown import Q, R, V, gravity
+from lvnav_trade.kernels.transition import VEL, correct_motion
+from lvnav_trade.quantities.records import Bools, Floats, Ints
+
+# Places of a stored state: navigation state (10), last increments (6), earlier velocity (3), error state (9).
+NAV, LAST, EARLY, ERROR, N_PAST = 0, 10, 16, 19, 28
+# The last row of the store has the acceleration of the last extrapolation (3) and whether there was one (1), then the
+# same four numbers of the epoch before.
+BEFORE, KNOWN, N_EXTRAPOLATED = 0, 3, 4
+
+
+class Late(NamedTuple):
+    """How a filter processes delayed measurements. The receiver is one line, each delayed sensor another.
+
+    A line stores the states that its measurements on the way will be compared with, in a ring of n_ring places.
+
+    extrapolated : Whether the receiver's solution is extrapolated to the present; otherwise buffered, as sensors always
+        are.
+    receiver : Line of the receiver, -1 not delayed.
+    line : (n_channel,). Line of each channel, -1 not delayed.
+    of_sensor : (n_sensor,). Line of each sensor, -1 not delayed.
+    n_ring : (n_line,). Number of states stored at once.
+    first : (n_line,). First place of the line; epoch k is stored at `first` + k modulo `n_ring`.
+    buffered : (n_place,). Whether the place belongs to a buffered line.
+    valid : (n_line, n_window, 2). First epoch whose state is stored at the end of the window, and the epoch after the
+        last.
+    early : (n_line, n_window, 2). The same for the earlier velocity that gives the acceleration.
+    delay : (n_epoch,) s. Delay of the receiver that the filter compensates.
+    offset : (n_line, n_epoch) s. Time of validity minus the time of the tick at which the state is stored.
+    base : (n_epoch,) s. Time of validity minus the time of the earlier velocity.
+    interval : s. Time between epochs.
+    jitter : s^2. Modelled variance of the delay.
+    acceleration : m^2/s^4. Modelled variance of the acceleration.
+    """
+
+    extrapolated: bool
+    receiver: int
+    line: Ints
+    of_sensor: Ints
+    n_ring: Ints
+    first: Ints
+    buffered: Bools
+    valid: Ints
+    early: Ints
+    delay: Floats
+    offset: Floats
+    base: Floats
+    interval: float
+    jitter: float
+    acceleration: float
+
+
+@jit
+def place_of(late, line, epoch):
+    """Return the place in the store of the state that a line's measurement of an epoch is compared with."""
+    return late.first[line] + epoch % late.n_ring[line]
+
+
+@jit
+def place_of_channel(late, channel, epoch):
+    """Return the place in the store for a channel's measurement of an epoch (Late, or None); 0 if it is not late."""
+    if late is None:
+        return 0
+    line = late.line[channel]
+    return place_of(late, line, epoch) if line >= 0 else 0
+
+
+@jit
+def _move(stored, seconds, dt, kind):
+    """Propagate position and velocity of a stored state by less than a step, with the specific force of the last step.
+
+    seconds : s, of either sign; dt : s, of a strapdown step; kind : gravity model
+    """
+    c = matrix(stored[NAV + Q], stored[NAV + Q + 1], stored[NAV + Q + 2], stored[NAV + Q + 3])
+    gravitation = gravity(kind, stored[NAV + R], stored[NAV + R + 1], stored[NAV + R + 2])
+    x, y, z = stored[LAST + 3] / dt, stored[LAST + 4] / dt, stored[LAST + 5] / dt
+    for i in range(3):
+        v = stored[NAV + V + i]
+        total = gravitation[i] + c[3 * i] * x + c[3 * i + 1] * y + c[3 * i + 2] * z
+        stored[NAV + R + i] = stored[NAV + R + i] + seconds * (v + 0.5 * seconds * total)
+        stored[NAV + V + i] = v + seconds * total
+
+
+@jit
+def _turn(stored, seconds, dt):
+    """Propagate the attitude of a stored state by less than a step, with the angular rate of the last step."""
+    share, at = seconds / dt, NAV + Q
+    d0, d1, d2, d3 = from_rotation(share * stored[LAST], share * stored[LAST + 1], share * stored[LAST + 2])
+    stored[at], stored[at + 1], stored[at + 2], stored[at + 3] = multiply(
+        stored[at], stored[at + 1], stored[at + 2], stored[at + 3], d0, d1, d2, d3
+    )
+
+
+@inlined
+def keep(past, nav, previous, x, late, window, dt, kind):
+    """Store the state at the end of a window, if a delayed measurement will be compared with it.
+
+    Parameters
+    ----------
+    past : (n_place + 1, N_PAST) store, updated in place
+    nav : (10,) navigation state, frame i
+    previous : (6,) rad, m/s. Last increments
+    x : (n,) error state; zero in a closed loop
+    late : Late, or None without delay compensation
+    window : index
+    dt : s, of a strapdown step
+    kind : gravity model
+    """
+    if late is not None:
+        for line in range(late.n_ring.shape[0]):
+            # an earlier velocity may belong to another epoch than the state that is stored in the same window
+            for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
+                for i in range(3):
+                    past[place_of(late, line, epoch), EARLY + i] = nav[V + i] + x[VEL + i]
+            for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
+                stored = past[place_of(late, line, epoch)]
+                for i in range(10):
+                    stored[NAV + i] = nav[i]
+                for i in range(6):
+                    stored[LAST + i] = previous[i]
+                for i in range(9):
+                    stored[ERROR + i] = x[i]
+                if late.offset[line, epoch] != 0.0:
+                    _move(stored, late.offset[line, epoch], dt, kind)
+                    if line != late.receiver:  # attitude enters there by lever arms only: 0.01 mm within a tick
+                        _turn(stored, late.offset[line, epoch], dt)
+
+
+@jit
+def correct_stored(past, late, x):
+    """Correct the stored states by the error state x (n,) that is fed back.
+
+    Measurements still to come are thus compared with the best estimate of their time of validity.
+    """
+    if late is not None:
+        for place in range(late.buffered.shape[0]):
+            if late.buffered[place]:
+                correct_motion(past[place], x)
+
+
+@jit
+def correct_stored_errors(past, late, x, before):
+    """Correct the stored error states of an open loop by the correction of an epoch: x (n,) minus `before` (n,)."""
+    if late is not None:
+        for place in range(late.buffered.shape[0]):
+            if late.buffered[place]:
+                for i in range(9):
+                    past[place, ERROR + i] = past[place, ERROR + i] + x[i] - before[i]
+
+
+@jit
+def predicted_of_stored(past, place, h, entries, columns, x):
+    """Return the measurement predicted by the stored error state minus that predicted by the present one (open loop).
+
+    Parameters
+    ----------
+    past, place : store, and place of the state of the time of validity
+    h : Jacobian row
+    entries, columns : entries of the row that are not zero, and the states that they multiply
+    x : (n,) present error state
+    """
+    stored, total = past[place], like(x[0], 0.0)
+    for c in range(columns.shape[0]):
+        if columns[c] < 9:
+            total = total + h[entries[c]] * (stored[ERROR + columns[c]] - x[columns[c]])
+    return total
+
+
+@jit
+def repeat_extrapolation(past, late):
+    """Restore the acceleration of the epoch before, so that another pass of an iterated update can extrapolate."""
+    if late is not None and late.extrapolated:
+        last = past[late.buffered.shape[0]]
+        for i in range(N_EXTRAPOLATED):
+            last[i] = last[N_EXTRAPOLATED + i]
+
+
+@jit
+def carry_on(z, reported, past, P, late, epoch):
+    """Extrapolate a delayed solution to the present by one Euler step (eq. 7.19, 7.20).
+
+    With the delay d, position moves by d v and velocity by d a, v and a being those of the filter. The covariance grows
+    by the uncertainty of v and a, of d, and by the truncation error of the Euler step.
+
+    Parameters
+    ----------
+    z : (6,) innovations, updated in place
+    reported : (6, 6) reported covariance of the solution, updated in place
+    past : store, with the state at the time of validity. The acceleration of this epoch is stored for the next.
+    P : (n, n) covariance of the filter
+    late : Late
+    epoch : index
+    """
+    stored, last = past[place_of(late, late.receiver, epoch)], past[late.buffered.shape[0]]
+    delay, half = late.delay[epoch], 0.5 * late.delay[epoch] * late.delay[epoch]
+    # estimated velocity at the time of validity: in an open loop that of the inertial system plus the error state
+    at, error, inverse = NAV + V, ERROR + VEL, 1.0 / late.base[epoch]
+    vx, vy = stored[at] + stored[error], stored[at + 1] + stored[error + 1]
+    vz = stored[at + 2] + stored[error + 2]
+    ax, ay, az = (vx - stored[EARLY]) * inverse, (vy - stored[EARLY + 1]) * inverse, (vz - stored[EARLY + 2]) * inverse
+    # truncation error: d^2 / 2 times the acceleration in position, times its rate of change in velocity; the first
+    # epoch has no earlier acceleration, hence no rate
+    rate = where(last[KNOWN] > 0.0, half / late.interval, 0.0)
+    bx, by, bz = rate * (ax - last[BEFORE]), rate * (ay - last[BEFORE + 1]), rate * (az - last[BEFORE + 2])
+    for i in range(N_EXTRAPOLATED):
+        last[N_EXTRAPOLATED + i] = last[i]
+    moves, bends = (vx, vy, vz, ax, ay, az), (half * ax, half * ay, half * az, bx, by, bz)
+    square = delay * delay
+    for i in range(6):
+        z[i] = z[i] + delay * moves[i]
+        for j in range(6):
+            reported[i, j] = reported[i, j] + late.jitter * moves[i] * moves[j] + bends[i] * bends[j]
+    for i in range(3):
+        reported[3 + i, 3 + i] = reported[3 + i, 3 + i] + square * late.acceleration
+        last[BEFORE + i] = moves[3 + i]
+        for j in range(3):
+            reported[i, j] = reported[i, j] + square * P[VEL + i, VEL + j]
+    last[KNOWN] = like(vx, 1.0)

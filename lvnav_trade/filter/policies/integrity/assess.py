@@ -1,0 +1,259 @@
+"""Fault detection, isolation and recovery at one epoch, before its update; for one run or eight lanes.
+
+Detection: each normalised innovation is tested alone, and the sum of squares of each channel over a window.
+
+Isolation with ranges (Trigo and Theil, section 6.3 and figure 13): position and clock are fitted to the innovations. If
+the residuals of the fit are significant, single satellites are excluded, the largest innovation first. If they are not,
+the shifts of position and clock, each normalised by its covariance, show whether the inertial solution or the clock has
+failed. If neither shift is significant, `common.py` tests whether all satellites disagree with the prediction, or one.
+
+Isolation with a receiver solution, which has no redundancy: the solution is not used while it disagrees with the
+prediction. If it still does after the hold time, the inertial solution has failed.
+"""
+
+from lvnav_trade.filter.ekf import channel_of, n_measured
+from lvnav_trade.filter.policies.epoch_differences import is_present
+from lvnav_trade.filter.policies.integrity.common import compare, find_common, inflate, learn, persists
+from lvnav_trade.filter.policies.integrity.fit import fit, limit
+from lvnav_trade.filter.policies.integrity.state import N_FIT, clear_innovations
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.transition import POS, VEL
+from lvnav_trade.quantities.records import OF_CHANNEL, OF_CLOCK, OF_INERTIAL
+from lvnav_trade.sensors.jacobian_row import H_POS, H_VEL
+
+RETURNING = 0.5
+"""Value of `Monitor.out` at the end of the hold time: the channel is used again if it passes its test."""
+
+
+@jit
+def _innovation_variance(P, h, entries, columns):
+    total = like(P[0, 0], 0.0)
+    for i in range(columns.shape[0]):
+        for j in range(columns.shape[0]):
+            total = total + h[entries[i]] * P[columns[i], columns[j]] * h[entries[j]]
+    return total
+
+
+@jit
+def _test_rows(monitor, P, H, case, epoch, n_row):
+    """Set the squared normalised innovation and the weight (inverse noise variance) of every row in use."""
+    zero, z, model, signals = like(P[0, 0], 0.0), monitor.z, case.model, case.signals
+    tests, delayed = case.options.integrity, case.options.delayed
+    at = epoch // model.every % tests.window
+    for row in range(n_row):
+        channel = channel_of(model, signals, epoch, row)
+        monitor.weight[row], monitor.square[row] = zero, zero
+        if not model.measured[channel] or not is_present(delayed, model, epoch, channel):
+            continue
+        n = model.n_entry[channel]
+        entries, columns = model.entry[channel, :n], model.column[channel, :n]
+        s = _innovation_variance(P, H[row], entries, columns) + monitor.variance[row]
+        in_use = (monitor.out[channel] <= RETURNING) & (z[row] == z[row])
+        square = where(in_use, z[row] * z[row] / s, 0.0)
+        monitor.past[channel, at], monitor.square[row] = square, square
+        monitor.weight[row] = where(in_use, 1.0 / monitor.variance[row], 0.0)
+
+
+@jit
+def _count_down(monitor, ends):
+    """Reduce every hold time by one epoch; a hold time that ends is set to `ends`."""
+    for c in range(monitor.out.shape[0]):
+        out = monitor.out[c]
+        monitor.out[c] = where(out > 1.0, out - 1.0, where(out == 1.0, ends, 0.0))
+
+
+@jit
+def _exclude(monitor, tests, wanted, n_kind, epoch, channel):
+    """Exclude the satellite of a channel in the runs where `wanted` is 1, and clear its stored innovations."""
+    first = channel - channel % n_kind
+    for c in range(first, first + n_kind):
+        monitor.out[c] = where(wanted > 0.0, tests.hold, monitor.out[c])
+        monitor.excluded[epoch, c] = where(wanted > 0.0, 1.0, monitor.excluded[epoch, c])
+        for k in range(monitor.past.shape[1]):
+            monitor.past[c, k] = where(wanted > 0.0, 0.0, monitor.past[c, k])
+
+
+@jit
+def _isolate_satellites(monitor, H, case, fails, first, kind, epoch, n_row):
+    """Exclude satellites while the residuals of a fit to one observable are significant.
+
+    The satellite with the largest innovation is excluded, not that with the largest residual: with two failures, the
+    largest residual often belongs to a healthy satellite.
+
+    Returns
+    -------
+    found : 1 where satellites were excluded
+    agrees : 1 where the residuals of the remaining satellites are not significant
+    """
+    excluded_any, agrees = like(fails, 0.0), like(fails, 0.0)
+    tests, model, z = case.options.integrity, case.model, monitor.z
+    for attempt in range(tests.exclusions + 1):
+        square, dof = fit(monitor, H, z, first, kind, model.n_kind, n_row)
+        beyond = where(square > limit(tests.consistent, dof), 1.0, 0.0)
+        agrees = where((dof >= 0.0) & (beyond == 0.0), 1.0, 0.0)
+        if attempt < tests.exclusions:
+            worst = like(fails, 0.0)
+            for row in range(kind, n_row, model.n_kind):
+                square = where(monitor.weight[row] > 0.0, monitor.square[row], 0.0)
+                worst = where(square > worst, square, worst)
+            wanted = where((fails > 0.0) & (beyond > 0.0) & (dof >= 1.0), 1.0, 0.0)
+            excluded_any = where(wanted > 0.0, 1.0, excluded_any)
+            for row in range(kind, n_row, model.n_kind):
+                this = where((wanted > 0.0) & (monitor.square[row] == worst) & (monitor.weight[row] > 0.0), 1.0, 0.0)
+                _exclude_row(monitor, tests, this, model, case.signals, epoch, row)
+    return excluded_any, agrees
+
+
+@jit
+def _exclude_row(monitor, tests, wanted, model, signals, epoch, row):
+    """Exclude the satellite of a row, with all its observables, in the runs where `wanted` is 1."""
+    base = row - row % model.n_kind
+    for k in range(model.n_kind):
+        monitor.weight[base + k] = where(wanted > 0.0, 0.0, monitor.weight[base + k])
+    _exclude(monitor, tests, wanted, model.n_kind, epoch, channel_of(model, signals, epoch, row))
+
+
+@jit
+def _count_out(monitor, model, signals, epoch, n_row):
+    """Return the number of excluded satellites, and the number of satellites in use."""
+    excluded, used = like(monitor.fit[0], 0.0), like(monitor.fit[0], 0.0)
+    for row in range(0, n_row, model.n_kind):
+        out = monitor.out[channel_of(model, signals, epoch, row)]
+        excluded, used = where(out > 0.0, excluded + 1.0, excluded), where(out > 0.0, used, used + 1.0)
+    return excluded, used
+
+
+@jit
+def _readmit(monitor, tests, running, model, signals, epoch, n_row):
+    """Readmit satellites whose hold time is over, or exclude them again if they still disagree with the prediction.
+
+    A failed satellite thus does not return into the fit of the healthy satellites. With fewer than five healthy
+    satellites, or while an IMU error persists, the prediction itself may be wrong, so all satellites are readmitted.
+    Returns 1 where satellites were excluded again.
+    """
+    renewed = like(monitor.fit[0], 0.0)
+    _, sound = _count_out(monitor, model, signals, epoch, n_row)
+    trusted = where((sound > N_FIT) & (persists(monitor) == 0.0), running, 0.0)
+    for row in range(n_row):
+        returning = monitor.out[channel_of(model, signals, epoch, row)] == RETURNING
+        this = where(returning & (trusted > 0.0) & (monitor.square[row] > tests.single), 1.0, 0.0)
+        _exclude_row(monitor, tests, this, model, signals, epoch, row)
+        renewed = where(this > 0.0, 1.0, renewed)
+    for c in range(monitor.out.shape[0]):
+        monitor.out[c] = where(monitor.out[c] == RETURNING, 0.0, monitor.out[c])
+    return renewed
+
+
+@jit
+def _is_detected(monitor, tests, model, signals, epoch, kind, n_row):
+    """Return 1 where a row in use exceeds a limit, alone or in its window.
+
+    kind : 0 ranges, 1 range rates, -1 all rows. Carrier phases and differences count with ranges and with range rates.
+    """
+    fails = like(monitor.fit[0], 0.0)
+    for row in range(n_row):
+        row_kind = row % model.n_kind if model.tight else -1
+        if kind >= 0 and row_kind != kind and row_kind < 2:
+            continue
+        channel, total = channel_of(model, signals, epoch, row), like(monitor.fit[0], 0.0)
+        for k in range(monitor.past.shape[1]):
+            total = total + monitor.past[channel, k]
+        beyond = (monitor.square[row] > tests.single) | (total > tests.windowed)
+        fails = where((monitor.weight[row] > 0.0) & beyond, 1.0, fails)
+    return fails
+
+
+@jit
+def _assess_ranges(monitor, work, case, running, epoch, n_row):
+    """Isolate a fault by the ranges and range rates of an epoch, and recover from it; return the kind of fault.
+
+    Range rates come first: a fault of velocity or clock drift is then also tested in position or clock bias.
+    """
+    tests, P, model, signals = case.options.integrity, work.P, case.model, case.signals
+    factor, clock = tests.recovery * tests.recovery, model.clock
+    renewed = _readmit(monitor, tests, running, model, signals, epoch, n_row)
+    fails = running * _is_detected(monitor, tests, model, signals, epoch, -1, n_row)
+    zero = like(fails, 0.0)
+    isolated, seen_motion, seen_clock, speed = zero, zero, zero, zero
+    for step in range(2):
+        kind = 1 - step
+        first, at = (H_POS, POS) if kind == 0 else (H_VEL, VEL)
+        excluded_any, agrees = _isolate_satellites(monitor, work.H, case, fails, first, kind, epoch, n_row)
+        isolated = where((excluded_any > 0.0) & (isolated == 0.0), OF_CHANNEL, isolated)
+        detected = agrees * fails * _is_detected(monitor, tests, model, signals, epoch, kind, n_row)
+        shift, drift, size, offset = compare(monitor, tests, P, at, clock + kind)
+        motion = where((shift > 1.0) & (agrees * fails * where(seen_motion > 0.0, 1.0, detected) > 0.0), 1.0, 0.0)
+        of_clock = where((drift > 1.0) & (agrees * fails * where(seen_clock > 0.0, 1.0, detected) > 0.0), 1.0, 0.0)
+        seen_clock = where(of_clock > 0.0, 1.0, seen_clock)
+        seen_motion = where((motion > 0.0) & ((of_clock == 0.0) | (shift > drift)), 1.0, seen_motion)
+        inflate(P, at, 3, motion, factor * size)
+        inflate(P, clock + kind, 1, of_clock, factor * offset)
+        speed = where(motion > 0.0, size, zero) if kind == 1 else speed
+    isolated = where(seen_clock > seen_motion, OF_CLOCK, where(seen_motion > 0.0, OF_INERTIAL, isolated))
+    excluded, used = _count_out(monitor, model, signals, epoch, n_row)
+    common, faster = find_common(monitor, work, case, where(isolated == 0.0, fails, 0.0), excluded, n_row)
+    isolated, speed = where(common > 0.0, common, isolated), where(common > 0.0, faster, speed)
+    learn(monitor, tests, P, model, where(isolated == OF_INERTIAL, 1.0, 0.0), speed)
+    # with four or fewer satellites in use and an inertial fault, earlier exclusions were due to the wrong prediction
+    for c in range(monitor.out.shape[0]):
+        mistaken = (isolated == OF_INERTIAL) & (used <= N_FIT) & (monitor.out[c] < tests.hold)
+        monitor.out[c] = where(mistaken, 0.0, monitor.out[c])
+    # the fault is neither a single satellite nor common to all: satellites beyond their limits are excluded
+    alone = where(isolated == 0.0, fails, 0.0)
+    for row in range(n_row):
+        this = where((alone > 0.0) & (monitor.square[row] > tests.single) & (monitor.weight[row] > 0.0), 1.0, 0.0)
+        _exclude(monitor, tests, this, model.n_kind, epoch, channel_of(model, signals, epoch, row))
+        isolated = where(this > 0.0, OF_CHANNEL, isolated)
+    clear_innovations(monitor, where(isolated > OF_CHANNEL, 1.0, 0.0))
+    return where((isolated == 0.0) & (renewed > 0.0), OF_CHANNEL, isolated)
+
+
+@jit
+def _assess_solution(monitor, tests, P, fails, n_channel):
+    """Exclude a solution that disagrees with the prediction; return the kind of fault.
+
+    If the disagreement lasts for the hold time, the inertial solution has failed: the variances of position and
+    velocity are inflated by the largest normalised innovation, and the solution is used again.
+    """
+    monitor.waited[0] = where(fails > 0.0, monitor.waited[0] + 1.0, 0.0)
+    over, worst = where(monitor.waited[0] >= tests.hold, 1.0, 0.0), like(fails, 0.0)
+    for row in range(6):
+        worst = where(monitor.square[row] > worst, monitor.square[row], worst)
+    growth = where(over > 0.0, tests.recovery * tests.recovery * worst, 0.0)
+    for i in range(3):
+        P[POS + i, POS + i] = P[POS + i, POS + i] * (1.0 + growth)
+        P[VEL + i, VEL + i] = P[VEL + i, VEL + i] * (1.0 + growth)
+    for c in range(n_channel):
+        monitor.out[c] = where((fails > 0.0) & (over == 0.0), 1.0, monitor.out[c])
+    clear_innovations(monitor, over)
+    monitor.waited[0] = where(over > 0.0, 0.0, monitor.waited[0])
+    return where(over > 0.0, OF_INERTIAL, where(fails > 0.0, OF_CHANNEL, 0.0))
+
+
+@jit
+def assess(monitor, work, case, running, epoch):
+    """Test the receiver's measurements of an epoch, exclude failed satellites or recover, and log the decision.
+
+    Parameters
+    ----------
+    monitor : Monitor, with `z` and `variance` of the rows
+    work : arrays of the run, with Jacobian rows and predicted covariance; recovery inflates the covariance
+    case : FilterCase
+    running : 1 in the runs whose filter runs
+    epoch : index
+    """
+    model, signals, tests = case.model, case.signals, case.options.integrity
+    monitor.isolated[epoch] = like(monitor.fit[0], 0.0)
+    for c in range(monitor.out.shape[0]):
+        monitor.excluded[epoch, c] = like(monitor.fit[0], 0.0)
+    _count_down(monitor, RETURNING if model.tight else 0.0)
+    n_row = n_measured(model, signals, epoch)
+    if n_row > 0:
+        _test_rows(monitor, work.P, work.H, case, epoch, n_row)
+        if model.tight:
+            isolated = _assess_ranges(monitor, work, case, running, epoch, n_row)
+        else:
+            fails = running * _is_detected(monitor, tests, model, signals, epoch, -1, n_row)
+            isolated = _assess_solution(monitor, tests, work.P, fails, model.n_receiver)
+        monitor.isolated[epoch] = isolated

@@ -1,0 +1,206 @@
+"""Faults common to all satellites: isolation of a failed IMU or clock, and recovery from it.
+
+A fault of the IMU or of the clock shifts all innovations. Just after its onset, the innovation of one satellite may
+exceed its limit while the fitted shift does not yet exceed its own limit: a vertical shift is hard to distinguish from
+a clock shift. The test is then whether the prediction agrees with the other satellites. If it does not, the fault is
+common to all, and no satellite is excluded. Otherwise a persistent IMU error would exclude one satellite after the
+other.
+"""
+
+from lvnav_trade.filter.policies.integrity.fit import fit, invert
+from lvnav_trade.filter.policies.integrity.state import N_FIT
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, POS, VEL
+from lvnav_trade.quantities.records import OF_CLOCK, OF_INERTIAL
+from lvnav_trade.sensors.jacobian_row import H_POS, H_VEL
+
+N_PERSISTENT = 3.0
+"""Number of successive inertial decisions, each within the hold time of the previous one, from which on an IMU error
+counts as persistent."""
+
+
+@jit
+def _shift_square(monitor, P, at):
+    """Return the square of the fitted shift of three states, normalised by the covariance of prediction plus fit."""
+    for i in range(N_FIT):
+        for j in range(N_FIT):
+            monitor.A[i, j] = like(monitor.fit[0], 1.0 if i == j else 0.0)
+    # with the fourth row and column of the identity, the 4 x 4 inverse contains that of the 3 x 3 block
+    for i in range(3):
+        for j in range(3):
+            monitor.A[i, j] = P[at + i, at + j] + monitor.inverse[i, j]
+    invert(monitor.inverse, monitor.A)
+    total = like(monitor.fit[0], 0.0)
+    for i in range(3):
+        for j in range(3):
+            total = total + monitor.fit[i] * monitor.inverse[i, j] * monitor.fit[j]
+    return total
+
+
+@jit
+def compare(monitor, tests, P, at, clock):
+    """Compare the fitted shift of motion and clock with their limits.
+
+    Parameters
+    ----------
+    monitor, tests : Monitor, with a fit; Tests
+    P : (n, n) covariance of the prediction
+    at : first of the three states, position or velocity
+    clock : clock state, bias or drift
+
+    Returns
+    -------
+    shift, drift : squares of the normalised shifts divided by their limits; above 1: a fault
+    size, offset : squares of the shifts, m^2 or (m/s)^2
+    """
+    offset = monitor.fit[3] * monitor.fit[3]
+    of_clock = offset / (tests.offset * (P[clock, clock] + monitor.inverse[3, 3]))
+    size = monitor.fit[0] * monitor.fit[0] + monitor.fit[1] * monitor.fit[1] + monitor.fit[2] * monitor.fit[2]
+    return _shift_square(monitor, P, at) / tests.shift, of_clock, size, offset
+
+
+@jit
+def _joint_square(monitor, P, at, clock):
+    """Return the square of the fitted shift of three states and clock together, normalised by the covariance of
+    prediction plus fit.
+    """
+    for i in range(N_FIT):
+        for j in range(N_FIT):
+            monitor.A[i, j] = P[at + i if i < 3 else clock, at + j if j < 3 else clock] + monitor.inverse[i, j]
+    invert(monitor.spare, monitor.A)
+    total = like(monitor.fit[0], 0.0)
+    for i in range(N_FIT):
+        for j in range(N_FIT):
+            total = total + monitor.fit[i] * monitor.spare[i, j] * monitor.fit[j]
+    return total
+
+
+@jit
+def inflate(P, at, count, wanted, variance):
+    """Add a variance to `count` states from `at` on, in the runs where `wanted` is 1."""
+    for i in range(count):
+        P[at + i, at + i] = P[at + i, at + i] + where(wanted > 0.0, variance, 0.0)
+
+
+@jit
+def _withhold(monitor, tests, model, n_row):
+    """Withhold the satellite with the largest innovation from fits, unless four or fewer satellites are in use.
+
+    A negative weight marks a withheld row. Returns the number of satellites beyond their limits, and 1 where four or
+    fewer are in use.
+    """
+    worst, beyond, used = like(monitor.fit[0], 0.0), like(monitor.fit[0], 0.0), like(monitor.fit[0], 0.0)
+    for row in range(n_row):
+        worst = where((monitor.weight[row] > 0.0) & (monitor.square[row] > worst), monitor.square[row], worst)
+    for row in range(0, n_row, model.n_kind):
+        used = where(monitor.weight[row] > 0.0, used + 1.0, used)
+    few = where(used > N_FIT, 0.0, 1.0)
+    for base in range(0, n_row, model.n_kind):
+        this, fails = like(worst, 0.0), like(worst, 0.0)
+        for row in range(base, base + model.n_kind):
+            this = where((monitor.weight[row] > 0.0) & (monitor.square[row] == worst), 1.0, this)
+            fails = where((monitor.weight[row] > 0.0) & (monitor.square[row] > tests.single), 1.0, fails)
+        beyond = beyond + fails
+        for row in range(base, base + model.n_kind):
+            monitor.weight[row] = where(this > few, -monitor.weight[row], monitor.weight[row])
+    return beyond, few
+
+
+@jit
+def _largest(monitor, z, kind, model, n_row):
+    """Return the square of the largest innovation of an observable, over all rows in use or withheld."""
+    largest = like(monitor.fit[0], 0.0)
+    for row in range(kind, n_row, model.n_kind):
+        square = where(monitor.weight[row] == 0.0, 0.0, z[row] * z[row])
+        largest = where(square > largest, square, largest)
+    return largest
+
+
+@jit
+def _is_steady(monitor, tests, model, n_row):
+    """Return 1 where range rates are measured and none exceeds its limit: no error of velocity is visible."""
+    steady = like(monitor.fit[0], 1.0 if model.n_kind > 1 else 0.0)
+    for row in range(1, n_row, model.n_kind):
+        steady = where((monitor.weight[row] > 0.0) & (monitor.square[row] > tests.single), 0.0, steady)
+    return steady
+
+
+@jit
+def find_common(monitor, work, case, wanted, excluded, n_row):
+    """Isolate a fault that is common to all satellites and recover from it, in the runs where `wanted` is 1.
+
+    The fault is common if the prediction disagrees with all satellites except the one with the largest innovation. With
+    four or fewer satellites in use it is common if more than one of them disagrees, excluded satellites included.
+
+    Four satellites fit exactly. Their ranges are attributed to a clock jump if the range rates show no velocity error
+    and the shift of position, with the clock free, is not significant.
+
+    Parameters
+    ----------
+    monitor : Monitor, with innovations and weights of the epoch
+    work, case : arrays of the run, FilterCase
+    wanted : 1 in the runs where a fault was detected and not yet isolated
+    excluded : number of excluded satellites
+    n_row : number of rows
+
+    Returns
+    -------
+    found : OF_INERTIAL or OF_CLOCK; 0 if the fault is not common
+    speed : (m/s)^2. Square of the shift of velocity
+    """
+    tests, P, model, z = case.options.integrity, work.P, case.model, monitor.z
+    zero, factor = like(monitor.fit[0], 0.0), tests.recovery * tests.recovery
+    beyond, few = _withhold(monitor, tests, model, n_row)
+    several, steady = where(few * (beyond + excluded) > 1.0, wanted, 0.0), _is_steady(monitor, tests, model, n_row)
+    isolated, speed, jumped = zero, zero, zero
+    for kind in range(2):
+        first, at = (H_POS, POS) if kind == 0 else (H_VEL, VEL)
+        _, dof = fit(monitor, work.H, z, first, kind, model.n_kind, n_row)
+        joint = _joint_square(monitor, P, at, model.clock + kind)
+        shift, drift, size, offset = compare(monitor, tests, P, at, model.clock + kind)
+        together = where(few > 0.0, where(jumped > 0.0, 0.0, several), where(joint > tests.joint, wanted, 0.0))
+        # within the hold time of an inertial decision the fault counts as inertial again
+        larger = where(few > 0.0, steady * where((dof >= 0.0) & (shift <= 1.0), 1.0, 0.0), drift - shift) > 0.0
+        of_clock = where(larger & (monitor.waited[0] <= 0.0), together, 0.0)
+        largest = _largest(monitor, z, kind, model, n_row)
+        motion, size = together - of_clock, where(few > 0.0, largest, size)
+        jumped = where(few > 0.0, of_clock, jumped)
+        inflate(P, at, 3, motion, factor * size)
+        inflate(P, model.clock + kind, 1, of_clock, factor * where(few > 0.0, largest, offset))
+        isolated = where(motion > 0.0, OF_INERTIAL, where((of_clock > 0.0) & (isolated == 0.0), OF_CLOCK, isolated))
+        speed = where(motion > 0.0, size, speed) if kind == 1 else speed
+    for row in range(n_row):
+        monitor.weight[row] = where(monitor.weight[row] < 0.0, -monitor.weight[row], monitor.weight[row])
+    return isolated, speed
+
+
+@jit
+def persists(monitor):
+    """Return 1 while an IMU error counts as persistent."""
+    return where((monitor.waited[0] > 0.0) & (monitor.waited[1] >= N_PERSISTENT), 1.0, 0.0)
+
+
+@jit
+def learn(monitor, tests, P, model, inertial, speed):
+    """Count successive inertial decisions, and inflate the accelerometer biases if the IMU error persists.
+
+    From the third decision on, each within the hold time of the previous one, the variance of an accelerometer bias
+    grows by the square of the velocity shift divided by the interval of the epochs.
+
+    Parameters
+    ----------
+    monitor, tests, model : Monitor, Tests, FilterModel
+    P : (n, n) covariance, updated in place
+    inertial : 1 in the runs with an inertial decision at this epoch
+    speed : (m/s)^2. Square of the velocity shift
+    """
+    remaining, count = monitor.waited[0], monitor.waited[1]
+    count = where(remaining > 0.0, count, 0.0) + inertial
+    monitor.waited[0] = where(inertial > 0.0, tests.hold, where(remaining > 0.0, remaining - 1.0, 0.0))
+    monitor.waited[1] = count
+    wanted = where((inertial > 0.0) & (count >= N_PERSISTENT), 1.0, 0.0)
+    size = tests.recovery / tests.interval
+    for b in range(model.par_offset.shape[0]):
+        if model.par_sensor[b] == ACCEL and model.par_driver[b] == CONSTANT and model.par_offset[b] < model.n_estimated:
+            inflate(P, model.par_offset[b], 3, wanted, size * size * speed)

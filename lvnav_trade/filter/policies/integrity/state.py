@@ -1,0 +1,161 @@
+"""Thresholds of the fault detection, and the fault monitor of a run."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from lvnav_trade.kernels.covariance import NOT_USED
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, where, zeros_of
+from lvnav_trade.quantities.records import Floats
+
+N_FIT = 4
+
+
+class Tests(NamedTuple):
+    """Thresholds of the tests for faults.
+
+    single : Largest square of one normalised innovation.
+    windowed : Largest sum of the last `window` squares of a channel.
+    window : Number of epochs in that sum.
+    consistent : (n_dof + 1,). Largest sum of squared residuals of a fit, by degrees of freedom.
+    shift : Largest square of the shift of position or velocity, relative to its covariance.
+    joint : Largest square of the shift of position or velocity and of the clock together, relative to their covariance.
+    offset : Largest square of the shift of clock bias or drift, relative to its variance.
+    hold : Epochs for which a satellite stays excluded.
+    exclusions : Largest number of exclusions in an epoch.
+    recovery : Standard deviation added after a fault, as a multiple of the shift found.
+    interval : s. Time between epochs.
+    """
+
+    single: float
+    windowed: float
+    window: int
+    consistent: Floats
+    shift: float
+    joint: float
+    offset: float
+    hold: float
+    exclusions: int
+    recovery: float
+    interval: float
+
+
+class Monitor(NamedTuple):
+    """Fault monitor of a run, updated in place.
+
+    out : (n_channel,). Remaining epochs without the channel.
+    past : (n_channel, window). Squares of the last normalised innovations of the channel.
+    weight : (n_row,). Inverse variance of each scalar measurement; 0 if it is not used.
+    square : (n_row,). Square of its normalised innovation.
+    A : (4, 4). Normal matrix of the fit.
+    inverse : (4, 4). Inverse of the normal matrix.
+    spare : (4, 4). Scratch for the inverse of another matrix.
+    b : (4,). Right-hand side of the normal equations.
+    fit : (4,). Solution of the normal equations.
+    isolated : (n_epoch,). Kind of fault isolated, as in `records.ISOLATED`.
+    excluded : (n_epoch, n_channel). 1 for the channels excluded at the epoch.
+    waited : (2,). Loose: epochs of disagreement with the solution. Tight: remaining hold epochs after an inertial
+        decision, and number of successive decisions.
+    z : (n_row,). Innovations.
+    variance : (n_row,). Noise variance in the filter model.
+    """
+
+    out: Floats
+    past: Floats
+    weight: Floats
+    square: Floats
+    A: Floats
+    inverse: Floats
+    spare: Floats
+    b: Floats
+    fit: Floats
+    isolated: Floats
+    excluded: Floats
+    waited: Floats
+    z: Floats
+    variance: Floats
+
+
+def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: int = 0) -> Monitor:
+    """Return the arrays of a monitor: one run, or `lanes` runs on the last axis."""
+    shapes = {
+        "out": (n_channel,),
+        "past": (n_channel, window),
+        "weight": (n_row,),
+        "square": (n_row,),
+        "A": (N_FIT, N_FIT),
+        "inverse": (N_FIT, N_FIT),
+        "spare": (N_FIT, N_FIT),
+        "b": (N_FIT,),
+        "fit": (N_FIT,),
+        "isolated": (n_epoch,),
+        "excluded": (n_epoch, n_channel),
+        "waited": (2,),
+        "z": (n_row,),
+        "variance": (n_row,),
+    }
+    return Monitor(**zeros_of(shapes, lanes))
+
+
+@jit
+def begin_monitor(monitor):
+    """Reset the monitor (Monitor, or None) at the start of a run: every channel is in use."""
+    if monitor is not None:
+        monitor.waited[0], monitor.waited[1] = like(monitor.waited[0], 0.0), like(monitor.waited[0], 0.0)
+        for c in range(monitor.out.shape[0]):
+            monitor.out[c] = like(monitor.out[c], 0.0)
+            for k in range(monitor.past.shape[1]):
+                monitor.past[c, k] = like(monitor.out[c], 0.0)
+
+
+@jit
+def clear_innovations(monitor, wanted):
+    """Clear the stored innovations in the runs where `wanted` is 1 (Monitor, or None).
+
+    Called after a recovery or a restart of the filter: earlier innovations do not test the new estimate.
+    """
+    if monitor is not None:
+        for c in range(monitor.past.shape[0]):
+            for k in range(monitor.past.shape[1]):
+                monitor.past[c, k] = where(wanted > 0.0, 0.0, monitor.past[c, k])
+
+
+def permitted(monitor: Any, channel: Any, gate_squared: Any) -> Any:
+    """Return the gate for a channel: NOT_USED in the runs that exclude it (Monitor), otherwise `gate_squared`."""
+    return gate_squared if monitor is None else where(monitor.out[channel] > 0.0, NOT_USED, gate_squared)
+
+
+@overload(permitted)
+def _permitted(monitor, channel, gate_squared):
+    if monitor == types.none:
+        return lambda monitor, channel, gate_squared: gate_squared
+    return lambda monitor, channel, gate_squared: where(monitor.out[channel] > 0.0, NOT_USED, gate_squared)
+
+
+def decisions_of(isolated: Floats, excluded: Floats, t_epoch: Floats, first_run: int) -> Floats:
+    """Return the decisions of the fault monitors of some runs.
+
+    Parameters
+    ----------
+    isolated
+        (n_run, n_epoch). Kind of fault isolated, as in `records.ISOLATED`; 0 none.
+    excluded
+        (n_run, n_epoch, n_channel). 1 for excluded channels.
+    t_epoch
+        (n_epoch,) s. Times of the epochs.
+    first_run
+        Number of the first of these runs.
+
+    Returns
+    -------
+    ndarray
+        (n, 4). Run, time (s), kind of fault, excluded channel (-1 none); one row per excluded channel.
+    """
+    decisions = []
+    for run, at in zip(*np.nonzero(isolated), strict=True):
+        channels = np.flatnonzero(excluded[run, at]).tolist() or [-1]
+        decisions += [(first_run + run, t_epoch[at], isolated[run, at], channel) for channel in channels]
+    return np.array(decisions, dtype=float).reshape(-1, 4)

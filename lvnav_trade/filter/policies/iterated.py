@@ -1,0 +1,159 @@
+"""The iterated update: measurements linearised again at the estimate of the previous iteration.
+
+Gauss and Newton's method for the measurements of an epoch (Bell and Cathey, IEEE Trans. Automatic Control 38(2),
+1993). With the prediction x-, P- and pass i at x_i,
+
+    x_(i+1) = x- + K_i (y - h(x_i) - H_i (x- - x_i)),   K_i = P- H_i' (H_i P- H_i' + R)^-1.
+
+Each pass is therefore the update of the extended filter from the same prediction, with rows linearised at x_i and with
+H_i x_i added to the innovation. The earlier state of a difference of two epochs is not iterated, nor are measurements
+that are compared with a stored state.
+"""
+
+from typing import NamedTuple
+
+from lvnav_trade.filter.ekf import (
+    channel_of,
+    correct_receiver,
+    decorrelate,
+    fill_receiver,
+    n_measured,
+    place_antenna,
+    row_of,
+)
+from lvnav_trade.filter.policies.delay import repeat_extrapolation
+from lvnav_trade.filter.policies.open_loop import fill_sensor_at_state
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, zeros_of
+from lvnav_trade.kernels.transition import correct_motion
+from lvnav_trade.quantities.records import Floats
+
+
+class Passes(NamedTuple):
+    """Settings of an iterated update.
+
+    repeats : Number of passes after the first.
+    n_present : Number of states of the present epoch; clones follow them.
+    """
+
+    repeats: int
+    n_present: int
+
+
+class Again(NamedTuple):
+    """Arrays of an iterated update: the prediction, which every pass starts from.
+
+    P : (n, n). Covariance of the prediction.
+    x : (n,). Error state of the prediction.
+    at : (n,). Error state at which rows are linearised, x_i.
+    nav : (10,). Navigation state that the error state refers to.
+    clock : (2,) m, m/s. Clock estimate that it refers to.
+    extra : (n_extra,). Estimated extra states that it refers to.
+    counts : (3,). NIS, accepted and rejected measurements of the epoch before the update.
+    """
+
+    P: Floats
+    x: Floats
+    at: Floats
+    nav: Floats
+    clock: Floats
+    extra: Floats
+    counts: Floats
+
+
+def new_again(n_state: int, n_extra: int, lanes: int = 0) -> Again:
+    """Return the arrays of an iterated update: one run, or `lanes` runs on the last axis."""
+    shapes = {
+        "P": (n_state, n_state),
+        "x": (n_state,),
+        "at": (n_state,),
+        "nav": (10,),
+        "clock": (2,),
+        "extra": (max(1, n_extra),),
+        "counts": (3,),
+    }
+    return Again(**zeros_of(shapes, lanes))
+
+
+@jit
+def _copy(to, source):
+    for i in range(to.shape[0]):
+        to[i] = source[i]
+
+
+@jit
+def hold(again, work, epoch):
+    """Store the prediction that an update starts from (Again, or None)."""
+    if again is not None:
+        for i in range(again.x.shape[0]):
+            _copy(again.P[i], work.P[i])
+        _copy(again.x, work.x)
+        _copy(again.nav, work.nav)
+        _copy(again.clock, work.clock_hat)
+        _copy(again.extra, work.extra)
+        again.counts[0], again.counts[1], again.counts[2] = work.nis[epoch], work.n_row[epoch], work.n_reject[epoch]
+
+
+@jit
+def _move(work, again, passes, model, epoch):
+    """Undo the last pass and move the estimates to its result, where rows are linearised next."""
+    for i in range(again.x.shape[0]):
+        again.at[i] = work.x[i] if i < passes.n_present else like(work.x[i], 0.0)
+        work.x[i] = again.at[i]
+        _copy(work.P[i], again.P[i])
+    _restore_estimates(work, again)
+    correct_motion(work.nav, work.x)
+    correct_receiver(work, model)
+    _copy(work.x, again.x)
+    work.nis[epoch], work.n_row[epoch], work.n_reject[epoch] = again.counts[0], again.counts[1], again.counts[2]
+
+
+@jit
+def _restore_estimates(work, again):
+    """Set the estimates back to those that the error state refers to."""
+    _copy(work.nav, again.nav)
+    _copy(work.clock_hat, again.clock)
+    _copy(work.extra, again.extra)
+
+
+@jit
+def _add_linear_term(work, again, model, row, channel):
+    """Add H_i x_i to an innovation, which then refers to the state that the error state refers to."""
+    for c in range(model.n_entry[channel]):
+        value = work.H[row, model.entry[channel, c]] * again.at[model.column[channel, c]]
+        work.z[row] = work.z[row] + value
+
+
+@jit
+def linearise_receiver(work, parts, case, again, epoch):
+    """Undo the last pass and set the receiver's rows, linearised at its result.
+
+    Parameters
+    ----------
+    work, parts : arrays of the run and of its optional features
+    case : FilterCase
+    again : Again, of `hold`
+    epoch : index
+    """
+    model, signals, options = case.model, case.signals, case.options
+    _move(work, again, options.iterated, model, epoch)
+    place_antenna(work, parts.past, options.late, model, case.step, epoch)
+    fill_receiver(work, parts.earlier, options.delayed, model, signals, epoch)
+    for row in range(n_measured(model, signals, epoch)):
+        _add_linear_term(work, again, model, row, channel_of(model, signals, epoch, row))
+    _restore_estimates(work, again)
+    place_antenna(work, parts.past, options.late, model, case.step, epoch)
+    repeat_extrapolation(parts.past, options.late)
+    decorrelate(work, parts, case, parts.rx, options.late, epoch)
+
+
+@jit
+def linearise_sensor(work, parts, case, again, k, epoch):
+    """Undo the last pass and set the rows of sensor k, linearised at its result."""
+    model, sensors = case.model, case.sensors
+    at = row_of(model, work, sensors.channel[k])
+    _move(work, again, case.options.iterated, model, epoch)
+    fill_sensor_at_state(work, parts, case, k, epoch)
+    for i in range(sensors.scalars[k]):
+        _add_linear_term(work, again, model, at + i, sensors.channel[k] + i)
+    _restore_estimates(work, again)

@@ -1,0 +1,180 @@
+"""Use of the error state: a closed loop feeds it back to the strapdown, an open loop adds it to the outputs.
+
+A direct filter has no error state: every scalar measurement corrects the total state, and the next measurement is
+linearised there. A closed loop linearises all measurements of an epoch at the state at its beginning.
+
+An open loop propagates the error state separately from the inertial system, with the transition matrix of every window,
+even if the covariance is linearised less often. Measurements are linearised at the uncorrected state. The sum of
+inertial system and error state is recorded and used nowhere else. To first order the result is that of a closed loop;
+large inertial errors add second-order terms to the measurements and to the transition. A mode logic permits or stops
+the processing of measurements.
+"""
+
+from typing import NamedTuple
+
+from lvnav_trade.filter import ekf
+from lvnav_trade.filter.policies.delay import correct_stored_errors, place_of, predicted_of_stored
+from lvnav_trade.filter.policies.mode_logic import MODE, PREDICTED, is_correcting
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.covariance import apply_phi
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import where, zeros_of
+from lvnav_trade.kernels.transition import EVERY_WINDOW
+from lvnav_trade.quantities.records import Floats
+
+
+class OpenLoop(NamedTuple):
+    """Uncorrected state of an open loop, stored while the corrected outputs are recorded or an epoch is processed.
+
+    x : (n_state,). Error state.
+    nav : (10,). Navigation state of the inertial system, frame i.
+    par : (n_par, 3). Estimated IMU parameters.
+    clock_hat : (2,) m, m/s. Estimated clock bias and drift.
+    extra : (n_extra,). Estimated extra states.
+    """
+
+    x: Floats
+    nav: Floats
+    par: Floats
+    clock_hat: Floats
+    extra: Floats
+
+
+def new_open_loop(n_state: int, n_par: int, n_extra: int, lanes: int = 0) -> OpenLoop:
+    """Return the arrays of an open loop: one run, or `lanes` runs on the last axis."""
+    shapes = {"x": (n_state,), "nav": (10,), "par": (max(1, n_par), 3), "clock_hat": (2,), "extra": (max(1, n_extra),)}
+    return OpenLoop(**zeros_of(shapes, lanes))
+
+
+@jit
+def propagate_open_loop(work, points, open_loop, model, length, linearised):
+    """Propagate the error state of an open loop over a window.
+
+    The transition matrix is that of the window itself, even if the covariance is linearised less often: the error state
+    must follow the strapdown.
+
+    Parameters
+    ----------
+    points : Points of an unscented filter, whose mean gives the navigation errors; None with Jacobians
+    open_loop : OpenLoop, or None in a closed loop
+    model : FilterModel
+    length : index of the window length
+    linearised : how the window changes the rates at which the covariance is linearised, as in `kernels.transition`
+    """
+    if open_loop is not None:
+        if linearised != EVERY_WINDOW:
+            for i in range(work.sums.shape[0]):
+                work.sums[i] = work.rates[1, i] * model.seconds[length]
+            ekf.fill_transition(work, model, length)
+        apply_phi(
+            work.x,
+            work.D,
+            model.block_rows,
+            model.block_columns,
+            model.decay[length],
+            model.clock,
+            model.seconds[length],
+        )
+        if points is not None:
+            for i in range(points.mean.shape[0]):
+                work.x[i] = points.mean[i]
+
+
+@jit
+def propagate_held(work, watch, rules, model, length):
+    """Propagate what a mode logic (Watch, or None) holds over a window, where the rules ask for it, by the transition
+    that `propagate_open_loop` has left in `work.D`.
+    """
+    if watch is not None and rules.after_stop == PREDICTED:
+        clock, seconds = model.clock, model.seconds[length]
+        rows, columns, decay = model.block_rows, model.block_columns, model.decay[length]
+        apply_phi(watch.held, work.D, rows, columns, decay, clock, seconds)
+
+
+@jit
+def apply_feedback(work, past, open_loop, late, model):
+    """Feed the error state back in a closed loop; in an open loop correct the stored states of late measurements."""
+    if open_loop is None:
+        ekf.correct(work, past, late, model)
+    else:
+        correct_stored_errors(past, late, work.x, open_loop.x)
+
+
+@jit
+def _copy(to, source):
+    for i in range(source.shape[0]):
+        to[i] = source[i]
+
+
+@jit
+def _copy_estimates(to, source):
+    """Copy error state, inertial system and estimates from the arrays of a run to those of its open loop, or back."""
+    _copy(to.x, source.x)
+    _copy(to.nav, source.nav)
+    _copy(to.clock_hat, source.clock_hat)
+    _copy(to.extra, source.extra)
+    for b in range(source.par.shape[0]):
+        _copy(to.par[b], source.par[b])
+
+
+@jit
+def apply_correction(work, open_loop, watch, model):
+    """Set the estimates to the sum of inertial system and error state; `remove_correction` restores them.
+
+    While a mode logic (Watch, or None) does not correct the outputs, its held error state takes the place of the
+    filter's. It is zero before the first correction, so that the outputs are those of the inertial system.
+    """
+    _copy_estimates(open_loop, work)
+    if watch is not None:
+        for i in range(work.x.shape[0]):
+            work.x[i] = where(is_correcting(watch.state[MODE]) > 0.0, work.x[i], watch.held[i])
+    ekf.correct(work, None, None, model)
+
+
+@jit
+def remove_correction(work, open_loop, model):
+    """Undo `apply_correction`, so that no estimate enters the strapdown."""
+    _copy_estimates(work, open_loop)
+    processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)
+
+
+@jit
+def compare_receiver(work, past, case, late, epoch):
+    """Correct the innovations of delayed receiver measurements for the change of the error state since their time of
+    validity (open loop; Late, or None).
+    """
+    if late is not None and not late.extrapolated:
+        model, place = case.model, place_of(late, late.receiver, epoch)
+        for row in range(ekf.n_measured(model, case.signals, epoch)):
+            channel = ekf.channel_of(model, case.signals, epoch, row)
+            n = model.n_entry[channel]
+            entries, columns = model.entry[channel, :n], model.column[channel, :n]
+            work.z[row] = work.z[row] - predicted_of_stored(past, place, work.H[row], entries, columns, work.x)
+
+
+@jit
+def _compare_sensor(work, past, case, open_loop, late, k, epoch):
+    """Correct the innovations of sensor k as `compare_receiver` does, for the error state before this epoch."""
+    if open_loop is not None and late is not None and late.of_sensor[k] >= 0:
+        model, place = case.model, place_of(late, late.of_sensor[k], epoch)
+        first = ekf.row_of(model, work, case.sensors.channel[k])
+        for i in range(case.sensors.scalars[k]):
+            channel, row = case.sensors.channel[k] + i, first + i
+            n = model.n_entry[channel]
+            entries, columns = model.entry[channel, :n], model.column[channel, :n]
+            work.z[row] = work.z[row] - predicted_of_stored(past, place, work.H[row], entries, columns, open_loop.x)
+
+
+@inlined
+def fill_sensor_at_state(work, parts, case, k, epoch):
+    """Set the rows of sensor k at the present navigation state; in an open loop correct those of a late sensor."""
+    late = case.options.late
+    ekf.fill_sensor(work, parts.past, late, case.model, case.signals, case.sensors, k, epoch)
+    _compare_sensor(work, parts.past, case, parts.open_loop, late, k, epoch)
+
+
+@inlined
+def begin_sum(open_loop, x):
+    """Store the error state x (n,) at the beginning of an epoch of an open loop (OpenLoop, or None)."""
+    if open_loop is not None:
+        _copy(open_loop.x, x)

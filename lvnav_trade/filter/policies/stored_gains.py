@@ -1,0 +1,253 @@
+"""Stored gains in place of those of a covariance, computed on one flight and scheduled by its events or by time."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.quantities.units import Card, NamedCard
+
+# Measurements of a schedule that names none, in the order of their updates; frame i.
+ROWS = ("position x", "position y", "position z", "velocity x", "velocity y", "velocity z")
+
+Column = tuple[float, ...]
+
+
+class GainKnot(Card):
+    """Gains at one time, `since` s after the event of the segment: for each measurement the gain of every state, SI."""
+
+    since: float
+    gain: tuple[Column, ...]
+
+
+class GainSegment(Card):
+    """Gains from an event on (by time: from lift-off on): linear between knots, constant before and after them."""
+
+    event: str
+    knots: tuple[GainKnot, ...] = Field(min_length=1)
+
+    def _faults(self) -> Iterator[str]:
+        if any(after.since <= before.since for before, after in pairwise(self.knots)):
+            yield f"segment {self.event!r}: the times of its knots should rise"
+
+
+class GainSchedule(NamedCard):
+    """Schedule of stored gains: gain of each state for each measurement, computed once on the flight in `source`."""
+
+    flight: str = Field("", description="name of the trajectory for which the gains were computed")
+    flight_digest: str = Field(
+        "", description="digest of that trajectory; on another trajectory, the filter gives a warning"
+    )
+    by: Literal["event", "time"] = Field("event", description="reference of the times of a segment")
+    states: tuple[str, ...] = Field(description="states in the order of the gains, such as 'velocity x'")
+    measurements: tuple[str, ...] = Field(
+        ROWS, description="measurements in the order of the gains: an axis of the solution, 'G05 range', 'altitude'"
+    )
+    segments: tuple[GainSegment, ...] = Field(min_length=1)
+    digest: str = Field(description="digest of states and segments; gains that were changed by hand are refused")
+
+    def _faults(self) -> list[str]:
+        digest, n, m = (
+            digest_of(self.states, self.segments, self.measurements),
+            len(self.states),
+            len(self.measurements),
+        )
+        gains = [knot.gain for segment in self.segments for knot in segment.knots]
+        uneven = any(len(column) != n for gain in gains for column in gain)
+        rules = {
+            f"its numbers have digest {digest}, not {self.digest}: compute the schedule again": digest != self.digest,
+            f"the gain of a measurement should have {n} numbers, one a state": uneven,
+            f"a knot should have {m} gains, one a measurement": any(len(gain) != m for gain in gains),
+        }
+        return [fault for fault, found in rules.items() if found]
+
+
+# Fraction of a gain's largest magnitude on the flight below which it is set to zero. Rounding errors reach 2.5e-11 of
+# that magnitude, so smaller gains have fewer correct digits than are stored, and differ between processors.
+NEGLIGIBLE = 1e-6
+
+
+class Gains(NamedTuple):
+    """Stored gains of a flight, as arrays for the kernels.
+
+    gain : (n_epoch, n_channel, n_state) SI. Gain of each state.
+    stored : (n_channel,). Whether the schedule has gains for the channel; other channels are not processed.
+    """
+
+    gain: Floats
+    stored: Bools
+
+
+def digest_of(states: Sequence[str], segments: Sequence[GainSegment], measurements: Sequence[str] = ROWS) -> str:
+    """Return the digest of a schedule's content, 16 hexadecimal digits."""
+    numbers = [[s.event, [[k.since, k.gain] for k in s.knots]] for s in segments]
+    content = [list(states), numbers] if tuple(measurements) == ROWS else [list(states), list(measurements), numbers]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+
+def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> Floats:
+    """Return the gains of a schedule at given times of a flight.
+
+    By event, the segment is that of the last event, and the gains are those at the time since that event. Before the
+    first event they are the first gains of its segment.
+
+    Parameters
+    ----------
+    schedule
+        Schedule of gains.
+    t
+        (n,) s since lift-off.
+    events
+        s since lift-off, by name of the event.
+
+    Returns
+    -------
+    ndarray
+        (n, n_measurement, n_state) SI.
+
+    Raises
+    ------
+    ValueError
+        If the flight lacks an event of the schedule; the message names it.
+    """
+    starts = np.zeros(len(schedule.segments))
+    if schedule.by == "event":
+        missing = [s.event for s in schedule.segments if s.event not in events]
+        if missing:
+            raise ValueError(f"the gain schedule {schedule.name!r} needs the event {missing[0]!r}")
+        starts = np.array([events[s.event] for s in schedule.segments])
+    order = np.argsort(starts, kind="stable")
+    at = np.clip(np.searchsorted(starts[order], t + 1e-6, side="right") - 1, 0, None)
+    gains = np.empty((len(t), len(schedule.measurements), len(schedule.states)))
+    for place, k in enumerate(order):
+        in_segment = at == place
+        gains[in_segment] = _between(schedule.segments[k], t[in_segment] - starts[k])
+    return gains
+
+
+def _between(segment: GainSegment, since: Floats) -> Floats:
+    """Return the gains (n, n_measurement, n_state) at `since` (n,) s after the event of a segment, linear in time."""
+    times = np.array([knot.since for knot in segment.knots])
+    gains = np.array([knot.gain for knot in segment.knots])
+    last = len(times) - 1
+    after = np.clip(np.searchsorted(times, since, side="right"), min(1, last), last)
+    before = np.maximum(after - 1, 0)
+    span = np.where(after > before, times[after] - times[before], 1.0)
+    share = np.clip((since - times[before]) / span, 0.0, 1.0)[:, None, None]
+    return np.asarray(gains[before] + share * (gains[after] - gains[before]))
+
+
+def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float = 0.0) -> list[int]:
+    """Return the indices of knots that represent gains by linear interpolation (Douglas and Peucker).
+
+    The sample with the largest error becomes a knot, until no error exceeds the tolerance.
+
+    Parameters
+    ----------
+    t
+        (n,) s. Times.
+    gains
+        (n, ...). Gains at these times.
+    tolerance
+        Largest error, as a fraction of the largest magnitude of each element.
+    negligible
+        (...,). Error that is always allowed, in the unit of the gain.
+    """
+    flat = gains.reshape(len(t), -1)
+    flat = flat / np.maximum(np.abs(flat).max(axis=0), np.maximum(np.ravel(negligible) / tolerance, 1e-300))
+    knots, open_spans = {0, len(t) - 1}, [(0, len(t) - 1)]
+    while open_spans:
+        first, last = open_spans.pop()
+        if last - first < 2:
+            continue
+        inner = np.arange(first + 1, last)
+        share = ((t[inner] - t[first]) / (t[last] - t[first]))[:, None]
+        error = np.abs(flat[inner] - (flat[first] + share * (flat[last] - flat[first]))).max(axis=1)
+        if error.max() > tolerance:
+            middle = int(inner[np.argmax(error)])
+            knots.add(middle)
+            open_spans += [(first, middle), (middle, last)]
+    return sorted(knots)
+
+
+class FlownGains(NamedTuple):
+    """Gains of a filter along a flight.
+
+    states : Names of the states (n_state).
+    measurements : Names of the measurements (n_measurement).
+    t : (n,) s since lift-off. Times of the gains.
+    gains : (n, n_measurement, n_state).
+    """
+
+    states: Sequence[str]
+    measurements: Sequence[str]
+    t: Floats
+    gains: Floats
+
+
+def schedule_of(
+    name: str,
+    source: str,
+    by: Literal["event", "time"],
+    flown: FlownGains,
+    events: Mapping[str, float],
+    tolerance: float = 0.02,
+) -> GainSchedule:
+    """Return a schedule of the gains of a filter along a flight.
+
+    Gains are rounded to four digits. Gains below `NEGLIGIBLE` of their largest magnitude on the flight are zero.
+
+    Parameters
+    ----------
+    name, source
+        Name of the schedule, and of the flight that it was computed on.
+    by
+        Whether the times of a segment count from its event or from lift-off.
+    flown
+        Gains along the flight.
+    events
+        s since lift-off, by name of the event.
+    tolerance
+        Largest error of the linear interpolation between knots, as a fraction of the largest gain in the segment.
+    """
+    t, gains = flown.t, flown.gains
+    negligible = NEGLIGIBLE * np.abs(gains).max(axis=0)
+    gains = np.where(np.abs(gains) < negligible, 0.0, gains)
+    marks = [("liftoff", 0.0)] if by == "time" else sorted(events.items(), key=lambda item: (item[1], item[0]))
+    if by == "event":
+        ends = [*(start for _, start in marks[1:]), np.inf]
+        marks = [
+            (event, start)
+            for k, ((event, start), end) in enumerate(zip(marks, ends, strict=True))
+            if k == 0 or np.any((t >= start - 1e-6) & (t < end - 1e-6))
+        ]
+    segments = []
+    for k, (event, start) in enumerate(marks):
+        end = marks[k + 1][1] if k + 1 < len(marks) else np.inf
+        chosen = np.flatnonzero((t >= (start if k else -np.inf) - 1e-6) & (t < end - 1e-6))
+        if not chosen.size:
+            continue
+        since = t[chosen] - (0.0 if by == "time" else start)
+        knots = [
+            GainKnot(since=round(float(since[i]), 6), gain=_rounded(gains[chosen[i]]))
+            for i in thin(since, gains[chosen], tolerance, negligible)
+        ]
+        segments.append(GainSegment(event=event, knots=tuple(knots)))
+    return GainSchedule(
+        name=name,
+        source=source,
+        by=by,
+        states=tuple(flown.states),
+        measurements=tuple(flown.measurements),
+        segments=tuple(segments),
+        digest=digest_of(tuple(flown.states), segments, flown.measurements),
+    )
+
+
+def _rounded(gain: Floats) -> tuple[Column, ...]:
+    return tuple(tuple(float(f"{value:.3e}") for value in row) for row in gain)

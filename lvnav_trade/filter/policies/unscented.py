@@ -1,0 +1,377 @@
+"""The unscented filter: covariance and measurement rows from sigma points about the estimate, in place of Jacobians.
+
+Julier and Uhlmann (1997). The sigma points lie at plus and minus sqrt(3) times a column of the Cholesky factor of the
+covariance, each with weight 1/6. Let d+ and d- be the values of a function at the two points of a pair, minus its
+value at the estimate. With o = (d+ - d-) / 2 and e = (d+ + d-) / 2,
+
+    mean = f(estimate) + sum e / 3,   covariance = sum (o o' + e e') / 3.
+
+The covariance is taken about f(estimate), not about the mean: it is positive definite for any number of states.
+
+Only the nonlinear part uses points. In the propagation that is the motion, a function of navigation errors and IMU
+parameters; all other states decay or are linear (clock). In a measurement it is the dependence on the navigation
+errors: the Jacobian row is the slope of the regression over the points, the innovation includes the shift of the mean,
+and the noise variance includes the residual variance of the regression. Gate, stored gains, delay compensation and mode
+logic are then those of the extended filter.
+"""
+
+from typing import NamedTuple
+
+from lvnav_trade.filter.ekf import (
+    apply_robustness,
+    fill_receiver,
+    fill_transition,
+    inject,
+    n_measured,
+    place_antenna,
+    propagate_estimates,
+    row_of,
+)
+from lvnav_trade.filter.policies.open_loop import fill_sensor_at_state
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.attitude import multiply
+from lvnav_trade.kernels.covariance import add_turned, finish_window
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like, sqrt, where, zeros_of
+from lvnav_trade.kernels.mechanisation import mechanise
+from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V
+from lvnav_trade.kernels.transition import ATT, POS, VEL, correct_motion
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.sensors.jacobian_row import H_ATT
+
+N_NAV = 9
+REACH = 3.0**0.5  # distance of a point in columns of the factor; matches the fourth moment of a normal distribution
+SMALLEST = 1e-12  # conditional variance of a state as a fraction of its variance; below, it is rounding
+
+
+class Points(NamedTuple):
+    """Work arrays of the sigma points. A column is one of the n columns of the covariance's factor, with a pair of
+    points.
+
+    nav : (10,). Navigation state at the start of a window.
+    previous : (6,) rad, m/s. Increments before the window.
+    increments : (n_tick, 6) rad, m/s. Increments of the window as the IMU outputs them.
+    state : (10,). Navigation state of a point.
+    last : (6,) rad, m/s. Last increments of a point.
+    sums : (18,). Strapdown integrals of a point over the window.
+    taken : (n_tick, 6) rad, m/s. Increments compensated by the parameters of a point.
+    par : (n_par, 3). IMU parameters of a point.
+    tables : (2, N_TABLE). Compensation tables of gyro and accelerometer, from these parameters.
+    x : (9,). Navigation error of a point relative to the estimate.
+    root : (n_state, n). Columns of the Cholesky factor of the covariance.
+    odd : (n, 9). Half the difference of the errors of a pair after the window, by column.
+    even : (n, 9). Mean of the errors of a pair after the window, less that of the estimate, by column.
+    centre : (9,). Navigation error of the estimate at the end of the window.
+    mean : (9,). Mean navigation error of all points at the end of the window.
+    z : (n_row,). Measurement minus its prediction at the estimate.
+    row_odd : (n_row, 9). Odd part of the predicted measurement, by navigation error.
+    row_even : (n_row, 9). Even part of the predicted measurement, by navigation error.
+    spread : (n_row,). Variance of the prediction that its regression slope does not explain.
+    """
+
+    nav: Floats
+    previous: Floats
+    increments: Floats
+    state: Floats
+    last: Floats
+    sums: Floats
+    taken: Floats
+    par: Floats
+    tables: Floats
+    x: Floats
+    root: Floats
+    odd: Floats
+    even: Floats
+    centre: Floats
+    mean: Floats
+    z: Floats
+    row_odd: Floats
+    row_even: Floats
+    spread: Floats
+
+
+def new_points(n_state: int, n_par: int, n_tick: int, n_row: int, lanes: int = 0) -> Points:
+    """Return the arrays of the points: one run, or `lanes` runs on the last axis."""
+    n = N_NAV + 3 * n_par
+    shapes = {
+        "nav": (10,), "previous": (6,), "increments": (n_tick, 6), "state": (10,), "last": (6,), "sums": (N_SUM,),
+        "taken": (n_tick, 6), "par": (max(1, n_par), 3), "tables": (2, processes.N_TABLE), "x": (N_NAV,),
+        "root": (n_state, n), "odd": (n, N_NAV), "even": (n, N_NAV), "centre": (N_NAV,), "mean": (N_NAV,),
+        "z": (n_row,), "row_odd": (n_row, N_NAV), "row_even": (n_row, N_NAV), "spread": (n_row,),
+    }  # fmt: skip
+    return Points(**zeros_of(shapes, lanes))
+
+
+@jit
+def _copy(to, source, n):
+    for i in range(n):
+        to[i] = source[i]
+
+
+@inlined
+def hold_window(points, work, n_tick):
+    """Store the navigation state and the increments at the start of a window, from which every point is propagated."""
+    if points is not None:
+        _copy(points.nav, work.nav, 10)
+        _copy(points.previous, work.previous, 6)
+        for k in range(n_tick):
+            _copy(points.increments[k], work.increments[k], 6)
+
+
+@jit
+def _state(model, a):
+    """Return the index of the a-th state that the motion depends on: navigation errors, then IMU parameters."""
+    return a if a < N_NAV else model.par_offset[(a - N_NAV) // 3] + (a - N_NAV) % 3
+
+
+@jit
+def factorise(root, P, model, n):
+    """Set the first n columns of the Cholesky factor of P, with the states in the order of `_state`.
+
+    root root' equals P for these n states, and for their covariance with all other states. The column of a state that
+    the states before it determine completely is zero.
+
+    Parameters
+    ----------
+    root : (n_state, n) factor, set here
+    P : (n_state, n_state) covariance
+    model : FilterModel
+    n : number of columns
+    """
+    for a in range(n):
+        j = _state(model, a)
+        pivot = P[j, j]
+        for b in range(a):
+            pivot = pivot - root[j, b] * root[j, b]
+        fine = pivot > SMALLEST * P[j, j]
+        scale = where(fine, 1.0 / sqrt(where(fine, pivot, 1.0)), 0.0)
+        for i in range(P.shape[0]):
+            value = P[i, j]
+            for b in range(a):
+                value = value - root[i, b] * root[j, b]
+            root[i, a] = value * scale
+        for b in range(a):
+            root[_state(model, b), a] = 0.0 * pivot
+
+
+@jit
+def rotation_between(p, q):
+    """Return the rotation vector (rad, inertial axes) from attitude q (4,) to attitude p (4,).
+
+    The vector is 2 asin(s) d / s with d the vector part of p q* and s its length; the series of the arc sine is
+    accurate to 1e-5 at a rotation of one radian.
+    """
+    d0, d1, d2, d3 = multiply(p[Q], p[Q + 1], p[Q + 2], p[Q + 3], q[Q], -q[Q + 1], -q[Q + 2], -q[Q + 3])
+    s = d1 * d1 + d2 * d2 + d3 * d3
+    series = 1.0 + s * (1 / 6 + s * (3 / 40 + s * (5 / 112 + s * (35 / 1152 + s * (63 / 2816 + s * (231 / 13312))))))
+    factor = where(d0 < 0.0, -2.0, 2.0) * series
+    return factor * d1, factor * d2, factor * d3
+
+
+@jit
+def _propagate_point(points, work, case, column, reach, w):
+    """Propagate a sigma point over window w and set `points.x` to its error at the end, relative to `work.nav`.
+
+    The point lies at the estimate plus `reach` times a column of the Cholesky factor.
+    """
+    model, n_tick = case.model, case.schedule.n_tick[w]
+    _copy(points.state, points.nav, 10)
+    _copy(points.last, points.previous, 6)
+    for k in range(n_tick):
+        _copy(points.taken[k], points.increments[k], 6)
+    for i in range(N_NAV):
+        points.x[i] = work.x[i] + reach * points.root[i, column]
+    correct_motion(points.state, points.x)
+    for b in range(model.par_offset.shape[0]):
+        for i in range(3):
+            at = model.par_offset[b] + i
+            points.par[b, i] = work.par[b, i] + work.x[at] + reach * points.root[at, column]
+    processes.gather(points.tables, points.par, model.par_sensor, model.par_driver)
+    processes.compensate(points.taken, n_tick, points.tables[0], points.tables[1], model.biases_only, case.tick)
+    algorithm, start = model.strapdown, case.tick * case.schedule.first_tick[w]
+    n_step = n_tick // algorithm.subsamples
+    mechanise(points.state, points.sums, points.last, points.taken, n_step, case.step, algorithm, start)
+    points.x[ATT], points.x[ATT + 1], points.x[ATT + 2] = rotation_between(points.state, work.nav)
+    for i in range(3):
+        points.x[VEL + i] = points.state[V + i] - work.nav[V + i]
+        points.x[POS + i] = points.state[R + i] - work.nav[R + i]
+
+
+@jit
+def _propagate_points(points, work, case, open_loop, w):
+    """Propagate all sigma points over window w: sets their odd and even parts, centre and mean."""
+    for i in range(N_NAV):
+        points.centre[i] = like(work.x[0], 0.0)
+    if open_loop is not None:  # the strapdown is uncorrected, so the estimate needs a propagation of its own
+        _propagate_point(points, work, case, 0, 0.0, w)
+        _copy(points.centre, points.x, N_NAV)
+    _copy(points.mean, points.centre, N_NAV)
+    for a in range(points.odd.shape[0]):
+        _propagate_point(points, work, case, a, REACH, w)
+        _copy(points.odd[a], points.x, N_NAV)
+        _propagate_point(points, work, case, a, -REACH, w)
+        for i in range(N_NAV):
+            plus, minus = points.odd[a, i], points.x[i]
+            # the odd part is scaled to one column of the factor, so that sum (odd odd') replaces sum (o o') / 3
+            points.odd[a, i] = (0.5 / REACH) * (plus - minus)
+            points.even[a, i] = 0.5 * (plus + minus) - points.centre[i]
+            points.mean[i] = points.mean[i] + (1.0 / 3.0) * points.even[a, i]
+
+
+@jit
+def _set_navigation_covariance(P, points):
+    """Set the rows and columns of the navigation errors in a covariance from the propagated sigma points."""
+    n = P.shape[0]
+    for i in range(N_NAV):
+        for j in range(i, n):
+            total = like(P[0, 0], 0.0)
+            for a in range(points.odd.shape[0]):
+                if j < N_NAV:
+                    total = total + points.odd[a, i] * points.odd[a, j]
+                    total = total + (1.0 / 3.0) * points.even[a, i] * points.even[a, j]
+                else:
+                    total = total + points.odd[a, i] * points.root[j, a]
+            P[i, j], P[j, i] = total, total
+
+
+@inlined
+def propagate_by_points(work, case, points, open_loop, w):
+    """Propagate covariance and estimates over window w by sigma points.
+
+    Process noise enters in two halves, before and after the propagation, as in the extended filter.
+
+    Parameters
+    ----------
+    work : arrays of the run
+    case : FilterCase
+    points : Points, with the start of the window stored by `hold_window`
+    open_loop : OpenLoop, whose error state is propagated too; None in a closed loop
+    w : window
+    """
+    model, length, injection = case.model, case.schedule.length[w], case.schedule.injection[w]
+    P, noise = work.P, model.noise[length]
+    fill_transition(work, model, length)  # the error state of an open loop and a backup strapdown need it
+    apply_robustness(P, model, length)
+    for i in range(P.shape[0]):
+        P[i, i] = P[i, i] + 0.5 * noise[i]
+    add_turned(P, model.uneven, work.sums, model.seconds[length])
+    # the points spread by the covariance with half of the noise, about the estimate before the window
+    factorise(points.root, P, model, points.odd.shape[0])
+    _propagate_points(points, work, case, open_loop, w)
+    _set_navigation_covariance(P, points)
+    finish_window(P, model.decay[length], noise, model.clock, model.seconds[length])
+    add_turned(P, model.uneven, work.sums, model.seconds[length])
+    inject(P, model, injection)
+    if open_loop is None:
+        correct_motion(work.nav, points.mean)
+    propagate_estimates(work, model, length)
+
+
+@jit
+def _set_state(work, points, column, reach):
+    """Set the navigation state to the sigma point at the estimate plus `reach` times a column of the factor."""
+    _copy(work.nav, points.state, 10)
+    for i in range(N_NAV):
+        points.x[i] = reach * points.root[i, column]
+    correct_motion(work.nav, points.x)
+
+
+@jit
+def _begin_regression(work, points, model):
+    """Store the navigation state, replace it by the estimate, and factorise the covariance of navigation errors."""
+    factorise(points.root, work.P, model, N_NAV)
+    _copy(points.nav, work.nav, 10)
+    correct_motion(work.nav, work.x)
+    _copy(points.state, work.nav, 10)
+
+
+@jit
+def _store_rows(work, points, column, is_plus, first, n_row):
+    """Store the innovations at a sigma point; after the second of a pair, odd and even parts of the prediction."""
+    for row in range(first, first + n_row):
+        if is_plus:
+            points.row_odd[row, column] = work.z[row]
+        else:
+            plus, minus = points.row_odd[row, column], work.z[row]
+            points.row_odd[row, column] = (-0.5 / REACH) * (plus - minus)
+            points.row_even[row, column] = points.z[row] - 0.5 * (plus + minus)
+
+
+@jit
+def _entry(state):
+    """Return the entry of a Jacobian row for a navigation error: rows begin with position, attitude, velocity."""
+    return (state + H_ATT - ATT) % N_NAV
+
+
+@jit
+def _regress(work, points, first, n_row):
+    """Set the navigation entries of Jacobian rows to the regression slope over the sigma points.
+
+    The slope solves root' h = odd part by back substitution. The innovation is shifted by the mean of the even parts;
+    it remains relative to the uncorrected state. `points.spread` is the variance that the slope does not explain.
+    """
+    for row in range(first, first + n_row):
+        h, unexplained, shift = work.H[row], like(work.x[0], 0.0), like(work.x[0], 0.0)
+        for column in range(N_NAV - 1, -1, -1):
+            slope = points.row_odd[row, column]
+            for later in range(column + 1, N_NAV):
+                slope = slope - h[_entry(later)] * points.root[later, column]
+            pivot = points.root[column, column]
+            h[_entry(column)] = where(pivot > 0.0, slope / where(pivot > 0.0, pivot, 1.0), 0.0)
+            even = points.row_even[row, column]
+            unexplained = unexplained + (1.0 / 3.0) * even * even
+            shift = shift - (1.0 / 3.0) * even + h[_entry(column)] * work.x[column]
+        work.z[row] = points.z[row] + shift
+        points.spread[row] = unexplained
+
+
+@jit
+def _fill_receiver_at_state(work, parts, case, epoch):
+    """Set the rows of the receiver's measurements at the present navigation state."""
+    place_antenna(work, parts.past, case.options.late, case.model, case.step, epoch)
+    fill_receiver(work, parts.earlier, case.options.delayed, case.model, case.signals, epoch)
+
+
+@jit
+def clear_spread(points, first, n_row):
+    """Set the unexplained variance of rows that are linearised by Jacobians to zero."""
+    for row in range(first, first + n_row):
+        points.spread[row] = like(points.x[0], 0.0)
+
+
+@inlined
+def regress_receiver(work, parts, case, points, epoch):
+    """Set the rows of the receiver's measurements by regression over the sigma points."""
+    n_row = n_measured(case.model, case.signals, epoch)
+    _begin_regression(work, points, case.model)
+    _fill_receiver_at_state(work, parts, case, epoch)
+    _copy(points.z, work.z, n_row)
+    for column in range(N_NAV):
+        for side in range(2):
+            _set_state(work, points, column, (1.0 - 2.0 * side) * REACH)
+            _fill_receiver_at_state(work, parts, case, epoch)
+            _store_rows(work, points, column, side == 0, 0, n_row)
+    _copy(work.nav, points.state, 10)
+    _fill_receiver_at_state(work, parts, case, epoch)
+    _regress(work, points, 0, n_row)
+    _copy(work.nav, points.nav, 10)
+    place_antenna(work, parts.past, case.options.late, case.model, case.step, epoch)
+
+
+@inlined
+def regress_sensor(work, parts, case, points, k, epoch):
+    """Set the rows of sensor k by regression over the sigma points."""
+    n_row, at = case.sensors.scalars[k], row_of(case.model, work, case.sensors.channel[k])
+    _begin_regression(work, points, case.model)
+    fill_sensor_at_state(work, parts, case, k, epoch)
+    for row in range(at, at + n_row):
+        points.z[row] = work.z[row]
+    for column in range(N_NAV):
+        for side in range(2):
+            _set_state(work, points, column, (1.0 - 2.0 * side) * REACH)
+            fill_sensor_at_state(work, parts, case, k, epoch)
+            _store_rows(work, points, column, side == 0, at, n_row)
+    _copy(work.nav, points.state, 10)
+    fill_sensor_at_state(work, parts, case, k, epoch)
+    _regress(work, points, at, n_row)
+    _copy(work.nav, points.nav, 10)

@@ -1,0 +1,293 @@
+"""Position, velocity and clock from one epoch's ranges and range rates: Bancroft's closed form, least squares, a test.
+
+With the product <a, b> = a1 b1 + a2 b2 + a3 b3 - a4 b4, a satellite at s with pseudorange rho is a = (s, rho), and the
+unknown y = (r, b) fulfils <a, a> / 2 - <a, y> + <y, y> / 2 = 0 for every satellite. So y = M (L u + v) with B u = 1,
+B v = <a, a> / 2 (rows of B are the a, M = diag(1, 1, 1, -1)) and L = <y, y> / 2 a root of <u, u> L^2 +
+2 (<u, v> - 1) L + <v, v> = 0. Bancroft, IEEE Trans. AES-21(1), 1985. Satellites are counted from `near`, which keeps y
+small and the equations as well conditioned as the geometry is.
+
+With more than four satellites the closed form weights measurements by the square of their distance; Newton steps then
+give the least-squares solution to which the covariance belongs. A run with fewer than four satellites, or with all
+satellites in one cone, has no fix.
+"""
+
+import numpy as np
+
+from lvnav_trade.filter.receivers.receiver import (
+    CONSISTENT,
+    FIX_BIAS,
+    FIX_DRIFT,
+    FIX_POS,
+    FIX_VEL,
+    INCONSISTENT,
+    N_FIX,
+    NO_FIX,
+    UNTESTED,
+)
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, sqrt, where
+from lvnav_trade.quantities.line_of_sight import line_of_sight
+
+# A pivot below this fraction of its diagonal element corresponds to a DOP beyond 1e5.
+_SINGULAR = 1e-10
+# A root is chosen if its squared residuals are smaller by this factor; otherwise the root nearer to `near`.
+_DECIDED = 100.0
+
+
+@jit
+def measured(ranges, slot):
+    """Return weight, pseudorange and range rate of a slot; zeros in runs in which either is NaN."""
+    together = ranges[slot, 0] + ranges[slot, 1]
+    on = together == together
+    return where(on, 1.0, 0.0), where(on, ranges[slot, 0], 0.0), where(on, ranges[slot, 1], 0.0)
+
+
+@jit
+def factorise(A):
+    """Replace the lower triangle of the symmetric A (4, 4) by L D L'; return the smallest pivot over its diagonal.
+
+    A pivot that is not positive is replaced by 1, so that the results are finite, and its ratio by zero.
+    """
+    least = like(A[0, 0], np.inf)
+    for i in range(4):
+        pivot = A[i, i]
+        for k in range(i):
+            pivot = pivot - A[i, k] * A[i, k] * A[k, k]
+        positive = pivot > 0.0
+        share = where(positive, pivot / where(positive, A[i, i], 1.0), 0.0)
+        least = where(share < least, share, least)
+        pivot = where(positive, pivot, 1.0)
+        A[i, i] = pivot
+        for j in range(i + 1, 4):
+            value = A[j, i]
+            for k in range(i):
+                value = value - A[j, k] * A[i, k] * A[k, k]
+            A[j, i] = value / pivot
+    return least
+
+
+@jit
+def solve(A, b):
+    """Replace b (4,) by the solution with the factors of `factorise`."""
+    for i in range(4):
+        for k in range(i):
+            b[i] = b[i] - A[i, k] * b[k]
+    for back in range(4):
+        i = 3 - back
+        b[i] = b[i] / A[i, i]
+        for k in range(i + 1, 4):
+            b[i] = b[i] - A[k, i] * b[k]
+
+
+@jit
+def _clear(rx):
+    zero = like(rx.near[0], 0.0)
+    for i in range(4):
+        rx.sides[0, i], rx.sides[1, i] = zero, zero
+        for j in range(4):
+            rx.normal[i, j] = zero
+
+
+@jit
+def _add_row(rx, weight, row, first, second):
+    """Add a weighted row (4,) to the normal matrix and its two right-hand sides."""
+    for i in range(4):
+        weighted = weight * row[i]
+        rx.sides[0, i] = rx.sides[0, i] + weighted * first
+        rx.sides[1, i] = rx.sides[1, i] + weighted * second
+        for j in range(i + 1):
+            rx.normal[i, j] = rx.normal[i, j] + weighted * row[j]
+
+
+@jit
+def _closed_form(rx, satellite, used, n_used, ranges):
+    """Set up and solve the equations of B for u and v, in `sides`; return number of satellites and smallest pivot."""
+    _clear(rx)
+    count = like(rx.near[0], 0.0)
+    for slot in range(n_used):
+        weight, rho, _ = measured(ranges, slot)
+        s = satellite[used[slot]]
+        row = (s[0] - rx.near[0], s[1] - rx.near[1], s[2] - rx.near[2], rho)
+        half = 0.5 * (row[0] * row[0] + row[1] * row[1] + row[2] * row[2] - rho * rho)
+        _add_row(rx, weight, row, like(half, 1.0), half)
+        count = count + weight
+    least = factorise(rx.normal)
+    solve(rx.normal, rx.sides[0])
+    solve(rx.normal, rx.sides[1])
+    return count, least
+
+
+@jit
+def _product(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - a[3] * b[3]
+
+
+@jit
+def _candidate(rx, root):
+    """Return position relative to `near`, and clock bias, that belong to a root."""
+    u, v = rx.sides[0], rx.sides[1]
+    return root * u[0] + v[0], root * u[1] + v[1], root * u[2] + v[2], -(root * u[3] + v[3])
+
+
+@jit
+def _misfit(rx, y, satellite, used, n_used, ranges):
+    """Return the sum of squared residuals of pseudoranges at y, a square metre per satellite added."""
+    total = like(y[0], 0.0)
+    for slot in range(n_used):
+        weight, rho, _ = measured(ranges, slot)
+        s = satellite[used[slot]]
+        dx, dy, dz = s[0] - rx.near[0] - y[0], s[1] - rx.near[1] - y[1], s[2] - rx.near[2] - y[2]
+        residual = rho - y[3] - sqrt(dx * dx + dy * dy + dz * dz)
+        total = total + weight * (residual * residual + 1.0)
+    return total
+
+
+@jit
+def _choose(rx, satellite, used, n_used, ranges):
+    """Set position and clock of the root with small residuals, or else of the root nearer to `near`.
+
+    Returns whether the roots are real.
+    """
+    u, v = rx.sides[0], rx.sides[1]
+    a, b, c = _product(u, u), _product(u, v) - 1.0, _product(v, v)
+    square = b * b - a * c
+    real = square >= 0.0
+    root = sqrt(where(real, square, 0.0))
+    q = where(b < 0.0, root - b, -root - b)
+    near, far = _candidate(rx, c / q), _candidate(rx, q / where(a == 0.0, 1.0, a))
+    near_cost = _misfit(rx, near, satellite, used, n_used, ranges)
+    far_cost = _misfit(rx, far, satellite, used, n_used, ranges)
+    near_square = near[0] * near[0] + near[1] * near[1] + near[2] * near[2]
+    far_square = far[0] * far[0] + far[1] * far[1] + far[2] * far[2]
+    either = (far_cost < _DECIDED * near_cost) & (far_square < near_square)
+    other = (_DECIDED * far_cost < near_cost) | either
+    for i in range(3):
+        rx.fix[FIX_POS + i] = rx.near[i] + where(other, far[i], near[i])
+    rx.fix[FIX_BIAS] = where(other, far[3], near[3])
+    return real
+
+
+@jit
+def _linearise(rx, satellite, satellite_velocity, used, n_used, ranges):
+    """Set and factorise the normal equations at the fix.
+
+    The right-hand sides are the range residuals, and the range rates less those due to the satellites.
+    """
+    _clear(rx)
+    for slot in range(n_used):
+        weight, rho, rate = measured(ranges, slot)
+        s, moving = satellite[used[slot]], satellite_velocity[used[slot]]
+        ux, uy, uz, distance = line_of_sight(s, rx.fix)
+        residual = rho - distance - rx.fix[FIX_BIAS]
+        along = rate - (ux * moving[0] + uy * moving[1] + uz * moving[2])
+        _add_row(rx, weight, (-ux, -uy, -uz, like(ux, 1.0)), residual, along)
+    return factorise(rx.normal)
+
+
+@jit
+def _normalised_residuals(rx, satellite, satellite_velocity, used, n_used, ranges, model):
+    """Return the sum of squared residuals of ranges and range rates, each normalised by its assumed sigma."""
+    total = like(rx.near[0], 0.0)
+    for slot in range(n_used):
+        weight, rho, rate = measured(ranges, slot)
+        s, moving = satellite[used[slot]], satellite_velocity[used[slot]]
+        ux, uy, uz, distance = line_of_sight(s, rx.fix)
+        residual = rho - distance - rx.fix[FIX_BIAS]
+        wx, wy, wz = moving[0] - rx.fix[FIX_VEL], moving[1] - rx.fix[FIX_VEL + 1], moving[2] - rx.fix[FIX_VEL + 2]
+        rate_residual = rate - (ux * wx + uy * wy + uz * wz) - rx.fix[FIX_DRIFT]
+        squares = residual * residual / model.range_variance + rate_residual * rate_residual / model.rate_variance
+        total = total + weight * squares
+    return total
+
+
+@jit
+def _invert(rx):
+    """Set the inverse of the normal matrix from its factors; the first right-hand side is overwritten."""
+    zero = like(rx.near[0], 0.0)
+    for column in range(4):
+        for i in range(4):
+            rx.sides[0, i] = zero
+        rx.sides[0, column] = zero + 1.0
+        solve(rx.normal, rx.sides[0])
+        for i in range(4):
+            rx.inverse[i, column] = rx.sides[0, i]
+
+
+@jit
+def fix(rx, model, satellite, satellite_velocity, used, n_used, ranges):
+    """Set the point solution of an epoch, its inverse normal matrix and its verdict; return its quality.
+
+    Parameters
+    ----------
+    rx : Receiver
+        `near` is the guess of the position; `fix`, `inverse` and `verdict` are set, to zeros in a run without a fix.
+    model : PointModel
+    satellite, satellite_velocity : (n_sat, 3) m, m/s, frame i
+        Satellites at transmission.
+    used : (n_slot,) int
+        Satellite of each slot.
+    n_used : int
+        Number of slots in use.
+    ranges : (n_slot, 2) m, m/s
+        Pseudorange and range rate, NaN if a run lacks them.
+
+    Returns
+    -------
+    quality
+        NO_FIX, INCONSISTENT (residuals), UNTESTED (four satellites), or CONSISTENT.
+    """
+    count, least = _closed_form(rx, satellite, used, n_used, ranges)
+    sound = (count >= 4.0) & (least > _SINGULAR)
+    sound = sound & _choose(rx, satellite, used, n_used, ranges)
+    for _ in range(model.refinements):
+        _linearise(rx, satellite, satellite_velocity, used, n_used, ranges)
+        solve(rx.normal, rx.sides[0])
+        for i in range(3):
+            rx.fix[FIX_POS + i] = rx.fix[FIX_POS + i] + rx.sides[0, i]
+        rx.fix[FIX_BIAS] = rx.fix[FIX_BIAS] + rx.sides[0, 3]
+    least = _linearise(rx, satellite, satellite_velocity, used, n_used, ranges)
+    solve(rx.normal, rx.sides[1])
+    for i in range(3):
+        rx.fix[FIX_VEL + i] = rx.sides[1, i]
+    rx.fix[FIX_DRIFT] = rx.sides[1, 3]
+    _invert(rx)
+    squares = _normalised_residuals(rx, satellite, satellite_velocity, used, n_used, ranges, model)
+    sound = sound & (least > _SINGULAR) & (squares == squares)
+    limit = like(squares, np.inf)
+    for n in range(5, n_used + 1):
+        limit = where(count == float(n), model.limits[n], limit)
+    quality = where(squares <= limit, CONSISTENT, INCONSISTENT)
+    quality = where(sound, where(count == 4.0, UNTESTED, quality), NO_FIX)
+    for i in range(N_FIX):
+        rx.fix[i] = where(sound, rx.fix[i], 0.0)
+    for i in range(4):
+        for j in range(4):
+            rx.inverse[i, j] = where(sound, rx.inverse[i, j], 0.0)
+    rx.verdict[0], rx.verdict[1] = quality, count
+    return quality
+
+
+@jit
+def solution(rx, model, satellite, satellite_velocity, used, n_used, ranges):
+    """Set solution and covariance of a receiver to the point solution of an epoch; return its quality.
+
+    The solution is NaN if its quality is below the lowest that is output. `near` moves to the fix. Parameters are those
+    of `fix`.
+    """
+    quality = fix(rx, model, satellite, satellite_velocity, used, n_used, ranges)
+    good = quality >= model.least_quality
+    for i in range(3):
+        rx.near[i] = where(good, rx.fix[FIX_POS + i], rx.near[i])
+        rx.solution[i] = where(good, rx.fix[FIX_POS + i], np.nan)
+        rx.solution[3 + i] = where(good, rx.fix[FIX_VEL + i], np.nan)
+    reported, zero = model.reported, like(quality, 0.0)
+    for i in range(3):
+        for j in range(3):
+            rx.covariance[i, 3 + j], rx.covariance[3 + i, j] = zero, zero
+            if reported.own and (reported.correlated or i == j):
+                rx.covariance[i, j] = reported.factor * model.range_variance * rx.inverse[i, j]
+                rx.covariance[3 + i, 3 + j] = reported.factor * model.rate_variance * rx.inverse[i, j]
+            else:
+                rx.covariance[i, j] = zero + (reported.position_variance if i == j else 0.0)
+                rx.covariance[3 + i, 3 + j] = zero + (reported.velocity_variance if i == j else 0.0)
+    return quality

@@ -1,0 +1,101 @@
+"""Carrier smoothing of pseudoranges before the solution (Hatch filter), satellite by satellite.
+
+The average of code minus carrier follows D' = a d + (1 - a) D with d = P - phi, and the smoothed range is phi + D'. The
+code noise is averaged, while motion and clock enter through the carrier without delay. The gain a is 1/n at the n-th
+epoch of carrier lock, and at least that of the window. Hatch, The synergism of GPS code and carrier measurements, 3rd
+Int. Symp. on Satellite Doppler Positioning, 1982.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.random import normals
+from lvnav_trade.quantities.records import Bools, Floats
+
+
+class Smoothing(NamedTuple):
+    """A Hatch filter at the epochs.
+
+    gain : (n_epoch, n_sat). Gain; zero if the satellite is not in use.
+    sigma : (n_epoch, n_sat) m. White noise of the carrier phase.
+    code : (n_family, n_epoch, n_sat). Derivative of code minus carrier by the correlated measurement errors.
+    source : Key of the draws of phase noise.
+    """
+
+    gain: Floats
+    sigma: Floats
+    code: Floats
+    source: np.uint64
+
+
+def gains(tracked: Bools, locked: Bools, longest: int) -> Floats:
+    """Return the gains (n_epoch, n_sat) of the Hatch filter.
+
+    tracked : (n_epoch, n_sat). Whether the satellite is tracked.
+    locked : (n_epoch, n_sat). Whether its carrier was tracked without interruption since the previous epoch.
+    longest : Window in epochs.
+    """
+    count, gain = np.zeros(tracked.shape[1]), np.zeros(tracked.shape)
+    for epoch in range(len(tracked)):
+        count = np.where(tracked[epoch], np.where(locked[epoch], count + 1.0, 1.0), 0.0)
+        gain[epoch] = np.where(tracked[epoch], 1.0 / np.clip(count, 1.0, longest), 0.0)
+    return gain
+
+
+def smoothing_error(gain: Floats, difference: Floats) -> Floats:
+    """Return the range error (n_epoch, n_sat) m due to the lag of the smoothing filter on the nominal flight.
+
+    The average of code minus carrier lags behind a changing difference: the error is average minus present value.
+
+    gain : (n_epoch, n_sat). Gain as from `gains`.
+    difference : (n_epoch, n_sat) m. Code minus carrier: twice the ionospheric delay, less the accumulated cycle slips.
+    """
+    average, error = np.zeros(gain.shape[1]), np.zeros(gain.shape)
+    for epoch, a in enumerate(gain):
+        average = a * difference[epoch] + (1.0 - a) * average
+        error[epoch] = np.where(a > 0.0, average - difference[epoch], 0.0)
+    return error
+
+
+@jit
+def _code_minus_carrier(shared, errors, smoothing, epoch, s):
+    """Return code minus carrier (m) of satellite s due to the correlated measurement errors (n_component,)."""
+    total = like(errors[0], 0.0)
+    for family in range(smoothing.code.shape[0]):
+        partial = smoothing.code[family, epoch, s]
+        if partial != 0.0:
+            total = total + partial * errors[shared.member[family, 2 * s]]
+    return total
+
+
+@jit
+def smooth(rx, work, smoothing, signals, word, epoch, key):
+    """Smooth the pseudoranges of an epoch. The code noise is drawn again with the key of the ranges: the same values.
+
+    Parameters
+    ----------
+    rx : Receiver
+        `average` is updated.
+    work : Work
+        Of the run: its number; `ranges` (n_slot, 2), updated; `shared` (n_component,) correlated measurement errors.
+    smoothing : Smoothing or None
+    signals : Signals
+    word, key
+        Counter word and key of the draws of range noise.
+    epoch : int
+    """
+    if smoothing is None:
+        return
+    (k0, k1), run, ranges, errors = key, work.run[0], work.ranges, work.shared
+    for slot in range(signals.n_used[epoch]):
+        s = signals.used[epoch, slot]
+        code, _, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
+        phase, _, _, _ = normals(k0, k1, smoothing.source, run, word, signals.words[s])
+        difference = signals.sigma[epoch, 2 * s] * code - smoothing.sigma[epoch, s] * phase
+        difference = difference + _code_minus_carrier(signals.shared, errors, smoothing, epoch, s)
+        gain = smoothing.gain[epoch, s]
+        rx.average[s] = gain * difference + (1.0 - gain) * rx.average[s]
+        ranges[slot, 0] = ranges[slot, 0] + rx.average[s] - difference

@@ -1,0 +1,277 @@
+"""The receiver's Kalman filter: position, velocity, acceleration and clock from ranges and range rates (EKF-GNSS).
+
+Canepa and Servidia, section 4.2, in frame i and with the kernels of the navigation filter: acceleration takes the place
+of attitude in `predict`, and the Jacobian rows are those of tight coupling without a lever arm. The driving jerk (or,
+without acceleration states, the acceleration) is constant over the interval: its covariance is g q g' per axis with
+g = (T, T^2/2, T^3/6), added after the propagation as in eq. 4.8 and 4.16. A diagonal noise, added half before and half
+after the propagation, would give nearly twice the position variance.
+
+The noise is adapted by the acceleration between the last two point solutions (eq. 4.23 to 4.28). The point solution of
+an epoch is computed first, so that it already affects the propagation to that epoch. Without a new point solution the
+acceleration does not change.
+"""
+
+import numpy as np
+
+from lvnav_trade.filter.receivers.bancroft import fix, solution
+from lvnav_trade.filter.receivers.receiver import (
+    ACC,
+    ACCELERATION,
+    BIAS,
+    DRIFT,
+    FIX_BIAS,
+    FIX_DRIFT,
+    FIX_POS,
+    FIX_VEL,
+    FULL,
+    IDLE,
+    LAST_VELOCITY,
+    MISSES,
+    N_STATE,
+    NO_FIX,
+    PARTIAL,
+    POS,
+    PROPAGATED,
+    SINCE,
+    STARTED,
+    VEL,
+)
+from lvnav_trade.kernels.covariance import predict, update_scalar
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, magnitude, sqrt, where
+from lvnav_trade.quantities.line_of_sight import line_of_sight
+from lvnav_trade.sensors.jacobian_row import H_CLOCK, H_POS, H_VEL, N_ENTRY
+from lvnav_trade.sensors.ranges import range_row, rate_row
+
+RANGE_ENTRIES = np.array([H_POS, H_POS + 1, H_POS + 2, H_CLOCK])
+RANGE_COLUMNS = np.array([POS, POS + 1, POS + 2, BIAS])
+RATE_ENTRIES = np.array([H_POS, H_POS + 1, H_POS + 2, H_VEL, H_VEL + 1, H_VEL + 2, H_CLOCK])
+RATE_COLUMNS = np.array([POS, POS + 1, POS + 2, VEL, VEL + 1, VEL + 2, DRIFT])
+
+
+@jit
+def _larger(a, b):
+    return where(a > b, a, b)
+
+
+@jit
+def adapted(ax, ay, az, model):
+    """Return the variances under an acceleration (m/s^2): driving noise by axis (3), range, range rate.
+
+    Eq. 4.25 to 4.28 (4.27 with the acceleration along z). With zero gains they are the constant floors. Linear
+    covariance uses the difference of nominal velocities, Monte Carlo runs that of noisy point solutions.
+    """
+    size = sqrt(ax * ax + ay * ay + az * az)
+    return (
+        _larger(model.drive_gain * ax * ax, model.drive_floor),
+        _larger(model.drive_gain * ay * ay, model.drive_floor),
+        _larger(model.drive_gain * az * az, model.drive_floor),
+        _larger(model.range_gain * size, model.range_floor),
+        _larger(model.rate_gain * size, model.rate_floor),
+    )
+
+
+@jit
+def drive(P, model, x, y, z):
+    """Add the process noise of an interval to the covariance: driving variances x, y, z by axis, and clock noise."""
+    variance = (x, y, z)
+    blocks = (ACC, VEL, POS)
+    for i in range(3):
+        for first in range(3):
+            for second in range(3):
+                row, column = blocks[first] + i, blocks[second] + i
+                P[row, column] = P[row, column] + model.drive[first] * model.drive[second] * variance[i]
+    gain = (0.5 * model.interval * model.interval, model.interval)
+    for i in range(2):
+        for j in range(2):
+            P[BIAS + i, BIAS + j] = P[BIAS + i, BIAS + j] + gain[i] * gain[j] * model.clock
+
+
+@jit
+def propagate(rx, model, x, y, z):
+    """Propagate state and covariance over an interval, with driving variances x, y, z."""
+    nav = rx.nav
+    for i in range(3):
+        nav[POS + i] = nav[POS + i] + model.interval * nav[VEL + i] + model.to_position * nav[ACC + i]
+        nav[VEL + i] = nav[VEL + i] + model.to_velocity * nav[ACC + i]
+        nav[ACC + i] = model.decay * nav[ACC + i]
+    nav[BIAS] = nav[BIAS] + model.interval * nav[DRIFT]
+    predict(rx.P, model.blocks, model.rows, model.columns, model.ones, model.zeros, BIAS, model.interval)
+    drive(rx.P, model, x, y, z)
+
+
+@jit
+def _update_acceleration(rx, model, fixed):
+    """Set the acceleration to the velocity difference of the last two point solutions over the time between them."""
+    memory = rx.memory
+    ever = memory[SINCE] >= 0.0
+    since = where(ever, memory[SINCE] + model.interval, model.interval)
+    has_both = fixed & ever
+    for i in range(3):
+        velocity = rx.fix[FIX_VEL + i]
+        slope = (velocity - memory[LAST_VELOCITY + i]) / since
+        memory[ACCELERATION + i] = where(has_both, slope, memory[ACCELERATION + i])
+        memory[LAST_VELOCITY + i] = where(fixed, velocity, memory[LAST_VELOCITY + i])
+    memory[SINCE] = where(fixed, 0.0, where(ever, since, -1.0))
+
+
+@jit
+def _update_by_scalar(rx, model, innovation, limit, variance, entries, columns):
+    """Update by the scalar measurement with Jacobian row h, scaled to unit variance.
+
+    Returns 1 if it was accepted (else 0), and the normalised innovation.
+    """
+    scale = 1.0 / sqrt(variance)
+    for e in range(N_ENTRY):
+        rx.h[e] = rx.h[e] * scale
+    innovation = where(magnitude(innovation) <= limit, innovation * scale, np.nan)
+    normalised, weight = update_scalar(
+        rx.P, rx.x, rx.K, rx.h, entries, columns, innovation, 1.0, model.gate_squared, N_STATE, False
+    )
+    return where(weight > 0.0, 1.0, 0.0), normalised
+
+
+@jit
+def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ranges, variances):
+    """Process the measurements of the satellites in use, all linearised about the same state.
+
+    Returns the numbers of measurements, of accepted measurements, and of satellites with an accepted measurement.
+
+    variances : of a range (m^2) and of a range rate (m^2/s^2).
+    """
+    range_variance, rate_variance = variances
+    nav, x = rx.nav, rx.x
+    zero = like(nav[0], 0.0)
+    for i in range(3):
+        rx.at[i], rx.at[3 + i], rx.at[6 + i], rx.at[9 + i] = nav[POS + i], nav[VEL + i], zero, zero
+    for i in range(N_STATE):
+        x[i] = zero
+    count, accepted, satellites = zero, zero, zero
+    for channel in range(rx.innovation.shape[0]):
+        rx.innovation[channel] = like(zero, np.nan)
+    for slot in range(n_used):
+        s = used[slot]
+        ux, uy, uz, distance = line_of_sight(satellite[s], rx.at)
+        rho = where(rx.memory[STARTED] > 0.0, ranges[slot, 0], np.nan)
+        rate = where(rx.memory[STARTED] > 0.0, ranges[slot, 1], np.nan)
+        count = count + where(rho == rho, 1.0, 0.0) + where(rate == rate, 1.0, 0.0)
+        innovation = rho - range_row(rx.h, rx.at, ux, uy, uz, distance, nav[BIAS])
+        range_accepted, rx.innovation[2 * s] = _update_by_scalar(
+            rx, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS
+        )
+        innovation = rate - rate_row(rx.h, rx.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
+        rate_accepted, rx.innovation[2 * s + 1] = _update_by_scalar(
+            rx, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS
+        )
+        accepted = accepted + range_accepted + rate_accepted
+        satellites = satellites + where(range_accepted + rate_accepted > 0.0, 1.0, 0.0)
+    for i in range(N_STATE):
+        nav[i] = nav[i] + x[i]
+    return count, accepted, satellites
+
+
+@jit
+def _start(rx, model, point, begin):
+    """Start the filter from the point solution in the runs with `begin`."""
+    nav, P = rx.nav, rx.P
+    for i in range(N_STATE):
+        for j in range(N_STATE):
+            P[i, j] = where(begin, 0.0, P[i, j])
+    for i in range(3):
+        nav[ACC + i] = where(begin, 0.0, nav[ACC + i])
+        nav[VEL + i] = where(begin, rx.fix[FIX_VEL + i], nav[VEL + i])
+        nav[POS + i] = where(begin, rx.fix[FIX_POS + i], nav[POS + i])
+        P[ACC + i, ACC + i] = where(begin, model.start, P[ACC + i, ACC + i])
+    nav[BIAS] = where(begin, rx.fix[FIX_BIAS], nav[BIAS])
+    nav[DRIFT] = where(begin, rx.fix[FIX_DRIFT], nav[DRIFT])
+    for i in range(4):
+        for j in range(4):
+            a = POS + i if i < 3 else BIAS
+            b = POS + j if j < 3 else BIAS
+            P[a, b] = where(begin, point.range_variance * rx.inverse[i, j], P[a, b])
+            a = VEL + i if i < 3 else DRIFT
+            b = VEL + j if j < 3 else DRIFT
+            P[a, b] = where(begin, point.rate_variance * rx.inverse[i, j], P[a, b])
+
+
+@jit
+def _output(rx, model, satellites):
+    """Set solution and reported covariance; the solution is NaN before the start and after too long a coast."""
+    memory = rx.memory
+    valid = (memory[STARTED] > 0.0) & (memory[IDLE] <= model.coast)
+    quality = where(satellites >= 4.0, FULL, where(satellites > 0.0, PARTIAL, PROPAGATED))
+    rx.used[0] = where(valid, quality, NO_FIX)
+    reported, zero = model.reported, like(satellites, 0.0)
+    for i in range(6):
+        a = POS + i if i < 3 else VEL + i - 3
+        rx.solution[i] = where(valid, rx.nav[a], np.nan)
+        for j in range(6):
+            b = POS + j if j < 3 else VEL + j - 3
+            if reported.own:
+                rx.covariance[i, j] = reported.factor * rx.P[a, b] if reported.correlated or i == j else zero
+            else:
+                constant = reported.position_variance if i < 3 else reported.velocity_variance
+                rx.covariance[i, j] = zero + (constant if i == j else 0.0)
+
+
+@jit
+def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
+    """Propagate the filter from the previous epoch to this one, process its measurements, output its solution.
+
+    Parameters
+    ----------
+    rx : Receiver
+        Updated; `switch_on` has set its initial state.
+    model : ReceiverFilter
+    point : PointModel
+        Settings of the point solution that starts the filter and adapts its noise.
+    satellite, satellite_velocity, used, n_used, ranges : as in `bancroft.fix`
+
+    Returns
+    -------
+    quality
+        NO_FIX, PROPAGATED (no measurement), PARTIAL (fewer than four satellites), or FULL.
+    """
+    quality = fix(rx, point, satellite, satellite_velocity, used, n_used, ranges)
+    fixed = quality >= point.least_quality
+    memory = rx.memory
+    _update_acceleration(rx, model, fixed)
+    x, y, z, range_variance, rate_variance = adapted(
+        memory[ACCELERATION], memory[ACCELERATION + 1], memory[ACCELERATION + 2], model
+    )
+    propagate(rx, model, x, y, z)
+    count, accepted, satellites = _update_by_ranges(
+        rx, model, satellite, satellite_velocity, used, n_used, ranges, (range_variance, rate_variance)
+    )
+    memory[MISSES] = where(fixed & (accepted < 0.5 * count), memory[MISSES] + 1.0, 0.0)
+    begin = fixed & ((memory[STARTED] == 0.0) | (memory[MISSES] >= model.restart))
+    _start(rx, model, point, begin)
+    for channel in range(rx.innovation.shape[0]):  # no innovations at the epoch of a restart
+        rx.innovation[channel] = where(begin, np.nan, rx.innovation[channel])
+    memory[STARTED] = where(begin, 1.0, memory[STARTED])
+    memory[MISSES] = where(begin, 0.0, memory[MISSES])
+    satellites = where(begin, rx.verdict[1], satellites)
+    memory[IDLE] = where(satellites > 0.0, 0.0, memory[IDLE] + model.interval)
+    for i in range(3):
+        rx.near[i] = where(memory[STARTED] > 0.0, rx.nav[POS + i], rx.near[i])
+    rx.used[1] = accepted
+    _output(rx, model, satellites)
+    return rx.used[0]
+
+
+@jit
+def solve(rx, point, filtering, satellite, satellite_velocity, used, n_used, ranges):
+    """Set solution and covariance of a receiver at an epoch; return their quality.
+
+    Parameters
+    ----------
+    rx : Receiver
+        Updated.
+    point : PointModel
+    filtering : ReceiverFilter or None
+        None: output the point solution.
+    satellite, satellite_velocity, used, n_used, ranges : as in `bancroft.fix`
+    """
+    if filtering is None:
+        return solution(rx, point, satellite, satellite_velocity, used, n_used, ranges)
+    return step(rx, filtering, point, satellite, satellite_velocity, used, n_used, ranges)

@@ -1,0 +1,188 @@
+"""Linear error propagation from ranges to the receiver's solution, and from there to the navigation filter.
+
+All errors are truth minus estimate. Over an epoch the receiver's error e follows
+
+    e+ = (I - K H)(Phi e + d + w) - K v
+
+with H the Jacobian of ranges and range rates, v their errors (white and correlated), w the noise of the true clock, and
+d = x - Phi x_before the mismatch of the true motion, which is the same in every run. The navigation filter measures the
+solution, whose error is S e: its innovation is H_nav e_nav - S e. Hence e is part of the joint vector, with its own
+gains K. It is coloured: a covariance that treats it as white noise at every epoch is too small.
+
+Matrices are dense here.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.filter.receivers.ekf_gnss import adapted, drive
+from lvnav_trade.filter.receivers.receiver import (
+    ACC,
+    BIAS,
+    DRIFT,
+    N_FIX,
+    N_STATE,
+    POS,
+    VEL,
+    PointModel,
+    ReceiverFilter,
+    ReportedCovariance,
+    transition,
+)
+from lvnav_trade.quantities.line_of_sight import sight
+from lvnav_trade.quantities.records import Bools, Floats
+
+# Position and velocity of the solution among the states of the receiver's filter.
+SOLUTION = np.array([*range(POS, POS + 3), *range(VEL, VEL + 3)])
+# States of the point solution, in the order of `FIX_POS` to `FIX_DRIFT`.
+FIX_STATES = np.array([*SOLUTION, BIAS, DRIFT])
+
+
+class Gains(NamedTuple):
+    """Linear error propagation of the receiver over an epoch.
+
+    phi : (11, 11). Transition matrix.
+    keep : (11, 11). I - K H; zero for a fix that starts the filter.
+    gain : (11, n_row). Gain K.
+    P : (11, 11). Covariance of the receiver's filter after the epoch.
+    """
+
+    phi: Floats
+    keep: Floats
+    gain: Floats
+    P: Floats
+
+
+def design(r_i: Floats, v_i: Floats, satellite: Floats, moving: Floats) -> Floats:
+    """Return the Jacobian H (2 n_sat, 11), satellite by satellite: pseudorange, range rate.
+
+    Parameters
+    ----------
+    r_i, v_i : (3,) m, m/s, frame i
+        Receiver.
+    satellite, moving : (n_sat, 3) m, m/s, frame i
+        Position of the satellites at transmission, and its derivative by reception time.
+    """
+    seen = sight(satellite - r_i, moving - v_i)
+    jacobian = np.zeros((2 * len(satellite), N_STATE))
+    jacobian[0::2, POS : POS + 3] = -seen.direction
+    jacobian[0::2, BIAS] = 1.0
+    jacobian[1::2, POS : POS + 3] = -seen.turning
+    jacobian[1::2, VEL : VEL + 3] = -seen.direction
+    jacobian[1::2, DRIFT] = 1.0
+    return jacobian
+
+
+def point_gain(rows: Floats) -> Floats:
+    """Return the gain G (8, n_row) of the point solution: measurement errors v cause the error -G v.
+
+    Position and bias follow from the pseudoranges alone. The position error then rotates the lines of sight of the
+    range rates.
+
+    rows : (n_row, 11). Jacobian as from `design`, of at least four satellites.
+    """
+    ranges, rates = rows[0::2], rows[1::2]
+    place = np.linalg.pinv(ranges[:, [*range(POS, POS + 3), BIAS]])
+    speed = np.linalg.pinv(rates[:, [*range(VEL, VEL + 3), DRIFT]])
+    gain = np.zeros((N_FIX, len(rows)))
+    gain[np.ix_([0, 1, 2, 6], range(0, len(rows), 2))] = place
+    gain[np.ix_([3, 4, 5, 7], range(1, len(rows), 2))] = speed
+    gain[np.ix_([3, 4, 5, 7], range(0, len(rows), 2))] = -speed @ rates[:, POS : POS + 3] @ place[:3]
+    return gain
+
+
+def noises(model: ReceiverFilter, acceleration: Floats, n_row: int) -> tuple[Floats, Floats]:
+    """Return the filter's process noise (11, 11) and measurement variances (n_row,) for an acceleration (3,) m/s^2."""
+    x, y, z, ranges, rates = adapted(*(float(a) for a in acceleration), model)
+    noise = np.zeros((N_STATE, N_STATE))
+    drive(noise, model, x, y, z)
+    return noise, np.tile([ranges, rates], n_row // 2)
+
+
+def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
+    """Return the acceleration (n_epoch, 3) m/s^2 that adapts the receiver's filter on the nominal motion.
+
+    It is the difference of the velocities at the last two epochs with a point solution over the time between them. It
+    is zero before the second such epoch and constant until the next.
+
+    v_i : (n_epoch, 3) m/s. Nominal velocity.
+    fixed : (n_epoch,). Whether the epoch has a point solution.
+    interval : s. Time between epochs.
+    """
+    acceleration, before = np.zeros_like(v_i), -1
+    for k in range(len(v_i)):
+        acceleration[k] = acceleration[k - 1] if k else 0.0
+        if fixed[k]:
+            if before >= 0:
+                acceleration[k] = (v_i[k] - v_i[before]) / (interval * (k - before))
+            before = k
+    return acceleration
+
+
+def point_solution(model: PointModel, rows: Floats) -> Gains:
+    """Return the error propagation of a point solution, which is independent of the previous epoch.
+
+    rows : (n_row, 11). Jacobian as from `design`.
+    """
+    P, gain = np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, len(rows)))
+    gain[FIX_STATES] = point_gain(rows)
+    for at, variance, part in (
+        ([*range(POS, POS + 3), BIAS], model.range_variance, rows[0::2]),
+        ([*range(VEL, VEL + 3), DRIFT], model.rate_variance, rows[1::2]),
+    ):
+        P[np.ix_(at, at)] = variance * np.linalg.inv(part[:, at].T @ part[:, at])
+    return Gains(np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, N_STATE)), gain, P)
+
+
+def started(model: ReceiverFilter, point: PointModel, rows: Floats) -> Gains:
+    """Return the error propagation of the fix that starts the filter.
+
+    The filter starts with zero acceleration, so that its acceleration error is the true acceleration.
+    """
+    gains, acceleration = point_solution(point, rows), range(ACC, ACC + 3)
+    gains.P[acceleration, acceleration] = model.start
+    gains.keep[acceleration, acceleration] = 1.0
+    return gains
+
+
+def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Floats) -> Gains:
+    """Return the error propagation of the running filter over an epoch.
+
+    Parameters
+    ----------
+    P : (11, 11)
+        Covariance after the previous epoch.
+    model : ReceiverFilter
+    rows : (n_row, 11)
+        Jacobian as from `design`; without rows the filter only propagates.
+    acceleration : (3,) m/s^2
+        Acceleration that adapts the noise, as from `nominal_acceleration`.
+    """
+    noise, variance = noises(model, acceleration, len(rows))
+    phi = transition(model)
+    P = phi @ P @ phi.T + noise
+    gain = np.asarray(np.linalg.solve(rows @ P @ rows.T + np.diag(variance), rows @ P).T, dtype=np.float64)
+    keep = np.eye(N_STATE) - gain @ rows
+    return Gains(phi, keep, gain, keep @ P @ keep.T + (gain * variance) @ gain.T)
+
+
+def mismatch(model: ReceiverFilter, acceleration: Floats, v_i: Floats, r_i: Floats) -> Floats:
+    """Return the mismatch d = x - Phi x_before (n_epoch, 11) of the true motion; at the first epoch the state x itself.
+
+    acceleration : (n_epoch, 3) m/s^2. True acceleration; zeros for a filter without acceleration states.
+    v_i, r_i : (n_epoch, 3) m/s, m. True velocity and position.
+    """
+    state = np.zeros((len(r_i), N_STATE))
+    state[:, ACC : ACC + 3], state[:, VEL : VEL + 3], state[:, POS : POS + 3] = acceleration, v_i, r_i
+    difference = state.copy()
+    difference[1:] -= state[:-1] @ transition(model).T
+    return difference
+
+
+def reported_covariance(reported: ReportedCovariance, P: Floats) -> Floats:
+    """Return the covariance (6, 6) reported with a solution of a filter with covariance P (11, 11)."""
+    if not reported.own:
+        return np.diag([reported.position_variance] * 3 + [reported.velocity_variance] * 3)
+    R = np.asarray(reported.factor * P[np.ix_(SOLUTION, SOLUTION)])
+    return R if reported.correlated else np.diag(np.diag(R))

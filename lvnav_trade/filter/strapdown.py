@@ -1,0 +1,192 @@
+"""Strapdown algorithms: weights of the coning and sculling compensation, and frame of the integration.
+
+In coning motion of angular frequency w, the cross product of two increments depends only on their distance in time.
+With b = w T, T the time of a subsample, and increments of amplitude a,
+
+    (increment k) x (increment k + d) = 4 a^2 sin(b / 2)^2 sin(d b)         along the axis of the cone
+    coning of a step of N subsamples  = a^2 / 2 (N b - sin(N b))
+
+The optimised class (Ignagni, J. Guidance Control Dynamics 19, 1996) has two products: the weighted sum of all
+increments but the last with the last, and the sum of the previous step with the sum of this step. The weights match as
+many terms of the series in b as there are weights. They are Miller's 2/3, (9/20, 27/20), ... without the previous step,
+and 1/12 for one increment with it. The same weights compensate sculling (the duality of Roscoe, same journal 24, 2001).
+"""
+
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.kernels import strapdown
+from lvnav_trade.kernels.local_level import ENU, NED
+from lvnav_trade.kernels.strapdown import Further, Strapdown
+from lvnav_trade.quantities import units
+from lvnav_trade.quantities.records import Floats
+
+LOCAL = {"ned": NED, "enu": ENU}
+GRAVITY = {"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}
+
+
+class StrapdownCard(units.Card):
+    """Number of IMU increments in one strapdown step, and the compensation of coning and sculling within it."""
+
+    algorithm: Literal["summed", "two_sample", "optimised", "optimised_present", "recursive", "polynomial"] = Field(
+        "two_sample",
+        description="summed: none; two_sample: by the sums of the step before and of this one; optimised: by these and "
+        "every increment of this step; optimised_present: by those of this step alone; recursive: increment by "
+        "increment at their own rate (Savage); polynomial: integral of rates through all increments of the step "
+        "(McKern)",
+    )
+    ratio: int = Field(1, ge=1, le=8, description="IMU increments per strapdown step")
+
+    def _faults(self) -> Iterator[str]:
+        if self.algorithm in {"optimised_present", "polynomial"} and self.ratio == 1:
+            yield f"{self.algorithm}: a step of one increment has no other to compensate by; take a ratio of 2 or more"
+
+
+def optimised_weights(subsamples: int, with_previous: bool) -> tuple[Floats, float]:
+    """Return the weights of the optimised coning compensation (Ignagni 1996).
+
+    Parameters
+    ----------
+    subsamples
+        Number N of increments in a step.
+    with_previous
+        Whether the compensation uses the sum of the previous step too.
+
+    Returns
+    -------
+    weights
+        (N - 1,). Weights of all increments of the step but the last, in order of time.
+    across
+        Weight of the sum of the previous step; 0 without it.
+
+    Notes
+    -----
+    The weights solve one linear equation per power n = 3, 5, ... of b. Apart from the common factor 1 / n!, the
+    coefficient of b^n is 2 d^n - (d + 1)^n - (d - 1)^n for the product of increments d apart, N^n (2 - 2^n) for the
+    product of the sums of two steps, and -N^n / 2 for the coning integral. Fractions keep the solution exact.
+    """
+    n, apart = subsamples, list(range(subsamples - 1, 0, -1))
+    rows = []
+    for power in range(3, 3 + 2 * (len(apart) + with_previous), 2):
+        row = [Fraction(2 * d**power - (d + 1) ** power - (d - 1) ** power) for d in apart]
+        row += [Fraction(n**power * (2 - 2**power))] if with_previous else []
+        rows.append([*row, Fraction(-(n**power), 2)])
+    weights = [float(value) for value in _solve(rows)]
+    across = weights.pop() if with_previous else 0.0
+    return np.array(weights, dtype=float), across
+
+
+def recursive_weights(subsamples: int) -> Floats:
+    """Return the weights of Savage's recursion for the product of each pair of increments, (subsamples, subsamples).
+
+    Each increment is multiplied by half of the sum of all increments before it, and by a twelfth of the last of them.
+    """
+    apart = np.subtract.outer(np.arange(subsamples), np.arange(subsamples))
+    return np.where(apart < 0, 0.5, 0.0) + np.where(apart == -1, 1.0 / 12.0, 0.0)
+
+
+def polynomial_weights(subsamples: int) -> Floats:
+    """Return the weights of McKern's algorithm for the product of each pair of increments, (subsamples, subsamples).
+
+    The rate is the polynomial of degree subsamples - 1 whose integrals over the subsamples are the increments. The
+    coning integral is half of the integral of angle times rate; its exact value gives the weights.
+    """
+    n = subsamples
+    # rates[j][p]: coefficient of s^p in the rate whose integral is 1 over subsample j and 0 over the others
+    powers = [[Fraction((k + 1) ** (p + 1) - k ** (p + 1), p + 1) for p in range(n)] for k in range(n)]
+    rates = [_solve([[*powers[k], Fraction(int(k == j))] for k in range(n)]) for j in range(n)]
+
+    def integral(j: int, k: int) -> Fraction:  # angle of increment j times rate of increment k, over the step
+        terms = (
+            rates[j][p] / (p + 1) * rates[k][q] * Fraction(n ** (p + q + 2), p + q + 2)
+            for p in range(n)
+            for q in range(n)
+        )
+        return sum(terms, Fraction(0))
+
+    weights = np.zeros((n, n))
+    for j in range(n):
+        for k in range(j + 1, n):
+            weights[j, k] = float((integral(j, k) - integral(k, j)) / 2)
+    return weights
+
+
+def _solve(rows: list[list[Fraction]]) -> list[Fraction]:
+    """Return the solution of linear equations (Gauss-Jordan); each row has the coefficients and the right-hand side."""
+    for k in range(len(rows)):
+        pivot = next(i for i in range(k, len(rows)) if rows[i][k] != 0)
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        rows[k] = [value / rows[k][k] for value in rows[k]]
+        for i, row in enumerate(rows):
+            if i != k:
+                rows[i] = [value - row[k] * pivot_value for value, pivot_value in zip(row, rows[k], strict=True)]
+    return [row[-1] for row in rows]
+
+
+EXACT_TURN = 5e-3
+"""Largest rotation (rad) in a sample at which the error of the two-sample algorithm is neglected: 2e-5 m/s^2 at a
+specific force of 30 m/s^2."""
+
+
+def strapdown_of(
+    card: StrapdownCard,
+    gravity: str,
+    mechanisation: str = "inertial",
+    angle: float = 0.0,
+    start: Floats | None = None,
+    turn: float = 0.0,
+) -> Strapdown:
+    """Return a strapdown algorithm as numbers for the kernels.
+
+    Parameters
+    ----------
+    card
+        Algorithm, and number of increments in a step.
+    gravity
+        Gravity model: point, j2 or j4.
+    mechanisation
+        Frame of the integration, as in the filter card.
+    angle
+        rad. Angle from the x axis of frame i to that of frame e at tick 0.
+    start
+        (3,) m. Position at tick 0, frame i; the origin of the pad mechanisation.
+    turn
+        rad. Largest rotation within a sample on the nominal flight. Above `EXACT_TURN` linear covariance includes the
+        error of the algorithm.
+
+    Returns
+    -------
+    Strapdown
+        The algorithm as numbers.
+    """
+    general = card.algorithm != "two_sample" or card.ratio > 1
+    weights, across, pairs = np.zeros(0), 0.0, np.zeros((0, 0))
+    if card.algorithm in {"two_sample", "recursive"}:
+        across = 1.0 / 12.0
+    if card.algorithm == "recursive":
+        pairs = recursive_weights(card.ratio)
+    elif card.algorithm == "polynomial":
+        pairs = polynomial_weights(card.ratio)
+    elif card.algorithm.startswith("optimised"):
+        weights, across = optimised_weights(card.ratio, card.algorithm == "optimised")
+    origin, local = np.zeros(3), LOCAL.get(mechanisation, 0)
+    if mechanisation == "pad" and start is not None:
+        c, s = np.cos(angle), np.sin(angle)
+        origin = np.array([c * start[0] + s * start[1], c * start[1] - s * start[0], start[2]])
+    return Strapdown(
+        gravity=GRAVITY[gravity],
+        subsamples=card.ratio,
+        weights=weights,
+        across=across,
+        at_end=card.algorithm == "summed",
+        rotating=mechanisation != "inertial",
+        angle=angle,
+        origin=origin,
+        further=Further(local, pairs) if local or pairs.size else None,
+        general=general,
+        counted=general or turn > EXACT_TURN,
+    )

@@ -1,1 +1,0 @@
-"""Filter models: states, measurements and correction policy of the navigation filters."""

@@ -1,0 +1,234 @@
+"""Readers of YUMA and SEM almanac files; every error names file and line."""
+
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from lvnav_trade.gnss.navigation_lines import Bounds, number, read_lines
+from lvnav_trade.quantities.decimals import whole
+from lvnav_trade.quantities.errors import InputError
+
+HIGHEST_PRN = 63  # six bits in the navigation message (IS-GPS-200, 20.3.3.5); those of QZSS begin at 193
+SEMICIRCLE = math.pi
+REFERENCE_INCLINATION = 0.30 * SEMICIRCLE  # SEM gives inclinations as differences from it (IS-GPS-200, table 20-VI)
+
+
+class AlmanacRecord(NamedTuple):
+    """A satellite of an almanac, SI and radians."""
+
+    prn: int  # number of the satellite
+    health: int  # 0: healthy
+    eccentricity: float  # of the orbit
+    applicability: float  # s of week, reference time of the elements
+    inclination: float  # rad
+    node_rate: float  # rad/s, relative to inertial space
+    root_axis: float  # m^0.5, square root of the semi-major axis
+    node: float  # rad, longitude of the ascending node relative to Greenwich at the start of the week
+    perigee: float  # rad, argument of perigee
+    mean_anomaly: float  # rad, at the reference time
+    clock_bias: float  # s
+    clock_drift: float  # s/s
+    week: int  # number of the week, as broadcast
+
+
+class _Field(NamedTuple):
+    name: str  # of the field of the record
+    label: str  # several beginnings of a YUMA line, by |, where writers differ
+    bounds: Bounds  # refuse what no orbit can have, not what is merely unusual
+    unit: float = 1.0
+
+
+_PRN, _HEALTH, _WEEK = Bounds(1, 255, whole), Bounds(0, 255, whole), Bounds(0, 99999, whole)
+_SECONDS, _ECCENTRICITY, _ROOT_AXIS = Bounds(0.0, 604800.0), Bounds(0.0, 0.999), Bounds(2600.0, 1e5)
+_BIAS, _DRIFT = Bounds(-1.0, 1.0), Bounds(-1e-3, 1e-3)
+_TURN, _SEMICIRCLES = Bounds(-7.0, 7.0), Bounds(-2.3, 2.3)
+
+# A line begins with the label, in lower case; the file's own order.
+_YUMA = (
+    _Field("prn", "id", _PRN),
+    _Field("health", "health", _HEALTH),
+    _Field("eccentricity", "eccentricity", _ECCENTRICITY),
+    _Field("applicability", "time of applicability", _SECONDS),
+    _Field("inclination", "orbital inclination", Bounds(-math.pi, math.pi)),
+    _Field("node_rate", "rate of right ascen", Bounds(-1e-6, 1e-6)),
+    _Field("root_axis", "sqrt(a)", _ROOT_AXIS),
+    _Field("node", "right ascen at week|right ascen at toa|right ascension at", _TURN),
+    _Field("perigee", "argument of perigee", _TURN),
+    _Field("mean_anomaly", "mean anom", _TURN),
+    _Field("clock_bias", "af0", _BIAS),
+    _Field("clock_drift", "af1", _DRIFT),
+    _Field("week", "week", _WEEK),
+)
+# The lines of a satellite; a blank line follows.
+_SEM: tuple[tuple[_Field, ...], ...] = (
+    (_Field("prn", "PRN", _PRN),),
+    (),  # the satellite's serial number, which some files leave blank
+    (),  # index of its range accuracy
+    (
+        _Field("eccentricity", "eccentricity", _ECCENTRICITY),
+        _Field("inclination", "inclination offset", Bounds(-1.3, 0.7), SEMICIRCLE),
+        _Field("node_rate", "rate of right ascension", Bounds(-3e-7, 3e-7), SEMICIRCLE),
+    ),
+    (
+        _Field("root_axis", "root of the semi-major axis", _ROOT_AXIS),
+        _Field("node", "longitude of the orbital plane", _SEMICIRCLES, SEMICIRCLE),
+        _Field("perigee", "argument of perigee", _SEMICIRCLES, SEMICIRCLE),
+    ),
+    (
+        _Field("mean_anomaly", "mean anomaly", _SEMICIRCLES, SEMICIRCLE),
+        _Field("clock_bias", "clock bias", _BIAS),
+        _Field("clock_drift", "clock drift", _DRIFT),
+    ),
+    (_Field("health", "health", _HEALTH),),
+    (),  # satellite configuration
+)
+_HEAD = tuple(
+    _Field(*item)
+    for item in (("count", "number of records", _PRN), ("week", "week", _WEEK), ("applicability", "second", _SECONDS))
+)
+
+
+def read_almanac(path: str | Path) -> tuple[AlmanacRecord, ...]:
+    """Read a YUMA or a SEM almanac, distinguished by its first word: a SEM file begins with the number of its records.
+
+    InputError as of `read_yuma` and `read_sem`, and where the file is one of another kind.
+    """
+    lines = read_lines(path, "YUMA or SEM almanac")
+    if lines and lines[0].rstrip().endswith("RINEX VERSION / TYPE"):
+        raise InputError(f"{path}:1: a RINEX file; name it by {{rinex: ...}}, not {{almanac: ...}}")
+    words = next((line.split() for line in lines if line.strip()), [""])
+    return read_sem(path) if words[0].isdigit() else read_yuma(path)
+
+
+def read_yuma(path: str | Path) -> tuple[AlmanacRecord, ...]:
+    """Read all satellites of a YUMA almanac, healthy or not, in the order of the file.
+
+    Satellites of other systems (PRN above 63) and unhealthy satellites with a broken record are skipped.
+    Records are 13 lines ``label: value``, each begun by a line of stars or by its ``ID``. InputError ``file:line:
+    what`` where the file cannot be read or is empty, a record lacks a field or states one twice, a value is not a
+    number or impossible, or a satellite comes twice.
+    """
+    records = _distinct(path, _yuma_records(path))
+    if not records:
+        raise InputError(f"{path}:1: no almanac record (a YUMA record begins with 'ID:')")
+    return _of_system(path, records)
+
+
+def read_sem(path: str | Path) -> tuple[AlmanacRecord, ...]:
+    """Read all satellites of a SEM almanac, healthy or not, in the order of the file.
+
+    Satellites of other systems (PRN above 63) are skipped.
+
+    Number of records and title; week and second of applicability; then per satellite eight lines (PRN, serial number,
+    accuracy, and with angles in semicircles: eccentricity, inclination offset, node rate; root of the axis, node,
+    perigee; mean anomaly, clock bias and drift; health; configuration), set apart by blank lines. InputError
+    ``file:line: what`` where the file cannot be read, ends early, has more or fewer satellites than it says, a value is
+    not a number or impossible, or a satellite comes twice.
+    """
+    rows = [(at, line.split()) for at, line in enumerate(read_lines(path, "SEM almanac"), start=1)]
+    first = _next(rows, 0)
+    second = _next(rows, first + 1)
+    if second >= len(rows):
+        raise InputError(f"{path}:{max(1, len(rows))}: no SEM almanac: number of records, week and second are missing")
+    count, week, seconds = _HEAD
+    stated = int(_one(path, rows[first], 0, count))
+    time = {"week": _one(path, rows[second], 0, week), "applicability": _one(path, rows[second], 1, seconds)}
+    records = _distinct(path, _sem_records(path, rows, second + 1, time))
+    if len(records) != stated:
+        raise InputError(f"{path}:{len(rows)}: ends after {len(records)} satellites, but line 1 says {stated}")
+    return _of_system(path, records)
+
+
+def _of_system(path: str | Path, records: tuple[AlmanacRecord, ...]) -> tuple[AlmanacRecord, ...]:
+    """Return the records of the almanac's system; InputError if there are only records of other systems."""
+    own_system = tuple(record for record in records if record.prn <= HIGHEST_PRN)
+    if not own_system:
+        raise InputError(f"{path}: PRN {records[0].prn} and no other up to {HIGHEST_PRN}, so no satellite to take")
+    return own_system
+
+
+def _distinct(path: str | Path, pairs: Iterable[tuple[int, AlmanacRecord]]) -> tuple[AlmanacRecord, ...]:
+    """Return the records from pairs of first line and record; InputError if a satellite occurs twice."""
+    records: dict[int, tuple[int, AlmanacRecord]] = {}
+    for line, record in pairs:
+        if record.prn in records:
+            raise InputError(f"{path}:{line}: PRN {record.prn} again (first on line {records[record.prn][0]})")
+        records[record.prn] = line, record
+    return tuple(record for _, record in records.values())
+
+
+_Lines = list[tuple[int, str, str]]  # number, label and value of each
+
+
+def _yuma_blocks(path: str | Path) -> list[_Lines]:
+    blocks: list[_Lines] = [[]]
+    for at, line in enumerate(read_lines(path, "YUMA almanac"), start=1):
+        label, colon, value = line.partition(":")
+        if line.startswith("*") or label.strip().lower() == "id":
+            blocks.append([])
+        if line.startswith("*") or not line.strip():
+            continue
+        if not colon:
+            raise InputError(f"{path}:{at}: {line.strip()!r} is not a line 'label: value' of a YUMA almanac")
+        blocks[-1].append((at, " ".join(label.lower().split()), value.strip()))
+    return [block for block in blocks if block]
+
+
+def _yuma_records(path: str | Path) -> Iterator[tuple[int, AlmanacRecord]]:
+    """Yield the satellites, each with its first line, except unhealthy satellites with a broken record."""
+    for block in _yuma_blocks(path):
+        try:
+            yield block[0][0], _yuma_record(path, block)
+        except InputError:
+            if not any(label == "health" and value.strip("0") and value.isdigit() for _, label, value in block):
+                raise
+
+
+def _yuma_record(path: str | Path, lines: _Lines) -> AlmanacRecord:
+    values: dict[str, float] = {}
+    for line, label, value in lines:
+        field = next((field for field in _YUMA if label.startswith(tuple(field.label.split("|")))), None)
+        if field is None:
+            raise InputError(f"{path}:{line}: {label!r} is not a field of a YUMA almanac")
+        if field.name in values:
+            raise InputError(f"{path}:{line}: {label!r} comes twice in one record")
+        values[field.name] = number(f"{path}:{line}: {label}", value, field.bounds)
+    missing = [repr(field.label.partition("|")[0]) for field in _YUMA if field.name not in values]
+    if missing:
+        raise InputError(f"{path}:{lines[-1][0]}: the record ends without {', '.join(missing)}")
+    return AlmanacRecord(**values)  # type: ignore[arg-type]
+
+
+_Row = tuple[int, list[str]]  # number and words of a line
+
+
+def _next(rows: list[_Row], at: int) -> int:
+    return next((k for k in range(at, len(rows)) if rows[k][1]), max(at, len(rows)))
+
+
+def _one(path: str | Path, row: _Row, index: int, field: _Field) -> float:
+    line, words = row
+    if index >= len(words):
+        raise InputError(f"{path}:{line}: {field.label} is missing")
+    value = number(f"{path}:{line}: {field.label}", words[index], field.bounds)
+    return value if field.bounds.read is whole else value * field.unit
+
+
+def _sem_records(
+    path: str | Path, rows: list[_Row], at: int, time: dict[str, float]
+) -> Iterator[tuple[int, AlmanacRecord]]:
+    """Yield the satellites from a line on, each with its first line."""
+    while (at := _next(rows, at)) < len(rows):
+        lines = rows[at : at + len(_SEM)]
+        if len(lines) < len(_SEM):
+            raise InputError(f"{path}:{lines[-1][0]}: the last satellite has {len(lines)} lines, not {len(_SEM)}")
+        values = dict(time)
+        for row, wanted in zip(lines, _SEM, strict=True):
+            if wanted and len(row[1]) != len(wanted):
+                labels = ", ".join(field.label for field in wanted)
+                raise InputError(f"{path}:{row[0]}: {len(row[1])} numbers where {len(wanted)} should be ({labels})")
+            values |= {field.name: _one(path, row, index, field) for index, field in enumerate(wanted)}
+        values["inclination"] += REFERENCE_INCLINATION
+        yield at + 1, AlmanacRecord(**values)  # type: ignore[arg-type]
+        at += len(_SEM)

@@ -1,0 +1,175 @@
+"""Tropospheric and ionospheric delays on arrays of epochs and satellites; a cached table of ray-traced delays."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.interpolate import RectBivariateSpline
+
+from lvnav_trade.gnss import delay_cards
+from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MINOR
+from lvnav_trade.kernels.media import ionosphere, refractivity, troposphere
+from lvnav_trade.kernels.media.refractivity import EARTH_RADIUS, lowest_height, ray
+from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.records import Floats
+
+BOTTOM, TOP = -1e3, 120e3  # m; below, the delay is that at the bottom; above, a rising ray has no delay
+FARTHEST = 7000e3  # m from the lowest point of a descending line; beyond it (2,900 km of height) the delay is constant
+_LEAST = 1e-7  # m; smaller delays are rounding, whose logarithm cannot be interpolated
+_FLAT, _NEAR = 0.02, 150e3  # sine of elevation, and m: transition from uniform to logarithmic spacing of the table
+
+
+class Geometry(NamedTuple):
+    """Time, position and lines of sight for the delay models.
+
+    day_of_year : scalar or (n_epoch,). 1.0 at the start of the year.
+    seconds_of_day : scalar or (n_epoch,) s. GPS time of day.
+    latitude, longitude : (n_epoch,) rad. Geodetic position of the receiver.
+    height : (n_epoch,) m. Height of the receiver above the ellipsoid.
+    azimuth, elevation : (n_epoch, n_sat) rad. Directions of the straight lines to the satellites.
+    """
+
+    day_of_year: float | Floats
+    seconds_of_day: float | Floats
+    latitude: Floats
+    longitude: Floats
+    height: Floats
+    azimuth: Floats
+    elevation: Floats
+
+
+def troposphere_delay(model: delay_cards.TroposphereModel, geometry: Geometry) -> Floats:
+    """Return the tropospheric delay (n_epoch, n_sat) in m. It increases pseudoranges and carrier ranges alike.
+
+    Only `ray_traced` and `any_elevation` are valid below zero elevation; other models use their lowest elevation there.
+    """
+    elevation = np.asarray(geometry.elevation, dtype=float)
+    height, latitude = _column(geometry.height), _column(geometry.latitude)
+    if isinstance(model, delay_cards.RayTracedTroposphere):
+        lowest = lowest_height(latitude, height, geometry.azimuth, elevation)
+        return interpolated(model, np.broadcast_to(height, elevation.shape), elevation, lowest)
+    if isinstance(model, delay_cards.AnyElevationTroposphere):
+        settings = (model.gain, model.scale_height, model.offset, model.join, model.gain_law)
+        radius = SEMI_MINOR / (1.0 - ECCENTRICITY_2 * np.sin(latitude) ** 2)  # Gaussian mean curvature of the ellipsoid
+        return troposphere.any_elevation(elevation, height, radius, *settings)
+    if isinstance(model, delay_cards.SpilkerTroposphere):
+        bounded = np.maximum(elevation, model.lowest)
+        return troposphere.spilker(bounded, height, model.zenith, model.scale_height, model.offset)
+    if isinstance(model, delay_cards.StanagTroposphere):
+        return troposphere.stanag(np.maximum(elevation, model.lowest), height, model.surface)
+    if isinstance(model, delay_cards.SaastamoinenTroposphere | delay_cards.NiellTroposphere):
+        bounded = np.maximum(elevation, model.lowest)
+        air = troposphere.weather(height, model.pressure, model.temperature, model.humidity)
+        dry, wet = troposphere.saastamoinen_zenith(*air, latitude, height)
+        if isinstance(model, delay_cards.SaastamoinenTroposphere):
+            return np.asarray((dry + wet) / np.sin(bounded))
+        dry_map, wet_map = troposphere.niell(bounded, latitude, height, _column(geometry.day_of_year))
+        return np.asarray(dry * dry_map + wet * wet_map)
+    return np.zeros(elevation.shape)
+
+
+def ionosphere_delay(
+    model: delay_cards.IonosphereModel, geometry: Geometry, frequency: float = ionosphere.L1
+) -> Floats:
+    """Return the ionospheric group delay (n_epoch, n_sat) in m at a frequency (Hz).
+
+    It increases pseudoranges and decreases carrier ranges (and their rates): code is delayed, phase is advanced.
+    """
+    elevation = np.asarray(geometry.elevation, dtype=float)
+    if isinstance(model, delay_cards.KlobucharIonosphere):
+        place = (_column(geometry.latitude), _column(geometry.longitude), geometry.azimuth, elevation)
+        delay = ionosphere.klobuchar(model.alpha, model.beta, _column(geometry.seconds_of_day), *place)
+        return np.asarray(delay * (ionosphere.L1 / frequency) ** 2)
+    if isinstance(model, delay_cards.ContentIonosphere | delay_cards.KlobucharContentIonosphere):
+        slant = ionosphere.lear_slant if model.slant == "lear" else ionosphere.chapman_slant
+        share = slant(elevation, _column(geometry.height), model.peak, model.scale_height)
+        return np.asarray(ionosphere.DISPERSION / frequency**2 * _surface_content(model, geometry) * share)
+    if isinstance(model, delay_cards.EpsteinIonosphere):
+        layer = (model.peak, model.bottom, model.top)
+        share = ionosphere.epstein_slant(elevation, _column(geometry.height), *layer)
+        return np.asarray(ionosphere.DISPERSION / frequency**2 * model.vertical * share)
+    return np.zeros(elevation.shape)
+
+
+def _surface_content(
+    model: delay_cards.ContentIonosphere | delay_cards.KlobucharContentIonosphere, geometry: Geometry
+) -> float | Floats:
+    """Return the vertical electron content at the ground (1/m^2): a constant, or below the ionospheric point of each
+    ray, (n_epoch, n_sat).
+    """
+    if isinstance(model, delay_cards.ContentIonosphere):
+        return model.vertical
+    height = _column(geometry.height)
+    median = ionosphere.median_height(height, model.peak, model.scale_height)
+    place = (_column(geometry.latitude), _column(geometry.longitude), height)
+    latitude, longitude = ionosphere.pierced(*place, geometry.azimuth, geometry.elevation, median)
+    seconds = _column(geometry.seconds_of_day)
+    return ionosphere.klobuchar_content(model.alpha, model.beta, seconds, latitude, longitude)
+
+
+def _column(value: float | Floats) -> Floats:
+    """Return a value by epoch as a column (n_epoch, 1), or (1, 1), that broadcasts over satellites."""
+    return np.atleast_1d(np.asarray(value, dtype=float))[:, None]
+
+
+def profile(card: delay_cards.RefractivityProfile) -> refractivity.Profile:
+    """Return the refractivity profile of a card, sampled over height."""
+    if card.kind == "standard":
+        return refractivity.sampled(lambda h: refractivity.standard_refractivity(h, card.wet, card.wet_scale_height))
+    if card.kind == "bean_thayer":
+        return refractivity.sampled(lambda h: refractivity.bean_thayer_refractivity(h, card.surface))
+    return refractivity.sampled(lambda h: refractivity.exponential_refractivity(h, card.surface, card.scale_height))
+
+
+def table(card: delay_cards.RayTracedTroposphere) -> tuple[RectBivariateSpline, RectBivariateSpline]:
+    """Return the table of ray-traced delays of a model; computed once (half a second), then cached."""
+    return _table(card, card)
+
+
+@remembered(8)
+def _table(_: delay_cards.RayTracedTroposphere, card: delay_cards.RayTracedTroposphere) -> tuple[Any, Any]:
+    """Return the table of a model: two splines of ln(delay).
+
+    The first is for rising rays, over height and elevation; the second for descending rays, over lowest height and
+    distance to the lowest point. Both have the same heights and the same rays at zero elevation, so that they agree
+    there.
+    """
+    air, far = profile(card.profile), card.satellite_radius
+    heights = np.concatenate([np.arange(-1e3, 15e3, 500.0), np.arange(15e3, 30e3, 1e3), np.linspace(30e3, TOP, 37)])
+    bend = np.linspace(0.0, np.arcsinh(1.0 / _FLAT), 40)
+    upwards = ray(air, heights[:, None], np.arcsin(np.minimum(_FLAT * np.sinh(bend), 1.0)), far).delay
+    reach = np.linspace(0.0, np.arcsinh(FARTHEST / _NEAR), 46)
+    distance = _NEAR * np.sinh(reach)
+    radius = np.hypot(EARTH_RADIUS + heights[:, None], distance)
+    downwards = ray(air, radius - EARTH_RADIUS, -np.arctan2(distance, EARTH_RADIUS + heights[:, None]), far).delay
+    return (
+        RectBivariateSpline(heights, bend, np.log(np.maximum(upwards, _LEAST))),
+        RectBivariateSpline(heights, reach, np.log(np.maximum(downwards, _LEAST))),
+    )
+
+
+def interpolated(card: delay_cards.RayTracedTroposphere, height: Floats, elevation: Floats, lowest: Floats) -> Floats:
+    """Return the ray-traced delay (...,) m from the table.
+
+    Parameters
+    ----------
+    card : RayTracedTroposphere
+    height : (...,) m
+        Height of the receiver.
+    elevation : (...,) rad
+        Elevation of the straight line to the satellite.
+    lowest : (...,) m
+        Height of the lowest point of that line; that of the receiver for a rising line.
+
+    Notes
+    -----
+    Interpolation errors are below 0.3 mm and 1e-4 of the delay (tested).
+    """
+    up, down = table(card)
+    delay = np.zeros(elevation.shape)
+    dips = (elevation < 0.0) & (lowest < TOP)
+    rises = (elevation >= 0.0) & (height < TOP)
+    delay[rises] = np.exp(up.ev(np.maximum(height[rises], BOTTOM), np.arcsinh(np.sin(elevation[rises]) / _FLAT)))
+    low = np.maximum(lowest[dips], BOTTOM)
+    distance = np.sqrt(np.maximum(height[dips] - low, 0.0) * (2.0 * EARTH_RADIUS + height[dips] + low))
+    delay[dips] = np.exp(down.ev(low, np.arcsinh(np.minimum(distance, FARTHEST) / _NEAR)))
+    return delay

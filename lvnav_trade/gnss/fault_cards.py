@@ -1,0 +1,290 @@
+"""Cards of faults: the failed device or signal, the time, and the size."""
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from lvnav_trade.gnss.link import Pattern
+from lvnav_trade.quantities.conditions import Conditions, SightConditions
+from lvnav_trade.quantities.events import Instant
+from lvnav_trade.quantities.records import FLAGS
+from lvnav_trade.quantities.units import (
+    Acceleration,
+    Angle,
+    AngularRate,
+    Duration,
+    Length,
+    LengthSigma,
+    Level,
+    Pause,
+    SignedFraction,
+    Speed,
+    distinct,
+)
+
+if TYPE_CHECKING:
+    Flag = str
+else:
+    Flag = Literal[FLAGS]
+Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
+
+
+class Timed(Conditions):
+    """Time of a fault: a start and a duration, or conditions, or both."""
+
+    start: Instant | None = Field(
+        None, description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'; with a duration"
+    )
+    duration: Pause | None = Field(None, description="duration from the start")
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if self.start is None and self.duration is None and not self.stated:
+            yield "start: is missing, or a condition such as from or above"
+        elif self.start is None and self.duration is not None:
+            yield "duration: counts from a start, which is missing: add start, or give until, the time of its end"
+        elif self.start is not None and self.duration is None:
+            yield "duration: is missing: add it, or give from in place of start, for a fault that lasts to the end"
+
+
+class TimedInSight(Timed, SightConditions):
+    """Time of a fault of satellites, which may depend on their elevation."""
+
+
+class SatelliteOutage(TimedInSight):
+    """Loss of all satellites, or of all but `keep` (the highest at the start of the outage)."""
+
+    kind: Literal["satellite_outage"] = "satellite_outage"
+    keep: int = Field(0, ge=0)
+
+
+class AntennaFailure(Timed):
+    """Failure of antennas, given by their numbers from 1 in the receiver's list."""
+
+    kind: Literal["antenna_failure"] = "antenna_failure"
+    antennas: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AfterValidator(distinct)] = Field(min_length=1)
+
+
+class DegradedNoise(TimedInSight):
+    """White noise of the measurements multiplied by a factor that the filter does not model."""
+
+    kind: Literal["degraded_noise"] = "degraded_noise"
+    factor: float = Field(gt=0.0)
+    satellites: Names = Field((), description="satellites such as G05; if empty: all, and the solution")
+
+
+class RangeBias(TimedInSight):
+    """Step and drift of the pseudoranges of some satellites, as by a failed satellite clock."""
+
+    kind: Literal["range_bias"] = "range_bias"
+    satellites: Names = Field((), description="satellites such as G05; if empty: the highest at the start")
+    size: Length = 0.0
+    drift: Speed = 0.0
+
+
+class Jump(Conditions):
+    """A single jump, at a start or when conditions first become true."""
+
+    start: Instant | None = Field(
+        None, description="start as a time or relative to an event; without it, the start of the conditions"
+    )
+
+    @property
+    def duration(self) -> float:
+        """Zero: a jump is instantaneous."""
+        return 0.0
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if (self.start is None) == (not self.stated):
+            yield (
+                "start: is missing, or a condition such as from or above"
+                if self.start is None
+                else (f"start: {self.once} once, at its start or when its conditions begin to hold")
+            )
+
+    @property
+    def once(self) -> str:
+        """What jumps, in words."""
+        return "a clock jumps"
+
+
+class ClockJump(Jump):
+    """Single jump of the receiver clock, in metres of range."""
+
+    kind: Literal["clock_jump"] = "clock_jump"
+    size: Length
+
+
+class ClockDrift(Timed):
+    """Frequency error of the receiver clock, in m/s of range rate; it affects the measurements of all satellites."""
+
+    kind: Literal["clock_drift"] = "clock_drift"
+    rate: Speed
+
+
+class CycleSlip(Jump):
+    """Single jump of the carrier phases of some satellites, in cycles, which the receiver does not detect."""
+
+    kind: Literal["cycle_slip"] = "cycle_slip"
+    satellites: Names = Field((), description="satellites such as G05; if empty: the highest at the start")
+    size: float = Field(description="size in cycles of the carrier")
+
+    @property
+    def once(self) -> str:
+        """What jumps, in words."""
+        return "a phase slips"
+
+
+class WildSamples(TimedInSight):
+    """Additional white error of the measurements: of ranges, or of each axis of the solution."""
+
+    kind: Literal["wild_samples"] = "wild_samples"
+    sigma: LengthSigma
+    satellites: Names = Field((), description="satellites such as G05; if empty: all")
+
+
+class FrozenOutput(Timed):
+    """The receiver repeats its output of the time at which the fault began."""
+
+    kind: Literal["frozen_output"] = "frozen_output"
+
+
+class InvalidOutput(Timed):
+    """The receiver flags its output as invalid. A filter whose mode logic ignores that flag still uses the output."""
+
+    kind: Literal["invalid_output"] = "invalid_output"
+    flag: Flag = Field(
+        "checksum", description="flag that is raised: integrity or checksum, hardware, time synchronisation"
+    )
+
+
+class Spoofing(Timed):
+    """Ranges, range rates and phases of all satellites are those of a point that moves away from the antenna.
+
+    The power is that of the true signals. The solution drifts while its ranges stay consistent.
+    """
+
+    kind: Literal["spoofing"] = "spoofing"
+    velocity: tuple[Speed, Speed, Speed] = Field(
+        description="velocity of the false position relative to the true one: north, east, down"
+    )
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if not any(self.velocity):
+            yield "velocity: is zero, so the false position is the true one; give a velocity, or leave the fault out"
+
+
+class Jamming(Timed):
+    """A transmitter on the ground in the receiver's band, which lowers C/N0 according to the link budget."""
+
+    kind: Literal["jamming"] = "jamming"
+    latitude: Annotated[Angle, Field(ge=-0.5 * math.pi, le=0.5 * math.pi)]  # geodetic, of the transmitter
+    longitude: Angle  # of the transmitter
+    height: Length = 0.0  # over the ellipsoid
+    power: Level = Field(description="power into the transmitter's antenna")
+    pattern: Pattern | None = Field(
+        None, description="gain pattern of the transmitter's antenna; none: 0 dBi in all directions"
+    )
+    azimuth: Angle = Field(0.0, description="azimuth of the boresight, from north towards east")
+    elevation: Angle = Field(0.5 * math.pi, description="elevation of the boresight")
+    quality: float = Field(
+        1.0,
+        gt=0.0,
+        description="Q of the effective C/N0: 1 a narrow band, 1.5 the spectrum of the signal, 2.22 white noise over "
+        "its main lobe",
+    )
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        # compare with the defaults: the levels of an axis set every field, so that "given by the user" says nothing
+        fields = type(self).model_fields
+        pointed = [name for name in ("azimuth", "elevation") if getattr(self, name) != fields[name].default]
+        if self.pattern is None and pointed:
+            yield f"{pointed[0]}: without a pattern the antenna radiates alike in all directions"
+
+
+class LatencyChange(Timed):
+    """Latency of the measurements beyond the latency assumed by the filter."""
+
+    kind: Literal["latency_change"] = "latency_change"
+    by: Duration
+
+
+class UnitFault(Timed):
+    """A fault of one IMU."""
+
+    unit: int = Field(1, ge=1, description="number of the unit in the list of units")
+
+
+class GyroBiasStep(UnitFault):
+    """Step of the gyro bias along the (first three) axes of the IMU."""
+
+    kind: Literal["gyro_bias_step"] = "gyro_bias_step"
+    size: tuple[AngularRate, AngularRate, AngularRate]
+
+
+class AccelBiasStep(UnitFault):
+    """Step of the accelerometer bias along the (first three) axes of the IMU."""
+
+    kind: Literal["accel_bias_step"] = "accel_bias_step"
+    size: tuple[Acceleration, Acceleration, Acceleration]
+
+
+class GyroScaleFactorStep(UnitFault):
+    """Step of the gyro scale factor along the (first three) axes of the IMU."""
+
+    kind: Literal["gyro_scale_factor_step"] = "gyro_scale_factor_step"
+    size: tuple[SignedFraction, SignedFraction, SignedFraction]
+
+
+class AccelScaleFactorStep(UnitFault):
+    """Step of the accelerometer scale factor along the (first three) axes of the IMU."""
+
+    kind: Literal["accel_scale_factor_step"] = "accel_scale_factor_step"
+    size: tuple[SignedFraction, SignedFraction, SignedFraction]
+
+
+class DeadAxis(UnitFault):
+    """A sensing element that no longer responds to its input; bias and noise of its electronics remain."""
+
+    kind: Literal["dead_axis"] = "dead_axis"
+    sensor: Literal["gyro", "accelerometer"]
+    axis: int = Field(ge=1, description="number of the sensing axis in the unit: 1 is x")
+    output: Literal["zero", "last"] = Field(
+        "zero", description="output of the element: zero, or its value at the start"
+    )
+
+
+class DroppedSamples(UnitFault):
+    """Lost increments of an IMU, which the strapdown replaces by zero or by the last increment."""
+
+    kind: Literal["dropped_samples"] = "dropped_samples"
+    instead: Literal["nothing", "last"] = "nothing"
+
+
+AnyFault = (
+    SatelliteOutage
+    | AntennaFailure
+    | DegradedNoise
+    | RangeBias
+    | ClockJump
+    | ClockDrift
+    | CycleSlip
+    | WildSamples
+    | FrozenOutput
+    | InvalidOutput
+    | Spoofing
+    | Jamming
+    | LatencyChange
+    | GyroBiasStep
+    | AccelBiasStep
+    | GyroScaleFactorStep
+    | AccelScaleFactorStep
+    | DeadAxis
+    | DroppedSamples
+)
+Fault = Annotated[AnyFault, Field(discriminator="kind")]

@@ -1,0 +1,183 @@
+"""Code and carrier tracking loops: thermal noise, lag under dynamics, and loss of lock."""
+
+import math
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.quantities.units import AngleSigma, Card, Frequency, JitterPerForce, TimeConstant
+
+# Noise bandwidth (Hz) over natural frequency (rad/s) by order of the loop: Kaplan and Hegarty, table 5.6.
+NATURAL = {1: 0.25, 2: 0.53, 3: 0.7845}
+WEAKEST = -30.0  # dB-Hz; lower bound of C/N0, so that every noise is a finite number
+PHASE_LIMIT = math.radians(15.0)  # a third of the pull-in range of 45 deg of a discriminator insensitive to data bits
+NEAR_THRESHOLD = 2.0  # Kaplan and Hegarty: F of the frequency loop is 1 for strong signals, 2 near threshold
+_LARGEST_LOSS = 40.0  # dB; the signal is lost at this loss
+
+
+class LoopsCard(Card):
+    """Delay lock loop on the code, phase or frequency lock loop on the carrier.
+
+    The rules are those of Kaplan and Hegarty, Understanding GPS, 2nd ed., chapter 5: thermal noise of the loops from
+    C/N0, steady lag under acceleration or jerk, and lock while three sigma plus the lag lie within the range of the
+    discriminator.
+    """
+
+    carrier: Literal["pll", "fll"] = "pll"  # phase or frequency lock loop
+    carrier_order: int = Field(
+        3, ge=1, le=3, description="order of the loop: 2 or 3 for a phase loop, 1 or 2 for a frequency loop"
+    )
+    carrier_bandwidth: Frequency = Field(18.0, description="one-sided noise bandwidth")
+    integration: TimeConstant = Field(0.02, description="coherent integration time before the discriminators")
+    rate_interval: TimeConstant = Field(
+        0.1, description="for a phase loop: range rate is the difference of phase over this time"
+    )
+    code_bandwidth: Frequency = Field(0.1, description="one-sided noise bandwidth")
+    code_aided: bool = Field(
+        True, description="true: the carrier loop aids the code loop; false: the code loop is of second order"
+    )
+    spacing: float = Field(1.0, gt=0, lt=2, description="spacing of early and late correlator, in chips")
+    front_end: Frequency = Field(4e6, description="double-sided bandwidth of the front end")
+    code_rate: Frequency = 1.023e6  # chips per second
+    jitter: AngleSigma = Field(0.0, description="constant phase jitter of the oscillator")
+    vibration: JitterPerForce = Field(
+        0.0, description="phase jitter of the oscillator per specific force beyond 1 g, from vibration"
+    )
+
+    def _faults(self) -> Iterator[str]:
+        orders = (2, 3) if self.carrier == "pll" else (1, 2)
+        if self.carrier_order not in orders:
+            yield f"carrier_order of a {self.carrier} is {orders[0]} or {orders[1]}"
+        shortest = 0.5 / self.carrier_bandwidth
+        if self.carrier == "pll" and self.rate_interval < shortest:
+            yield f"rate_interval is shorter than the loop's own memory of {shortest:.3g} s"
+
+    @property
+    def natural_frequency(self) -> float:
+        """Natural frequency of the carrier loop, rad/s."""
+        return self.carrier_bandwidth / NATURAL[self.carrier_order]
+
+    @property
+    def chip(self) -> float:
+        """Length of a chip of the code, m."""
+        return SPEED_OF_LIGHT / self.code_rate
+
+
+def _ratio(cn0: Floats) -> Floats:
+    return np.asarray(10.0 ** (0.1 * np.maximum(cn0, WEAKEST)))
+
+
+def code_sigma(card: LoopsCard, cn0: Floats) -> Floats:
+    """Return the thermal noise (...,) m, one sigma, of the code loop at C/N0 cn0 (...,) dB-Hz.
+
+    For a non-coherent early-minus-late discriminator. The product of correlator spacing and front-end bandwidth selects
+    one of three expressions (Betz and Kolodziejski, in Kaplan and Hegarty, section 5.6.3).
+    """
+    c, spacing, width = _ratio(cn0), card.spacing, card.front_end / card.code_rate
+    squaring = 2.0 / (card.integration * c * (2.0 - spacing))
+    if spacing >= math.pi / width:
+        shape = spacing
+    elif spacing > 1.0 / width:
+        shape = 1.0 / width + width / (math.pi - 1.0) * (spacing - 1.0 / width) ** 2
+    else:
+        shape, squaring = 1.0 / width, 1.0 / (card.integration * c)
+    return np.asarray(card.chip * np.sqrt(0.5 * card.code_bandwidth / c * shape * (1.0 + squaring)))
+
+
+def phase_sigma(card: LoopsCard, cn0: Floats) -> Floats:
+    """Return the thermal noise (rad, one sigma) of a phase loop at C/N0 (dB-Hz).
+
+    sigma^2 = B / c (1 + 1 / (2 T c)) with bandwidth B, integration time T and the ratio c of C/N0 (1/s).
+    """
+    c = _ratio(cn0)
+    return np.asarray(np.sqrt(card.carrier_bandwidth / c * (1.0 + 0.5 / (card.integration * c))))
+
+
+def frequency_sigma(card: LoopsCard, cn0: Floats, factor: float = 1.0) -> Floats:
+    """Return the thermal noise (Hz, one sigma) of a frequency loop at C/N0 (dB-Hz).
+
+    sigma = sqrt(4 F B / c (1 + 1 / (T c))) / (2 pi T); factor F is 1 for strong signals, 2 near threshold.
+    """
+    c, period = _ratio(cn0), card.integration
+    spread = np.sqrt(4.0 * factor * card.carrier_bandwidth / c * (1.0 + 1.0 / (period * c)))
+    return np.asarray(spread / (2.0 * math.pi * period))
+
+
+def rate_sigma(card: LoopsCard, cn0: Floats, wavelength: float) -> Floats:
+    """Return the thermal noise (m/s, one sigma) of the range rate at C/N0 (dB-Hz).
+
+    A phase loop computes the rate from the difference of two phases with independent noise over `rate_interval`.
+
+    wavelength : m. Wavelength of the carrier.
+    """
+    if card.carrier == "fll":
+        return wavelength * frequency_sigma(card, cn0)
+    return np.asarray(math.sqrt(2.0) * (wavelength / (2.0 * math.pi) * phase_sigma(card, cn0)) / card.rate_interval)
+
+
+def lag(card: LoopsCard, acceleration: Floats, jerk: Floats, wavelength: float) -> Floats:
+    """Return the steady-state lag of the carrier loop under dynamics, without sign: rad (phase loop) or Hz.
+
+    A phase loop of order n lags by the n-th derivative of phase over omega^n; a frequency loop of order n has one
+    integrator more.
+
+    acceleration : (...,) m/s^2. Second derivative of the range.
+    jerk : (...,) m/s^3. Third derivative of the range.
+    wavelength : m. Wavelength of the carrier.
+    """
+    along = acceleration if card.carrier_order + (card.carrier == "fll") == 2 else jerk
+    cycles = np.abs(along) / wavelength / card.natural_frequency**card.carrier_order
+    return np.asarray(2.0 * math.pi * cycles if card.carrier == "pll" else cycles)
+
+
+def shaking(card: LoopsCard, specific_force: Floats) -> Floats:
+    """Return the phase jitter (rad, one sigma) of the oscillator under a specific force (m/s^2)."""
+    return np.hypot(card.jitter, card.vibration * np.maximum(specific_force - 9.80665, 0.0))
+
+
+def coherence_loss(card: LoopsCard, trail: Floats, jitter: Floats) -> Floats:
+    """Return the loss of C/N0 (...,) dB due to carrier errors within an integration interval.
+
+    A Gaussian phase jitter reduces the power by exp(-sigma^2), a constant frequency error by sinc^2, and a constant
+    phase error by cos^2.
+
+    trail : (...,) rad or Hz. Lag of the carrier loop, as from `lag`.
+    jitter : (...,) rad. Phase jitter of the oscillator, one sigma.
+    """
+    if card.carrier == "fll":
+        power = np.sinc(np.minimum(trail * card.integration, 1.0)) ** 2
+    else:
+        power = np.cos(np.minimum(trail, 0.5 * math.pi)) ** 2
+    loss = 10.0 / math.log(10.0) * jitter**2 - 10.0 * np.log10(np.maximum(power, 1e-12))
+    return np.asarray(np.minimum(loss, _LARGEST_LOSS))
+
+
+def holds(card: LoopsCard, cn0: Floats, trail: Floats, jitter: Floats, acceleration: Floats) -> Bools:
+    """Return whether carrier and code loop keep lock, (...,) bool.
+
+    Parameters
+    ----------
+    card : LoopsCard
+    cn0 : (...,) dB-Hz
+    trail : (...,) rad or Hz
+        Lag of the carrier loop, as from `lag`.
+    jitter : (...,) rad
+        Phase jitter of the oscillator, one sigma.
+    acceleration : (...,) m/s^2
+        Range acceleration, for the lag of an unaided code loop.
+
+    Notes
+    -----
+    Phase loop: sigma + lag / 3 within 15 deg. Frequency loop: 3 sigma + lag within 1 / (4 T), T the integration time.
+    Code loop: 3 sigma + lag within half the correlator spacing.
+    """
+    if card.carrier == "pll":
+        carrier = np.hypot(phase_sigma(card, cn0), jitter) + trail / 3.0 <= PHASE_LIMIT
+    else:
+        carrier = 3.0 * frequency_sigma(card, cn0, NEAR_THRESHOLD) + trail <= 0.25 / card.integration
+    code_lag = 0.0 if card.code_aided else np.abs(acceleration) * (NATURAL[2] / card.code_bandwidth) ** 2
+    return np.asarray(carrier & (3.0 * code_sigma(card, cn0) + code_lag <= 0.5 * card.spacing * card.chip))

@@ -1,0 +1,65 @@
+"""Lines and numbers of navigation files; every error names file and line."""
+
+import gzip
+import io
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from lvnav_trade.quantities.decimals import decimal_or_endless, whole
+from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.quantities.input_files import read_bytes
+from lvnav_trade.quantities.limits import DATA_BYTES
+
+GZIP_MAGIC = b"\x1f\x8b"
+COMPRESS_MAGIC = b"\x1f\x9d"  # files .Z of the older program `compress`
+
+
+class Bounds(NamedTuple):
+    """Allowed range of a number, both ends included, and the function that reads it."""
+
+    low: float
+    high: float
+    read: Callable[[str], float] = decimal_or_endless
+
+
+def number(where: str, text: str, bounds: Bounds) -> float:
+    """Return the number in a text, also with a Fortran exponent, within its bounds.
+
+    InputError ``where: what`` if the text is no number or the number is outside the bounds, as nan and inf always are.
+    """
+    try:
+        value = bounds.read(text.strip().upper().replace("D", "E"))
+    except ValueError:
+        kind = "a whole number" if bounds.read is whole else "a number"
+        raise InputError(f"{where}: {quoted(text)} is not {kind}") from None
+    if not bounds.low <= value <= bounds.high:  # also refuses nan and inf
+        raise InputError(f"{where}: {text.strip()} is outside {bounds.low:g} to {bounds.high:g}")
+    return value
+
+
+def read_lines(path: str | Path, what: str) -> list[str]:
+    """Return the lines of a text file, which may be compressed by gzip; `what` is the kind of file for messages.
+
+    Characters outside ASCII occur only in names and remarks, so that their encoding does not matter. InputError if the
+    file cannot be read, is a truncated gzip file or a .Z file, or is not text.
+    """
+    data = read_bytes(path, DATA_BYTES)
+    try:
+        data = _unpacked(path, data) if data.startswith(GZIP_MAGIC) else data
+    except (EOFError, gzip.BadGzipFile, zlib.error):
+        raise InputError(f"{path}: a broken or truncated gzip file") from None
+    if data.startswith(COMPRESS_MAGIC):
+        raise InputError(f"{path}: packed by 'compress' (.Z); unpack it, or pack it by gzip")
+    if b"\0" in data:
+        raise InputError(f"{path}:1: not a text file, so not a {what}")
+    return data.decode("latin-1").splitlines()
+
+
+def _unpacked(path: str | Path, data: bytes) -> bytes:
+    with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
+        content = packed.read(DATA_BYTES + 1)
+    if len(content) > DATA_BYTES:
+        raise InputError(f"{path}: unpacked more than {DATA_BYTES} bytes")
+    return content

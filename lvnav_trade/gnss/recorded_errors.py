@@ -1,0 +1,195 @@
+"""Recorded errors of a receiver from a user's file: card, rows, and errors along a flight."""
+
+from collections.abc import Iterator
+from typing import ClassVar, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.quantities.data_file import read_columns, refuse_first, refuse_unordered
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import rotation_i_e, rotation_i_n
+from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.units import Card, Fraction, Pause
+from lvnav_trade.trajectory.files.columns import LengthUnit, SpeedUnit, Three, TimeColumn
+from lvnav_trade.trajectory.files.rows import si
+from lvnav_trade.trajectory.files.table_flight import content_of
+
+FEWEST = 2
+MOST_STARTS = 400
+_LARGEST = 1e6  # m; with larger values the columns are positions, not errors
+_FASTEST = 2e4  # m/s; with larger values the columns are not velocity errors
+_GAP = 3.0  # times the median interval
+_SLACK = 1e-6  # s; tolerance of the first and last time
+_ENDINGS = {"m": ("km", "cm", "mm", "m"), "m/s": ("km_s", "cm_s", "mm_s", "m_s")}
+
+
+class _ErrorColumns(Card):
+    """Three columns of error, and their unit."""
+
+    SI: ClassVar[str]
+
+    columns: Three = Field(description="north, east, down; or x, y, z")
+    unit: str | None
+
+    def _faults(self) -> Iterator[str]:
+        if not self.known_unit:
+            names, known = ", ".join(self.columns), ", ".join(f"_{ending}" for ending in _ENDINGS[self.SI])
+            yield f"unit is missing, and the columns {names} do not all end in one of {known}"
+
+    @property
+    def known_unit(self) -> str:
+        """Unit of the card, or else the common ending of the columns' names."""
+        common = (end for end in _ENDINGS[self.SI] if all(name.endswith(f"_{end}") for name in self.columns))
+        return self.unit or next(common, "").replace("_", "/")
+
+
+class PositionErrorColumns(_ErrorColumns):
+    """Three columns of position error along the axes of the table's frame."""
+
+    SI = "m"
+
+    unit: LengthUnit | None = Field(None, description="unit; none: from the names of the columns, such as north_m")
+
+
+class VelocityErrorColumns(_ErrorColumns):
+    """Three columns of velocity error along the axes of the table's frame."""
+
+    SI = "m/s"
+
+    unit: SpeedUnit | None = Field(None, description="unit; none: from the names of the columns, such as east_cm_s")
+
+
+class ErrorTable(Card):
+    """Errors of a receiver's solution recorded over time in a user's file, CSV or Parquet.
+
+    Errors are linear between rows. The velocity is relative to the Earth in frames ecef and ned, and inertial in frame
+    eci; ned refers to the true position. With several starts each run begins at one of that number of equally spaced
+    points of the recording. With a single start all runs have the same errors, which are part of the mean in linear
+    covariance.
+    """
+
+    file: str = Field(
+        description="file with the rows: Parquet if its name says so, otherwise CSV", json_schema_extra={"path": True}
+    )
+    delimiter: str = Field(",", min_length=1, max_length=1, description="separator of the fields of a CSV file")
+    frame: Literal["ned", "ecef", "eci"]  # axes of the error columns
+    time: TimeColumn  # column of time
+    position: PositionErrorColumns  # columns of the position error
+    velocity: VelocityErrorColumns | None = Field(None, description="none: the velocity has no recorded error")
+    truth_minus_solution: bool = Field(False, description="sign of the columns; false: solution minus truth")
+    factor: Fraction = Field(1.0, description="factor on all errors")
+    largest_gap: Pause | None = Field(
+        None, description="largest interval between rows; none: three times their median interval"
+    )
+    outside: Literal["refuse", "zero", "repeat"] = Field(
+        "refuse", description="errors before the first row and after the last one"
+    )
+    starts: int = Field(
+        1, ge=1, le=MOST_STARTS, description="number of places in the recording at which a run may start"
+    )
+
+    def _faults(self) -> Iterator[str]:
+        if self.starts > 1 and self.outside != "repeat":
+            yield "starts: a recording that is begun anywhere goes on at its beginning: set outside: repeat"
+
+
+class Recording(NamedTuple):
+    """Rows of a recording.
+
+    t : (n,) s since lift-off.
+    errors : (n, 6) m, m/s. Errors of position and velocity, solution minus truth, in the frame of the table.
+    period : s. Time after which the recording repeats.
+    """
+
+    t: Floats
+    errors: Floats
+    period: float
+
+
+def recording(card: ErrorTable) -> Recording:
+    """Return the rows of a card's file; InputError names file, row and error."""
+    return _recording((card.model_dump_json(), content_of(card.file)), card)
+
+
+@remembered(4)
+def _recording(identity: tuple[str, str], card: ErrorTable) -> Recording:
+    """Return the rows of a card, cached by `identity`: the card and the digest of its file."""
+    parts = [part for part in (card.position, card.velocity) if part is not None]
+    names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
+    table, places = read_columns(card.file, names, card.delimiter, FEWEST, "a recording")
+    t = (table[:, names.index(card.time.column)] - card.time.liftoff) * si(card.time.unit, "s")
+    interval = refuse_unordered(t, card.file, places)
+    median = float(np.median(interval))
+    largest = _GAP * median if card.largest_gap is None else card.largest_gap
+    refuse_first(
+        interval > largest + 1e-9,
+        card.file,
+        places[1:],
+        lambda k: (
+            f"no rows between {t[k]:g} s and {t[k + 1]:g} s, a gap longer than {largest:g} s (state largest_gap "
+            f"if a straight line is good enough)"
+        ),
+    )
+    errors = np.zeros((t.size, 6))
+    for at, part in zip((0, 3), parts, strict=False):
+        columns = table[:, [names.index(name) for name in part.columns]]
+        errors[:, at : at + 3] = columns * si(part.known_unit, part.SI) * (-1.0 if card.truth_minus_solution else 1.0)
+    with np.errstate(over="ignore"):  # an infinite size is refused as any other beyond the bound
+        size, speed = np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)
+    for wrong, fault in (
+        (size > _LARGEST, lambda k: f"a position error of {size[k] * 1e-3:.6g} km; do the columns hold positions?"),
+        (speed > _FASTEST, lambda k: f"a velocity error of {speed[k] * 1e-3:.6g} km/s; is the unit right?"),
+    ):
+        refuse_first(wrong, card.file, places, fault)
+    return Recording(t, errors * card.factor, float(t[-1] - t[0]) + median)
+
+
+def refuse_short(card: ErrorTable, start: float, end: float) -> None:
+    """Raise InputError if the file cannot be read, or with `outside: refuse` does not cover the flight (start, end)."""
+    rows = recording(card)
+    if card.outside == "refuse" and (start < rows.t[0] - _SLACK or end > rows.t[-1] + _SLACK):
+        raise InputError(
+            f"{card.file}: rows from {rows.t[0]:g} to {rows.t[-1]:g} s, the flight is from {start:g} to {end:g} s: set "
+            f"outside to zero or repeat"
+        )
+
+
+def sampled(card: ErrorTable, t: Floats) -> Floats:
+    """Return the errors (n_start, n, 6) for each start at times t (n,) s since lift-off, frame of the table, SI."""
+    rows = recording(card)
+    shifts = rows.period * np.arange(card.starts) / card.starts
+    times, errors = rows.t, rows.errors
+    if card.outside == "repeat":
+        times, errors = np.append(times, times[0] + rows.period), np.vstack([errors, errors[:1]])
+        wanted = times[0] + np.mod(t[None, :] + shifts[:, None] - times[0], rows.period)
+    else:
+        wanted = t[None, :]
+    samples = np.stack([np.interp(wanted, times, column) for column in errors.T], axis=-1)
+    if card.outside == "zero":
+        samples[(wanted < times[0] - _SLACK) | (wanted > times[-1] + _SLACK)] = 0.0
+    return samples
+
+
+def in_frame_i(errors: Floats, frame: str, r_i: Floats, theta: Floats) -> Floats:
+    """Return errors of position and velocity in frame i, (..., n, 6).
+
+    A position error d in Earth-fixed axes adds OMEGA x d to the error of the inertial velocity.
+
+    Parameters
+    ----------
+    errors : (..., n, 6) m, m/s
+        Errors in the axes of `frame`.
+    frame : {"ned", "ecef", "eci"}
+    r_i : (n, 3) m, frame i
+        True positions.
+    theta : (n,) rad
+        Earth angles.
+    """
+    if frame == "eci":
+        return errors
+    axes = rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)  # from frame i
+    place, speed = (np.einsum("nji,...nj->...ni", axes, part) for part in (errors[..., :3], errors[..., 3:]))
+    return np.concatenate([place, speed + np.cross([0.0, 0.0, OMEGA], place)], axis=-1)

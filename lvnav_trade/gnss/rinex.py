@@ -1,0 +1,337 @@
+"""Reader of RINEX navigation files, versions 2 and 3: ephemerides of GPS, Galileo, BeiDou and GLONASS."""
+
+import math
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from lvnav_trade.gnss.navigation_lines import Bounds, number, read_lines
+from lvnav_trade.quantities.decimals import decimal, whole
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.times import BDT_BEHIND, BDT_WEEKS, GPS_ORIGIN, SECONDS_PER_WEEK, leap_seconds
+
+WIDTH = 19  # of a number
+LABEL = 60  # column where the label of a header line begins
+
+
+class Ephemeris(NamedTuple):
+    """Broadcast Keplerian elements of a satellite of GPS, Galileo or BeiDou, SI and radians.
+
+    name : Name of the satellite.
+    toe : s of GPS time. Reference time of the orbit.
+    toc : s of GPS time. Reference time of the clock.
+    health : Health word of its system; 0 if all signals are healthy.
+    accuracy : m. URA, or SISA of Galileo.
+    elements : By the names in `_KEPLERIAN`. Among them week_second, toe in seconds of the system's week, from which the
+        node counts; group_delay (s), TGD, BGD E5a/E1 or TGD1; data_source, the word of a Galileo record that identifies
+        its message, 0 for other systems.
+    """
+
+    name: str
+    toc: float
+    toe: float
+    health: float
+    elements: Mapping[str, float]
+    accuracy: float = 0.0
+
+
+class StateVector(NamedTuple):
+    """Broadcast state of a GLONASS satellite, PZ-90, SI, at `time` in s of GPS time.
+
+    a_e is the acceleration due to Moon and Sun; clock_bias is -tau_n (s), clock_drift is gamma_n.
+    """
+
+    name: str
+    time: float
+    clock_bias: float
+    clock_drift: float
+    r_e: tuple[float, float, float]
+    v_e: tuple[float, float, float]
+    a_e: tuple[float, float, float]
+    health: float
+
+
+class Broken(NamedTuple):
+    """A record that cannot be used: name of the satellite, error with its place, and whether it is marked unhealthy."""
+
+    name: str
+    fault: str
+    is_unhealthy: bool
+
+
+class TimeOffset(NamedTuple):
+    """Offset of a system's time from GPS time, apart from whole seconds.
+
+    system : Letter of the system.
+    bias : s. System time minus GPS time.
+    drift : s/s. Rate of the offset.
+    time : s of GPS time. Reference time.
+    """
+
+    system: str
+    bias: float
+    drift: float
+    time: float
+
+
+class Navigation(NamedTuple):
+    """Contents of a navigation file.
+
+    Its ephemerides and state vectors in order, alpha and beta of the Klobuchar model (None if missing), the offsets of
+    system times from GPS time, and its broken records.
+    """
+
+    ephemerides: tuple[Ephemeris, ...]
+    states: tuple[StateVector, ...]
+    klobuchar: tuple[tuple[float, ...], tuple[float, ...]] | None
+    offsets: tuple[TimeOffset, ...] = ()
+    broken: tuple[Broken, ...] = ()
+
+
+class _Field(NamedTuple):
+    name: str
+    label: str
+    line: int  # of the record, the one of the epoch being 0
+    column: int  # 0 to 3; on the first line 1 to 3, behind the epoch
+    bounds: Bounds
+
+
+_ANY = Bounds(-1e15, 1e15)  # these may be blank, which is zero
+_TURN = Bounds(-7.0, 7.0)  # rad
+_SMALL = Bounds(-1e-3, 1e-3)  # harmonic corrections of angles (rad), clock drift (s/s)
+_METRES = Bounds(-1e5, 1e5)
+_KEPLERIAN = (
+    _Field("clock_bias", "clock bias", 0, 1, Bounds(-1.0, 1.0)),
+    _Field("clock_drift", "clock drift", 0, 2, _SMALL),
+    _Field("clock_drift_rate", "clock drift rate", 0, 3, _SMALL),
+    _Field("radius_sin", "Crs", 1, 1, _METRES),
+    _Field("mean_motion_difference", "delta n", 1, 2, Bounds(-1e-6, 1e-6)),
+    _Field("mean_anomaly", "M0", 1, 3, _TURN),
+    _Field("latitude_cos", "Cuc", 2, 0, _SMALL),
+    _Field("eccentricity", "eccentricity", 2, 1, Bounds(0.0, 0.999)),
+    _Field("latitude_sin", "Cus", 2, 2, _SMALL),
+    _Field("root_axis", "root of the semi-major axis", 2, 3, Bounds(2600.0, 1e5)),
+    _Field("week_second", "toe", 3, 0, Bounds(0.0, SECONDS_PER_WEEK)),
+    _Field("inclination_cos", "Cic", 3, 1, _SMALL),
+    _Field("node", "OMEGA0", 3, 2, _TURN),
+    _Field("inclination_sin", "Cis", 3, 3, _SMALL),
+    _Field("inclination", "i0", 4, 0, Bounds(-math.pi, math.pi)),
+    _Field("radius_cos", "Crc", 4, 1, _METRES),
+    _Field("perigee", "omega", 4, 2, _TURN),
+    _Field("node_rate", "OMEGA dot", 4, 3, Bounds(-1e-6, 1e-6)),
+    _Field("inclination_rate", "i dot", 5, 0, Bounds(-1e-6, 1e-6)),
+    _Field("data_source", "data source", 5, 1, _ANY),
+    _Field("accuracy", "accuracy", 6, 0, _ANY),
+    _Field("health", "health", 6, 1, _ANY),
+    _Field("group_delay", "group delay", 6, 2, _ANY),
+)
+_KM, _KM_S = Bounds(-1e5, 1e5), Bounds(-10.0, 10.0)
+_GLONASS = (
+    _Field("clock_bias", "-tau", 0, 1, Bounds(-1.0, 1.0)),
+    _Field("clock_drift", "gamma", 0, 2, _SMALL),
+    *(_Field(f"r{axis}", f"{axis} position", line, 0, _KM) for line, axis in enumerate("xyz", 1)),
+    *(_Field(f"v{axis}", f"{axis} velocity", line, 1, _KM_S) for line, axis in enumerate("xyz", 1)),
+    *(_Field(f"a{axis}", f"{axis} acceleration", line, 2, _SMALL) for line, axis in enumerate("xyz", 1)),
+    _Field("health", "health", 1, 3, _ANY),
+)
+_ORBIT, _SPEED = (1e7, 5e7), (5e2, 1e4)  # m from the Earth's centre, m/s: those of GLONASS are 2.55e7 and some 3.6e3
+# Differences of a system's time and GPS time in the header, and the letter of the system.
+_OFFSETS = {"GAGP": "E", "GPGA": "E", "GLGP": "R", "BDGP": "C"}
+# Lines of a record, the epoch's included; later versions of the format add lines at the end.
+_LENGTH = {"G": 8, "E": 8, "C": 8, "R": 4}
+
+
+class _Format(NamedTuple):
+    """Format of the records: system of all records (empty: named in each record), and columns before the numbers."""
+
+    version: int
+    system: str
+    margin: int
+
+    def begins(self, line: str) -> bool:
+        """Whether a record begins on the line."""
+        return bool(line[: self.margin - 1].strip())
+
+
+class _Record(NamedTuple):
+    where: str  # file
+    name: str
+    first: int  # line number
+    lines: list[str]
+
+
+def read_navigation(path: str | Path) -> Navigation:
+    """Read all records of GPS, Galileo, BeiDou and GLONASS of a navigation file, gzip or plain; others are skipped.
+
+    RINEX 2.11, table A3 to A12; RINEX 3.04, table A5 to A14. The week of a reference time is the week closest to the
+    time of clock, because writers disagree about the rollover of the week. A truncated record, or a record with an
+    impossible value, is broken: merged files contain such records of satellites in test, and other records are valid.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is not a RINEX navigation file of version 2 or 3, or every record is broken. The
+        message begins with ``file:line``.
+    """
+    lines = read_lines(path, "RINEX navigation file")
+    form = _format(path, lines)
+    end = next((at for at, line in enumerate(lines) if line[LABEL:].strip() == "END OF HEADER"), None)
+    if end is None:
+        raise InputError(f"{path}:{max(1, len(lines))}: ends without 'END OF HEADER'")
+    ephemerides: list[Ephemeris] = []
+    states: list[StateVector] = []
+    broken: list[Broken] = []
+    for record in _records(path, form, lines, end + 1):
+        try:
+            if record.name[0] == "R":
+                states.append(_state(record, form))
+            else:
+                ephemerides.append(_ephemeris(record, form))
+        except InputError as error:
+            broken.append(Broken(record.name, str(error), _is_unhealthy(record, form)))
+    if not ephemerides and not states:
+        raise InputError(broken[0].fault if broken else f"{path}: no record of GPS, Galileo, BeiDou or GLONASS")
+    alpha_beta, offsets = _klobuchar(path, lines[:end]), _offsets(path, lines[:end])
+    return Navigation(tuple(ephemerides), tuple(states), alpha_beta, tuple(offsets), tuple(broken))
+
+
+def _is_unhealthy(record: _Record, form: _Format) -> bool:
+    """Return whether a broken record has a readable health word other than zero."""
+    field = next(
+        candidate for candidate in (_GLONASS if record.name[0] == "R" else _KEPLERIAN) if candidate.name == "health"
+    )
+    try:
+        return _values(record, form, (field,))["health"] != 0.0
+    except InputError:
+        return False
+
+
+def _format(path: str | Path, lines: list[str]) -> _Format:
+    first = lines[0] if lines else ""
+    if first[LABEL:].strip() != "RINEX VERSION / TYPE":
+        raise InputError(f"{path}:1: not a RINEX file (the first line should end with 'RINEX VERSION / TYPE')")
+    version = int(number(f"{path}:1: version", first[:9], Bounds(1.0, 9.99)))
+    kind = first[20:21].upper()
+    if version not in (2, 3):
+        raise InputError(f"{path}:1: RINEX version {first[:9].strip()}; versions 2 and 3 can be read")
+    if kind != "N" and not (version == 2 and kind == "G"):
+        raise InputError(f"{path}:1: {first[20:40].strip() or 'no type'!r} is not a RINEX navigation file")
+    return _Format(3, "", 4) if version == 3 else _Format(2, "R" if kind == "G" else "G", 3)
+
+
+def _klobuchar(path: str | Path, header: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+    """Return alpha and beta if the header has both, else None."""
+    coefficients: dict[str, tuple[float, ...]] = {}
+    for at, line in enumerate(header, start=1):
+        label = line[LABEL:].strip()
+        name = line[:4] if label == "IONOSPHERIC CORR" else label
+        key = {"GPSA": "alpha", "ION ALPHA": "alpha", "GPSB": "beta", "ION BETA": "beta"}.get(name)
+        if key is not None:
+            start = 5 if label == "IONOSPHERIC CORR" else 2
+            texts = (line[start + 12 * k : start + 12 * (k + 1)] for k in range(4))
+            coefficients[key] = tuple(number(f"{path}:{at}: {label}", text, _ANY) for text in texts)
+    return (coefficients["alpha"], coefficients["beta"]) if len(coefficients) == 2 else None
+
+
+def _offsets(path: str | Path, header: list[str]) -> Iterator[TimeOffset]:
+    """Yield the offsets from GPS time that lines TIME SYSTEM CORR of the header state; those from UTC are passed over.
+
+    GAGP, in files before 3.04 named GPGA, is Galileo minus GPS (A0G and A1G of the Galileo OS SIS ICD, section 5.1.8);
+    GLGP is GLONASS minus GPS (minus tau_GPS of the GLONASS ICD, section 4.5), constant and without a reference time;
+    BDGP is BeiDou minus GPS (A0GPS and A1GPS of the BDS-SIS-ICD, section 5.2.4.17), at second and week of BeiDou time.
+    """
+    for at, line in enumerate(header, start=1):
+        if line[LABEL:].strip() != "TIME SYSTEM CORR" or line[:4] not in _OFFSETS:
+            continue
+        where = f"{path}:{at}: {line[:4]}"
+        bias, drift = (number(where, text, Bounds(-1e-3, 1e-3)) for text in (line[5:22], line[22:38]))
+        second, week = (
+            number(where, text, bounds) if text.strip() else 0.0
+            for text, bounds in ((line[38:45], Bounds(0.0, SECONDS_PER_WEEK)), (line[45:50], Bounds(0.0, 9999.0)))
+        )
+        letter = _OFFSETS[line[:4]]
+        time = week * SECONDS_PER_WEEK + second
+        yield TimeOffset(letter, bias, drift, time + (BDT_WEEKS * SECONDS_PER_WEEK + BDT_BEHIND) * (letter == "C"))
+
+
+def _records(path: str | Path, form: _Format, lines: list[str], start: int) -> list[_Record]:
+    """Split the lines after the header into the records of the systems that are read."""
+    records: list[_Record] = []
+    for at, line in enumerate(lines[start:], start=start + 1):
+        if not line.strip():
+            continue
+        if form.begins(line):
+            records.append(_Record(str(path), _name(path, at, form, line), at, [line]))
+        elif not records:
+            raise InputError(f"{path}:{at}: a record should begin here with a satellite and a time")
+        else:
+            records[-1].lines.append(line)
+    return [record for record in records if record.name[0] in _LENGTH]
+
+
+def _name(path: str | Path, at: int, form: _Format, line: str) -> str:
+    text = line[: form.margin - 1]
+    system, digits = (form.system, text) if form.system else (text[0], text[1:])
+    if not (text.isascii() and system.isalpha() and digits.strip().isdigit()):
+        raise InputError(f"{path}:{at}: {text.strip()!r} is not a satellite{'' if form.system else ' such as G05'}")
+    return f"{system}{int(digits):02d}"
+
+
+def _values(record: _Record, form: _Format, wanted: tuple[_Field, ...]) -> dict[str, float]:
+    length = _LENGTH[record.name[0]]
+    if len(record.lines) < length:
+        last = record.first + len(record.lines) - 1
+        lines = f"{len(record.lines)} lines, not {length}"
+        raise InputError(f"{record.where}:{last}: the record of {record.name} has {lines}")
+    values: dict[str, float] = {}
+    for field in wanted:
+        start = form.margin + WIDTH * field.column
+        where = f"{record.where}:{record.first + field.line}: {record.name} {field.label}"
+        text = record.lines[field.line][start : start + WIDTH]
+        values[field.name] = 0.0 if field.bounds is _ANY and not text.strip() else number(where, text, field.bounds)
+    return values
+
+
+def _moment(record: _Record, form: _Format) -> tuple[datetime, float]:
+    """Return the time on the first line, in the scale of its system: the minute, labelled UTC, and seconds from there.
+
+    The second may be 60: writers that round print it for the next minute, and UTC has it where a leap second is added.
+    """
+    text = record.lines[0][form.margin - 1 : form.margin + WIDTH]
+    words = text.split()
+    try:
+        year, month, day, hour, minute = map(whole, words[:5])
+        second = decimal(words[5])
+        if form.version == 2:
+            year += 1900 if year >= 80 else 2000
+        if not 0.0 <= second < 61.0:
+            raise ValueError(second)
+        return datetime(year, month, day, hour, minute, tzinfo=UTC), second
+    except (ValueError, IndexError, OverflowError):
+        raise InputError(f"{record.where}:{record.first}: {text.strip()!r} is not a time") from None
+
+
+def _ephemeris(record: _Record, form: _Format) -> Ephemeris:
+    minute, second = _moment(record, form)
+    toc = (minute - GPS_ORIGIN).total_seconds() + second
+    values = _values(record, form, _KEPLERIAN)
+    ahead = math.remainder(values["week_second"] - toc, SECONDS_PER_WEEK)
+    if record.name[0] != "E":
+        values["data_source"] = 0.0  # for GPS the field tells codes on L2
+    accuracy = values.pop("accuracy")
+    toc += BDT_BEHIND * (record.name[0] == "C")  # its records are in BeiDou time, whose weeks begin with those of GPS
+    return Ephemeris(record.name, toc, toc + ahead, values.pop("health"), values, accuracy)
+
+
+def _state(record: _Record, form: _Format) -> StateVector:
+    minute, second = _moment(record, form)
+    values = _values(record, form, _GLONASS)
+    r_e, v_e, a_e = ((1e3 * values[f"{q}x"], 1e3 * values[f"{q}y"], 1e3 * values[f"{q}z"]) for q in "rva")
+    for what, vector, (low, high), unit in (("position", r_e, _ORBIT, "m"), ("velocity", v_e, _SPEED, "m/s")):
+        size = math.hypot(*vector)
+        if not low <= size <= high:  # as of a state of zeros
+            where = f"{record.where}:{record.first}: {record.name} {what}"
+            raise InputError(f"{where}: its size of {size:.6g} {unit} is outside {low:g} to {high:g}")
+    time = (minute - GPS_ORIGIN).total_seconds() + leap_seconds(minute) + second
+    return StateVector(record.name, time, values["clock_bias"], values["clock_drift"], r_e, v_e, a_e, values["health"])

@@ -1,0 +1,289 @@
+"""Satellites of a constellation card: positions, velocities and clocks over time."""
+
+import hashlib
+from collections.abc import Iterable
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from lvnav_trade.gnss.broadcast import Broadcast, Integrated, broadcast, integrated
+from lvnav_trade.gnss.constellation import (
+    LETTERS,
+    AlmanacConstellation,
+    CombinedConstellation,
+    Constellation,
+    Orbits,
+    Part,
+    PreciseConstellation,
+    RinexConstellation,
+    orbits,
+    parts_of,
+)
+from lvnav_trade.gnss.precise import Precise, precise, read_positions
+from lvnav_trade.gnss.rinex import Ephemeris, Navigation, StateVector, read_navigation
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.input_files import read_bytes
+from lvnav_trade.quantities.limits import DATA_BYTES
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.times import gps_seconds
+
+# Half the fit interval of GPS, the longest use of a Galileo ephemeris, two updates of BeiDou's, the interval of GLONASS
+# broadcasts.
+LONGEST_AGE = {"G": 7200.0, "E": 14400.0, "C": 7200.0, "R": 1800.0}  # s
+_NAMES = {letter: name for name, letter in LETTERS.items()}
+# Galileo sends the same orbits in two messages; single-frequency users of E1 use the clock of I/NAV.
+_INAV_E1 = 1
+# Bits of the health word for E1-B: data validity (0) and status (1, 2); others are for E5a and E5b (RINEX 3.04, A8).
+_HEALTH_E1 = 0b111
+# Accuracy without prediction: URA index 15, above 6144 m (IS-GPS-200, 20.3.3.3.1.3); SISA index 255, or -1 in RINEX
+# (Galileo OS SIS ICD, section 5.1.12), whose largest value is 6 m.
+_NO_URA, _NO_SISA = 6144.0, 255.0  # m
+
+
+class Combined(NamedTuple):
+    """Several sets of satellites in succession, with orbits from different kinds of data.
+
+    Times t, (..., n_sat) or (..., 1), are in s of GPS time since lift-off.
+    """
+
+    parts: "tuple[Satellites, ...]"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names such as "G05", (n_sat,), part after part."""
+        return tuple(name for part in self.parts for name in part.names)
+
+    @property
+    def systems(self) -> tuple[str, ...]:
+        """Letters as in RINEX, (n_sat,): G (GPS), E (Galileo), R (GLONASS)."""
+        return tuple(letter for part in self.parts for letter in part.systems)
+
+    def ecef(self, t: Floats) -> tuple[Floats, Floats]:
+        """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t."""
+        r_e, v_e = zip(*(part.ecef(times) for part, times in self._split(t)), strict=True)
+        return np.concatenate(r_e, axis=-2), np.concatenate(v_e, axis=-2)
+
+    def clock(self, t: Floats) -> Floats:
+        """Return the clock offsets from system time, (..., n_sat) s, without the relativistic term."""
+        return np.concatenate([part.clock(times) for part, times in self._split(t)], axis=-1)
+
+    def relativity(self, t: Floats) -> Floats:
+        """Return the relativistic clock term due to the eccentricity of the orbit, (..., n_sat) s."""
+        return np.concatenate([part.relativity(times) for part, times in self._split(t)], axis=-1)
+
+    def _split(self, t: Floats) -> "list[tuple[Satellites, Floats]]":
+        sizes = [len(part.names) for part in self.parts]
+        times = np.broadcast_to(t, np.broadcast_shapes(np.shape(t), (sum(sizes),)))
+        return list(zip(self.parts, np.split(times, np.cumsum(sizes)[:-1], axis=-1), strict=True))
+
+
+Satellites = Orbits | Broadcast | Integrated | Precise | Combined
+
+
+def satellites(constellation: Constellation, epoch: str) -> Satellites:
+    """Return the usable satellites of a constellation around a lift-off at `epoch` (ISO 8601, UTC).
+
+    A satellite has a single set of elements over the flight, with the reference time nearest to lift-off, so that its
+    orbit is smooth. Errors of broadcast ephemerides are the range error of the card.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read (``file:line: what``), has no healthy satellite of a required system, or none with a
+        reference time near lift-off; two parts have the same system or satellite; or a time cannot be read.
+    """
+    if not isinstance(constellation, CombinedConstellation):
+        return _part(constellation, epoch)
+    parts = tuple(_part(part, epoch) for part in constellation.parts)
+    letters = [letter for part in parts for letter in sorted(set(part.systems))]
+    twice = [_NAMES[letter] for letter in letters if letters.count(letter) > 1]
+    if twice:
+        raise InputError(f"two parts of the combined constellation give {twice[0]}")
+    whole = Combined(parts)
+    repeated = [name for name in whole.names if whole.names.count(name) > 1]
+    if repeated:  # draws are keyed by name
+        raise InputError(f"two parts of the combined constellation name a satellite {repeated[0]}")
+    return whole
+
+
+def content(constellation: Constellation) -> str:
+    """Return digests of the files of a constellation, empty without files; InputError if a file cannot be read."""
+    parts = constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
+    files = [file for part in parts for file in _files(part)]
+    return " ".join(hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest() for file in files)
+
+
+def _files(card: Part) -> tuple[str, ...]:
+    if isinstance(card, RinexConstellation):
+        return (card.rinex,) if isinstance(card.rinex, str) else card.rinex
+    if isinstance(card, PreciseConstellation):
+        return (card.sp3,) if isinstance(card.sp3, str) else card.sp3
+    return (card.almanac,) if isinstance(card, AlmanacConstellation) else ()
+
+
+def _part(card: Part, epoch: str) -> Satellites:
+    if isinstance(card, PreciseConstellation):
+        return _precise_part(card, epoch)
+    return _broadcast_part(card, epoch) if isinstance(card, RinexConstellation) else orbits(card, epoch)
+
+
+def _precise_part(card: PreciseConstellation, epoch: str) -> Satellites:
+    """Return the satellites of files of precise orbits, in the order of their names."""
+    files = [read_positions(file) for file in _files(card)]
+    letters = [LETTERS[system] for system in card.systems or LETTERS]
+    names = sorted({name for file in files for name in file.r_e if name[0] in letters})
+    try:
+        return precise(files, names, gps_seconds(epoch))
+    except InputError as error:
+        raise InputError(f"{', '.join(_files(card))}: {error}") from None
+
+
+def _contents(card: RinexConstellation) -> tuple[str, list[Navigation], list[Ephemeris | StateVector], list[str]]:
+    """Return the names of a card's files, their contents, all records, and the letters of the systems to use."""
+    files = _files(card)
+    navigation = [read_navigation(file) for file in files]
+    records: list[Ephemeris | StateVector] = []
+    for file in navigation:
+        records += [*file.ephemerides, *file.states]
+    known = sorted({item.name[0] for item in records})
+    letters = known if card.systems is None else [LETTERS[system] for system in card.systems]
+    return ", ".join(files), navigation, records, letters
+
+
+def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
+    """Return the satellites of navigation files in the order of their names, GLONASS after the other systems."""
+    lift_off = gps_seconds(epoch)
+    shown, navigation, records, letters = _contents(card)
+    taken: list[Ephemeris | StateVector] = []
+    for letter in letters:
+        latest = nearest((item for item in records if item.name[0] == letter), lift_off)
+        healthy = {name: item for name, item in latest.items() if is_usable(item)}
+        if not healthy:
+            broken = next((bad.fault for file in navigation for bad in file.broken if bad.name[0] == letter), "")
+            raise InputError(broken if broken and not latest else f"{shown}: no healthy satellite of {_NAMES[letter]}")
+        limit = LONGEST_AGE[letter] if card.longest_age is None else card.longest_age
+        recent = [item for item in healthy.values() if abs(_time(item) - lift_off) <= limit]
+        if not recent:
+            ages = (lift_off - _time(item) for item in healthy.values())
+            raise InputError(f"{shown}: {_too_far(min(ages, key=abs), epoch, _NAMES[letter], limit)}")
+        taken += recent
+    taken.sort(key=lambda item: item.name)
+    keplerian = [item for item in taken if isinstance(item, Ephemeris)]
+    states = [item for item in taken if isinstance(item, StateVector)]
+    if keplerian and states:
+        return Combined((broadcast(keplerian, lift_off), integrated(states, lift_off)))
+    return broadcast(keplerian, lift_off) if keplerian else integrated(states, lift_off)
+
+
+def is_usable(item: Ephemeris | StateVector) -> bool:
+    """Return whether a single-frequency user (L1, E1, B1 or G1) may use a satellite.
+
+    Its signal on that frequency must be healthy, and its accuracy predicted.
+    """
+    if isinstance(item, StateVector):
+        return item.health == 0.0
+    if item.name[0] == "E":
+        return not int(item.health) & _HEALTH_E1 and 0.0 <= item.accuracy < _NO_SISA
+    return item.health == 0.0 and 0.0 <= item.accuracy <= _NO_URA
+
+
+def left_out(constellation: Constellation) -> list[str]:
+    """Return a remark for each navigation file with broken records of satellites in use, except unhealthy satellites.
+
+    InputError if a file cannot be read.
+    """
+    lines = []
+    for card in parts_of(constellation):
+        if not isinstance(card, RinexConstellation):
+            continue
+        letters = LETTERS.values() if card.systems is None else [LETTERS[system] for system in card.systems]
+        for file in _files(card):
+            broken = [bad for bad in read_navigation(file).broken if bad.name[0] in letters and not bad.is_unhealthy]
+            if broken:
+                names = ", ".join(sorted({bad.name for bad in broken}))
+                count = f"{len(broken)} broken record{'s' if len(broken) > 1 else ''} of {names}"
+                lines.append(f"{file}: {count} left out, the first at line {broken[0].fault.removeprefix(f'{file}:')}")
+    return lines
+
+
+_Item = TypeVar("_Item", bound=Ephemeris | StateVector)
+
+
+def nearest(items: Iterable[_Item], time: float) -> dict[str, _Item]:
+    """Return by name the record of each satellite whose reference time is nearest to `time` (s of GPS time).
+
+    Among Galileo records with the same reference time that of the message on E1 (I/NAV) is preferred.
+    """
+    ranked: dict[str, tuple[tuple[float, bool], _Item]] = {}
+    for item in items:
+        other = isinstance(item, Ephemeris) and item.name[0] == "E" and not int(item.elements["data_source"]) & _INAV_E1
+        rank = (abs(_time(item) - time), other)
+        if item.name not in ranked or rank < ranked[item.name][0]:
+            ranked[item.name] = (rank, item)
+    return {name: item for name, (_, item) in ranked.items()}
+
+
+def _time(item: Ephemeris | StateVector) -> float:
+    return item.toe if isinstance(item, Ephemeris) else item.time
+
+
+def _too_far(age: float, epoch: str, system: str, limit: float) -> str:
+    size = f"{abs(age) / 3600.0:.1f} h" if abs(age) < 48.0 * 3600.0 else f"{abs(age) / 86400.0:.1f} days"
+    when = f"{size} {'after' if age > 0.0 else 'before'}"
+    return f"the lift-off {epoch} is {when} the nearest ephemeris of {system}; longest_age allows {limit / 3600.0:g} h"
+
+
+def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: str, t: Floats) -> Floats:
+    """Return the errors (n_epoch, n_sat, 2) of ranges (m) and range rates (m/s) due to ignored offsets of system times.
+
+    If the time of a system is ahead of GPS time, its signals are marked with a later transmission time, so that the
+    range appears shorter.
+
+    Parameters
+    ----------
+    constellation : card
+    systems : (n_sat,)
+        Letters of the systems of the satellites.
+    epoch : str
+        Lift-off (ISO 8601, UTC).
+    t : (n_epoch,) s since lift-off
+
+    Raises
+    ------
+    InputError
+        The correction for a system is to be ignored, but no file has one.
+    """
+    errors = np.zeros((t.size, len(systems), 2))
+    for card in parts_of(constellation):
+        if not isinstance(card, RinexConstellation) or card.time_correction == "applied":
+            continue
+        shown, navigation, _, letters = _contents(card)
+        for letter in sorted({*letters} - {"G"}):
+            stated = [offset for file in navigation for offset in file.offsets if offset.system == letter]
+            if not stated:
+                raise InputError(f"{shown}: no TIME SYSTEM CORR between {_NAMES[letter]} and GPS time to ignore")
+            offset = min(stated, key=lambda correction: abs(gps_seconds(epoch) - correction.time))
+            age = gps_seconds(epoch) + t - offset.time if offset.drift != 0.0 else np.zeros(t.size)
+            of_letter = np.array(systems) == letter
+            errors[:, of_letter, 0] = -SPEED_OF_LIGHT * (offset.bias + offset.drift * age)[:, None]
+            errors[:, of_letter, 1] = -SPEED_OF_LIGHT * offset.drift
+    return errors
+
+
+def clock_relativity(constellation: Constellation, epoch: str, sent: Floats) -> Floats:
+    """Return the relativistic clock term of the satellites, (..., n_sat) s; zero for constellations without it.
+
+    epoch : Lift-off (ISO 8601, UTC).
+    sent : (..., n_sat) s since lift-off. Times of transmission.
+
+    Errors are those of `satellites`.
+    """
+    terms, first = np.zeros(sent.shape), 0
+    for card in parts_of(constellation):
+        part = _part(card, epoch)
+        after = first + len(part.names)
+        if card.relativity:
+            terms[..., first:after] = part.relativity(sent[..., first:after])
+        first = after
+    return terms

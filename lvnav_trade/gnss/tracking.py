@@ -1,0 +1,205 @@
+"""Channels of a receiver: search, acquisition, tracking and loss of satellites over time."""
+
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from lvnav_trade.kernels.random import philox, seed_words, source_word
+from lvnav_trade.quantities.records import ACQUIRE, IDLE, LOST, SEARCH, TRACK, TRACKING, Bools, Floats, Transition
+from lvnav_trade.quantities.units import Card, CarrierToNoise, Pause, Share
+
+# Causes of loss of lock, each masked by those after it; HELD is lock.
+HELD, DYNAMICS, WEAK, DEAF, FAULT, HIDDEN = range(6)
+CAUSES = ("", "dynamics", "weak signal", "no antenna", "fault", "out of view")
+
+FIX = 4  # satellites tracked for a position fix, which narrows the search for others
+
+
+class TrackingCard(Card):
+    """Search, acquisition and loss of satellites by the channels of a receiver.
+
+    A search is a pass over all possible code phases and frequencies. The signal is found at a point that is uniformly
+    distributed over the pass. The loops then pull in, and the satellite is measured afterwards.
+    """
+
+    acquire_above: CarrierToNoise = Field(
+        33.0, description="C/N0 below which signals are not acquired; without a link budget all are"
+    )
+    track_above: CarrierToNoise = Field(
+        25.0, description="C/N0 below which signals are lost; loops may lose them earlier"
+    )
+    search_time: Pause = Field(20.0, description="time of a search pass over the full range")
+    reacquire_time: Pause = Field(4.0, description="time of a search pass around the last values of a lost satellite")
+    memory: Pause = Field(15.0, description="time after a loss for which the last values narrow the search")
+    aiding: Literal["none", "own", "fused"] = Field(
+        "own",
+        description="what narrows the search: the receiver's own solution while it tracks four, or the fused state",
+    )
+    aided_factor: Share = Field(0.25, gt=0, le=1, description="factor on the time of every pass while aided")
+    searchers: int = Field(1, ge=1, description="number of satellites searched for at the same time")
+    pull_in: Pause = Field(
+        2.0,
+        description="time from acquisition to the first measurement: closing of loops, bit and frame synchronisation",
+    )
+    coast: Pause = Field(0.5, description="time for which a channel waits for a signal to return before it is lost")
+    start: Literal["tracking", "searching"] = Field("tracking", description="state of the channels at the first epoch")
+    realisation: int = Field(0, ge=0, lt=2**32, description="number of the draw of search times; the same for all runs")
+
+    def _faults(self) -> Iterator[str]:
+        if self.acquire_above < self.track_above:
+            yield "acquire_above lies below track_above: what is found would be lost at once"
+
+
+class Signals(NamedTuple):
+    """Signals at the steps of the channels.
+
+    t : (n_step,) s since lift-off.
+    expected : (n_step, n_sat). Whether the satellite is above the mask and not hidden by the Earth, by the almanac.
+    cause : (n_step, n_sat). Cause of loss of lock, as in `CAUSES`; 0: the loops keep lock.
+    strong : (n_step, n_sat). Whether the signal is strong enough for acquisition.
+    elevation : (n_step, n_sat) rad. Elevation of the satellite.
+    """
+
+    t: Floats
+    expected: Bools
+    cause: NDArray[np.int8]
+    strong: Bools
+    elevation: Floats
+
+
+def share(card: TrackingCard, satellite: str, t: float) -> float:
+    """Return the point, between 0 and 1, at which a search pass that starts at t (s) finds the satellite.
+
+    The draw depends on realisation, satellite and time (in milliseconds) only, not on other searches.
+    """
+    moment, sources = np.uint64(round(1e3 * t) & 0xFFFFFFFF), (source_word("acquisition"), source_word(satellite))
+    word, _, _, _ = philox(moment, np.uint64(card.realisation), *sources, *seed_words(0))
+    return (float(word) + 0.5) / 2.0**32
+
+
+def track(
+    card: TrackingCard, channels: int, names: tuple[str, ...], signals: Signals
+) -> tuple[NDArray[np.int8], tuple[Transition, ...]]:
+    """Return the state of every satellite at every step, (n_step, n_sat), and all transitions in order of time.
+
+    A satellite keeps its channel until its signal is lost. A free channel goes to the highest satellite; satellites
+    with unsuccessful searches come after the others.
+
+    Parameters
+    ----------
+    card : TrackingCard
+    channels : int
+        Largest number of satellites that are searched for, acquired and tracked at a time.
+    names : (n_sat,)
+        Names of the satellites.
+    signals : Signals
+    """
+    receiver = _Channels(card, channels, names, signals)
+    states = np.zeros(signals.expected.shape, dtype=np.int8)
+    if card.start == "tracking" and signals.t.size:
+        receiver.begin()
+    for step in range(signals.t.size):
+        receiver.advance(step)
+        states[step] = receiver.state
+    return states, tuple(receiver.transitions)
+
+
+class _Channels:
+    """State of the channels over time; times in s, NaN for none."""
+
+    def __init__(self, card: TrackingCard, channels: int, names: tuple[str, ...], signals: Signals) -> None:
+        count = len(names)
+        self.card, self.channels, self.names, self.signals = card, channels, names, signals
+        self.state = np.zeros(count, dtype=np.int8)
+        self.gone = signals.cause != HELD
+        # times: start of the present loss of lock of a busy channel; at which the pass reaches the signal; end of the
+        # pass or of the pull-in; loss of the satellite
+        self.failing, self.found, self.due, self.lost = np.full((4, count), np.nan)
+        self.vain = np.zeros(count, dtype=int)  # unsuccessful passes since the last success
+        self.next = np.inf  # earliest of the times found and due
+        self.transitions: list[Transition] = []
+
+    def begin(self) -> None:
+        up = self.signals.expected[0] & ~self.gone[0]
+        order = np.argsort(-np.where(up, self.signals.elevation[0], -np.inf), kind="stable")
+        for sat in order[: min(self.channels, int(up.sum()))]:
+            self._turn(0, int(sat), TRACK, "tracked from the start")
+
+    def advance(self, step: int) -> None:
+        """Advance all channels to a step: losses of lock, then ended searches and pull-ins, then new searches."""
+        t = float(self.signals.t[step])
+        for sat in np.flatnonzero(~self.signals.expected[step] & (self.state != IDLE)):
+            self.lost[sat], self.vain[sat] = np.nan, 0
+            self._turn(step, int(sat), IDLE, CAUSES[HIDDEN])
+        held = (self.state == TRACK) | (self.state == ACQUIRE)
+        bad = self.gone[step]
+        for sat in np.flatnonzero(held) if np.any(held & (bad | ~np.isnan(self.failing))) else ():
+            self._watch(step, t, int(sat), bool(bad[sat]))
+        if t >= self.next:
+            for sat in np.flatnonzero((self.state == SEARCH) | (self.state == ACQUIRE)):
+                self._end(step, t, int(sat))
+            self._schedule()
+        self._start(step, t)
+
+    def _watch(self, step: int, t: float, sat: int, bad: bool) -> None:
+        """Drop a satellite without lock for longer than the coasting time, or during pull-in."""
+        if not bad:
+            self.failing[sat] = np.nan
+            return
+        if np.isnan(self.failing[sat]):
+            self.failing[sat] = t
+        if t - self.failing[sat] >= self.card.coast or self.state[sat] == ACQUIRE:
+            self.lost[sat] = t if self.state[sat] == TRACK else self.lost[sat]
+            self._rest(step, sat, CAUSES[int(self.signals.cause[step, sat])])
+
+    def _rest(self, step: int, sat: int, reason: str) -> None:
+        """Free the channel. A satellite that was tracked before becomes LOST, any other IDLE."""
+        self._turn(step, sat, IDLE if np.isnan(self.lost[sat]) else LOST, reason)
+
+    def _end(self, step: int, t: float, sat: int) -> None:
+        """End a pass that has reached the signal or its own end, or a pull-in."""
+        if self.state[sat] == ACQUIRE:
+            if t >= self.due[sat]:
+                self.lost[sat] = np.nan
+                self._turn(step, sat, TRACK, "loops closed")
+        elif t >= self.found[sat] and self.signals.strong[step, sat]:
+            self.vain[sat] = 0
+            self._turn(step, sat, ACQUIRE, "found")
+            self.due[sat] = t + self.card.pull_in
+        elif t >= self.due[sat]:
+            self.vain[sat] += 1
+            self._rest(step, sat, "not found")
+        elif t >= self.found[sat]:
+            self.found[sat] = np.inf  # too weak when the pass reached it: the pass continues without success
+
+    def _start(self, step: int, t: float) -> None:
+        """Assign free channels and searchers to satellites that are expected in view."""
+        waiting = self.signals.expected[step] & ((self.state == IDLE) | (self.state == LOST))
+        if not np.any(waiting):
+            return
+        searching, acquiring, tracked = (int(np.sum(self.state == state)) for state in (SEARCH, ACQUIRE, TRACK))
+        free = min(self.card.searchers - searching, self.channels - searching - acquiring - tracked)
+        if free <= 0:
+            return
+        aided = self.card.aiding == "fused" or (self.card.aiding == "own" and tracked >= FIX)
+        order = sorted(np.flatnonzero(waiting), key=lambda s: (self.vain[s], -self.signals.elevation[step, s]))
+        for sat in map(int, order[:free]):
+            fresh = t - self.lost[sat] < self.card.memory  # false without an earlier loss (NaN)
+            window = self.card.reacquire_time if fresh else self.card.search_time
+            window *= self.card.aided_factor if aided else 1.0
+            self._turn(step, sat, SEARCH, "aided search" if aided else "search")
+            self.found[sat] = t + window * share(self.card, self.names[sat], t)
+            self.due[sat] = t + window
+        self._schedule()
+
+    def _turn(self, step: int, sat: int, state: int, reason: str) -> None:
+        before, after = TRACKING[int(self.state[sat])], TRACKING[state]
+        self.transitions.append(Transition(float(self.signals.t[step]), self.names[sat], before, after, reason))
+        self.state[sat] = state
+        self.failing[sat] = self.found[sat] = self.due[sat] = np.nan
+
+    def _schedule(self) -> None:
+        self.next = float(np.fmin(np.fmin(self.found, self.due), np.inf).min(initial=np.inf))

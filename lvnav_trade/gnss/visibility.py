@@ -1,0 +1,197 @@
+"""Satellites over a flight: positions at signal transmission, directions from the antenna, and which are tracked."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.gnss.constellation import GM_GPS, Constellation
+from lvnav_trade.gnss.fault_cards import AntennaFailure, AnyFault
+from lvnav_trade.gnss.faults import Mask, antennas_alive, lost
+from lvnav_trade.gnss.receiver_cards import ReceiverCard
+from lvnav_trade.gnss.reception import Arrival, noise_of, receive
+from lvnav_trade.gnss.satellites import Satellites, satellites
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.quantities import frames
+from lvnav_trade.quantities.line_of_sight import falling, look_angles, occluded, off_nadir, point_of, range_rate, sight
+from lvnav_trade.quantities.records import Floats, Sky
+from lvnav_trade.trajectory.flight import Trajectory, motion
+
+# A signal whose ray passes below this height over the ellipsoid counts as lost: straight rays ignore the weather there
+# and the bending of up to a degree. The height matters only for masks below the horizontal.
+GRAZING_HEIGHT = 10e3  # m
+# Each iteration of the light-time equation reduces the error by c / v = 8e4: 80 m, 1 mm, 14 nm.
+LIGHT_TIME_ROUNDS = 4
+
+
+class Transmission(NamedTuple):
+    """Transmission of the signals received at the epochs.
+
+    travel : (n_epoch, n_sat) s. Travel time.
+    r_i : (n_epoch, n_sat, 3) m. Satellite position at transmission, frame i.
+    v_i : (n_epoch, n_sat, 3) m/s. Inertial velocity, the derivative with respect to transmission time.
+    """
+
+    travel: Floats
+    r_i: Floats
+    v_i: Floats
+
+
+class Heard(NamedTuple):
+    """Satellites and their reception before the noise is computed, which depends on other settings of the receiver.
+
+    sky : Satellites; noise sigmas are NaN.
+    cn0 : (n_epoch, n_sat) dB-Hz. C/N0, also of signals that are not received; NaN without a link.
+    """
+
+    sky: Sky
+    cn0: Floats
+
+
+def sky(
+    constellation: Constellation,
+    receiver: ReceiverCard,
+    trajectory: Trajectory,
+    t_epoch: Floats,
+    faults: Sequence[AnyFault] = (),
+    antenna_alive: Mask | None = None,
+) -> Sky:
+    """Return the satellites seen from the true antenna, and which are tracked; the same for all runs.
+
+    Parameters
+    ----------
+    constellation : card
+    receiver : ReceiverCard
+    trajectory : Trajectory
+    t_epoch : (n_epoch,) s since lift-off
+        Times of reception, rising.
+    faults : sequence of fault cards
+        Faults of the case.
+    antenna_alive : (n_epoch, n_antenna) bool, optional
+        Antennas that work at the epoch and since the epoch before it. None: all, except for the faults.
+
+    Returns
+    -------
+    Sky
+        Positions at transmission in frame i, which need no correction for Earth rotation; velocities with respect to
+        reception time; azimuth and elevation at the antenna.
+
+    Raises
+    ------
+    InputError
+        The almanac or ephemerides cannot be used, or the start of a fault cannot be resolved.
+    """
+    return with_noise(
+        heard_in(constellation, receiver, trajectory, t_epoch, faults, antenna_alive), receiver, trajectory
+    )
+
+
+def with_noise(heard: Heard, receiver: ReceiverCard, trajectory: Trajectory) -> Sky:
+    """Return the satellites with the white-noise sigmas of the receiver's measurements."""
+    of_range, of_rate, of_phase = noise_of(receiver, trajectory, heard.sky.t, heard.cn0)
+    return heard.sky._replace(range_sigma=of_range, rate_sigma=of_rate, phase_sigma=of_phase)
+
+
+def heard_in(
+    constellation: Constellation,
+    receiver: ReceiverCard,
+    trajectory: Trajectory,
+    t_epoch: Floats,
+    faults: Sequence[AnyFault] = (),
+    antenna_alive: Mask | None = None,
+) -> Heard:
+    """Return the satellites of `sky` without noise sigmas; parameters and errors as there."""
+    above = satellites(constellation, trajectory.epoch)
+    antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
+    sent = transmission(above, trajectory.theta0, t_epoch, antenna_r)
+    seen = sight(sent.r_i - antenna_r[:, None, :], sent.v_i - antenna_v[:, None, :])
+    received = 1.0 - range_rate(seen.direction, sent.v_i, antenna_v[:, None, :]) / SPEED_OF_LIGHT
+    azimuth, elevation = look_angles(trajectory.theta0, t_epoch, antenna_r, seen.direction)
+    lowest = mask(receiver, trajectory.theta0, t_epoch, antenna_r)
+    visible = (elevation >= lowest) & ~occluded(antenna_r[:, None, :], sent.r_i, GRAZING_HEIGHT)
+    faulty = np.asarray(lost(faults, trajectory.course, t_epoch, elevation, visible))
+    # range acceleration without that of the antenna: a few m/s^2, for the lag of the tracking loops
+    pull = seen.acceleration(falling(sent.r_i, GM_GPS))
+    angle = off_nadir(sent.r_i, seen.direction)
+    arrival = Arrival(t_epoch, above.names, seen.direction, seen.distance, angle, elevation, pull, visible, faulty)
+    if antenna_alive is None and any(isinstance(fault, AntennaFailure) for fault in faults):
+        antenna_alive = antennas_alive(faults, trajectory.course, t_epoch, len(receiver.antennas))
+    received_as = receive(receiver, trajectory, arrival, antenna_alive, faults)._asdict()
+    cn0 = received_as.pop("every_cn0")
+    unknown = np.full(cn0.shape, np.nan)
+    noiseless = Sky(
+        t=t_epoch,
+        names=above.names,
+        systems=above.systems,
+        r_i=sent.r_i,
+        v_i=sent.v_i * received[..., None],  # dr/dt_rx = dr/dt_tx dt_tx/dt_rx
+        azimuth=azimuth,
+        elevation=elevation,
+        lever_arms=np.array(receiver.lever_arms),
+        range_sigma=unknown,
+        rate_sigma=unknown,
+        phase_sigma=unknown,
+        **received_as,
+    )
+    return Heard(noiseless, cn0)
+
+
+def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) -> Floats | float:
+    """Return the elevation mask (rad) of the receiver, (n_epoch, 1), or a single number for all epochs.
+
+    With `mask_height` the mask sinks linearly to the horizontal at that height, and above it with the horizon of a
+    shell of that height.
+
+    theta0 : rad. Earth angle at lift-off.
+    t : (n_epoch,) s since lift-off.
+    antenna_r : (n_epoch, 3) m, frame i.
+
+    Source: Canepa and Servidia, section 6.3.1, with a shell of ten scale heights of the troposphere.
+    """
+    shell = receiver.mask_height
+    if shell is None:
+        return receiver.mask
+    height = frames.geodetic_from_ecef(frames.ecef_from_eci(antenna_r, frames.earth_angle(theta0, t)))[2]
+    radius = np.linalg.norm(antenna_r, axis=-1) - height
+    dip = -np.arccos(np.clip((radius + shell) / (radius + np.maximum(height, shell)), -1.0, 1.0))
+    return np.asarray(np.where(height > shell, dip, receiver.mask * (1.0 - height / shell)))[:, None]
+
+
+def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
+    """Return true position (m) and velocity (m/s) of the antenna in frame i at times t (n_epoch,) s, (n_epoch, 3)."""
+    at = motion(trajectory, t)
+    return point_of(at, frames.matrices(at.q_b_i), np.array(receiver.lever_b))
+
+
+def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:
+    """Solve the light-time equation |r_sat(t - travel) - r_antenna(t)| = c travel for all epochs and satellites.
+
+    Parameters
+    ----------
+    above : Satellites
+        Orbits of the satellites.
+    theta0 : float
+        Earth angle at lift-off (rad).
+    t : (n_epoch,) s since lift-off
+        Times of reception.
+    antenna_r : (n_epoch, 3) m, frame i
+        Antenna positions at reception.
+    """
+    travel = np.full((t.size, len(above.names)), 0.075)  # s, typical for a satellite at 22 000 km
+    for _ in range(LIGHT_TIME_ROUNDS):
+        r_i, v_i = satellite_inertial(above, theta0, t[:, None] - travel)
+        travel = np.linalg.norm(r_i - antenna_r[:, None, :], axis=-1) / SPEED_OF_LIGHT
+    return Transmission(travel, r_i, v_i)
+
+
+def satellite_inertial(above: Satellites, theta0: float, t: Floats) -> tuple[Floats, Floats]:
+    """Return position (m) and inertial velocity (m/s) of satellites in frame i, (..., n_sat, 3) each.
+
+    theta0 : rad. Earth angle at lift-off.
+    t : (..., n_sat) s since lift-off.
+    """
+    r_e, v_e = above.ecef(t)
+    theta = frames.earth_angle(theta0, t)
+    turning = OMEGA * np.stack([-r_e[..., 1], r_e[..., 0], np.zeros_like(r_e[..., 0])], axis=-1)
+    return frames.eci_from_ecef(r_e, theta), frames.eci_from_ecef(v_e + turning, theta)

@@ -1,0 +1,264 @@
+"""Fit of the noise of one IMU axis to the Allan variance of a data stream: four coefficients with 95 % intervals.
+
+The Allan variance is linear in the squared coefficients of IEEE 952: quantisation q, white noise N, bias instability B,
+rate random walk K. The fit is generalised least squares with the exact covariance of overlapping Allan variances of
+Gaussian processes, a sum of squared covariances of second differences. Quantisation errors are uniform, and therefore
+have a smaller fourth moment.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import combinations_with_replacement, pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.imu.allan import overlapping
+from lvnav_trade.quantities.records import Floats, Ints
+
+NAMES = ("quantisation", "random_walk", "bias_instability", "rate_random_walk")
+FEWEST = 500  # samples of a stream
+_Z = 1.959963984540054
+_Z_BOUND = 1.6448536269514722
+_SHOWN = 2.5  # standard deviations above zero from which a squared coefficient counts as observed
+_PER_DECADE = 6
+_LEAST = 9  # fewest averaging intervals in the stream
+_EXACT = 48  # largest number of terms between two kinks that are summed exactly; longer sums are integrated
+_PASSES = 12
+_UNIFORM = -1.2  # excess of the fourth moment of a uniform error, in squared variances
+_SECOND = (1.0, -2.0, 1.0)
+
+
+class Coefficient(NamedTuple):
+    """A noise coefficient, SI.
+
+    value : Estimate; 0 if the stream does not show the coefficient.
+    low, high : 95 % confidence interval; if the stream does not show it, 0 and the 95 % upper bound.
+    shown : Whether the stream shows the coefficient.
+    """
+
+    value: float
+    low: float
+    high: float
+    shown: bool
+
+
+class AxisFit(NamedTuple):
+    """Fit of one axis.
+
+    tau : (n,) s. Averaging times.
+    deviation : (n,). Overlapping Allan deviation.
+    sigma : (n,). Its standard deviation.
+    model : (n,). Allan deviation of the fitted coefficients.
+    coefficients : Coefficients by the names of the card's fields.
+    spread : Factor on the intervals: root mean square of the normalised residuals if that is significant, otherwise 1.
+    """
+
+    tau: Floats
+    deviation: Floats
+    sigma: Floats
+    model: Floats
+    coefficients: dict[str, Coefficient]
+    spread: float
+
+
+def ladder(n: int, dt: float, shortest: float = 0.0, longest: float = math.inf) -> list[int]:
+    """Return averaging factors (samples) for a stream of n samples of dt s.
+
+    There are six per decade, up to a ninth of the stream, with averaging times from `shortest` to `longest` (s).
+    """
+    first, last = (
+        max(1, math.ceil(shortest / dt - 1e-9)),
+        min(n // _LEAST, math.floor(min(longest, n * dt) / dt + 1e-9)),
+    )
+    if last < first:
+        return []
+    count = max(2, math.ceil(_PER_DECADE * math.log10(max(last / first, 1.0001))) + 1)
+    return sorted({round(factor) for factor in np.geomspace(first, last, count)})
+
+
+def fit(rates: Floats, dt: float, factors: Sequence[int]) -> AxisFit:
+    """Return the noise coefficients of a data stream.
+
+    Parameters
+    ----------
+    rates : (n,) rad/s or m/s^2
+        Successive rates, each the mean over dt.
+    dt : float
+        Sampling interval (s).
+    factors : sequence of int
+        Averaging times in samples, as from `ladder`.
+    """
+    m = np.array(factors, dtype=np.int64)
+    observed = overlapping(rates, dt, factors) ** 2
+    design = np.stack([variances(name, m, dt) for name in NAMES], axis=1)
+    squares, cov, V = _solve(observed, design, m, rates.size, dt)
+    model = design @ squares
+    residual = observed - model
+    dof = m.size - int(np.count_nonzero(squares))
+    chi2 = float(residual @ np.linalg.solve(V, residual))
+    # chi-square has mean dof and variance 2 dof: widen the intervals beyond four sigmas
+    spread = math.sqrt(chi2 / dof) if dof > 0 and chi2 > dof + 4.0 * math.sqrt(2.0 * dof) else 1.0
+    coefficients = {}
+    for k, name in enumerate(NAMES):
+        sigma = spread * math.sqrt(cov[k])
+        shown = squares[k] > _SHOWN * sigma
+        high = 0.0 if shown else math.sqrt(_bound(squares, k, spread, design, m, rates.size, dt))
+        coefficients[name] = _coefficient(squares[k], sigma) if shown else Coefficient(0.0, 0.0, high, False)
+    tau, root = dt * m.astype(float), np.sqrt(model)
+    return AxisFit(tau, np.sqrt(observed), 0.5 * np.sqrt(np.diag(V)) / root, root, coefficients, spread)
+
+
+def variances(name: str, m: Ints, dt: float) -> Floats:
+    """Return the Allan variance (n,) of a process with unit coefficient, for averaging times of m (n,) samples.
+
+    name : One of `NAMES`.
+    dt : s. Sampling interval.
+    """
+    second = 6.0 * _generalised(name, 0 * m, dt) - 8.0 * _generalised(name, m, dt) + 2.0 * _generalised(name, 2 * m, dt)
+    return np.asarray(second / (2.0 * (m * dt) ** 2))
+
+
+def _generalised(name: str, lag: Ints | Floats, dt: float) -> Floats:
+    """Return the generalised covariance of the angle of a process at lags in samples.
+
+    It gives the covariances of second differences, which are stationary: sigma^2 at lag 0 for white noise of the angle,
+    -|t| / 2 for a random walk, |t|^3 / 12 for an integrated random walk, t^2 ln|t| / (2 pi) for integrated flicker
+    noise.
+    """
+    t = np.abs(lag) * dt
+    if name == "quantisation":
+        return np.asarray((lag == 0) / 12.0)
+    if name == "random_walk":
+        return np.asarray(-0.5 * t)
+    if name == "rate_random_walk":
+        return np.asarray(t**3 / 12.0)
+    return np.asarray(t**2 * np.log(np.maximum(t, 1e-300)) / (2.0 * math.pi))
+
+
+def _solve(observed: Floats, design: Floats, m: Ints, n: int, dt: float) -> tuple[Floats, Floats, Floats]:
+    """Return squared coefficients (4,), none negative, their variances (4,), and the covariance of the observations.
+
+    That covariance depends on the coefficients, so that the fit is repeated until they no longer change.
+    """
+    from scipy.optimize import nnls  # the import takes 0.3 s in every worker, and few need it
+
+    scale = 1.0 / observed
+    squares = nnls(design * scale[:, None], observed * scale)[0]
+    for _ in range(_PASSES):
+        V = covariance(squares, m.tolist(), n, dt)
+        L = np.linalg.cholesky(V)
+        A, b = np.linalg.solve(L, design), np.linalg.solve(L, observed)
+        size = np.linalg.norm(A, axis=0)
+        before, squares = squares, nnls(A / size, b)[0] / size
+        if np.allclose(before, squares, rtol=1e-6, atol=0.0):
+            break
+    return squares, _square_variances(design, V), V
+
+
+def _square_variances(design: Floats, V: Floats) -> Floats:
+    """Return the variances (4,) of squared coefficients fitted to observations with covariance V: (A' V^-1 A)^-1."""
+    A = np.linalg.solve(np.linalg.cholesky(V), design)
+    size = np.linalg.norm(A, axis=0)
+    return np.asarray(np.diag(np.linalg.inv((A / size).T @ (A / size))) / size**2)
+
+
+def _bound(squares: Floats, k: int, spread: float, design: Floats, m: Ints, n: int, dt: float) -> float:
+    """Return the 95 % upper bound on a squared coefficient that the stream does not show.
+
+    The bound b solves b = fitted + 1.645 sigma(b), where sigma is computed with the coefficient b in the covariance.
+    """
+    bounded = squares.copy()
+    for _ in range(_PASSES):
+        sigma = math.sqrt(_square_variances(design, covariance(bounded, m.tolist(), n, dt))[k])
+        bounded[k] = squares[k] + _Z_BOUND * spread * sigma
+    return float(bounded[k])
+
+
+def _coefficient(square: float, sigma: float) -> Coefficient:
+    """Return a coefficient from its square and the standard deviation of its square.
+
+    The interval is symmetric in the cube root of the square (Wilson and Hilferty), in which a sum of squares is nearly
+    Gaussian.
+    """
+    part = _Z * sigma / (3.0 * square)
+    low, high = (square * max(0.0, 1.0 + sign * part) ** 3 for sign in (-1.0, 1.0))
+    return Coefficient(math.sqrt(square), math.sqrt(low), math.sqrt(high), True)
+
+
+def covariance(squares: Floats, m: Sequence[int], n: int, dt: float) -> Floats:
+    """Return the covariance (n_factor, n_factor) of overlapping Allan variances.
+
+    squares : (4,). Squared coefficients of the processes.
+    m : (n_factor,). Averaging times in samples.
+    n : Number of samples.
+    dt : s. Sampling interval.
+    """
+    return np.einsum("ijkl,k,l->ij", _moments(tuple(m), n, dt), squares, squares)
+
+
+@lru_cache(maxsize=8)
+def _moments(m: tuple[int, ...], n: int, dt: float) -> Floats:
+    """Return the coefficients (n_factor, n_factor, 4, 4) of the covariance as a quadratic form of the squares."""
+    moments = np.empty((len(m), len(m), 4, 4))
+    for i, j in combinations_with_replacement(range(len(m)), 2):
+        moments[i, j] = moments[j, i] = _pair(m[i], m[j], n, dt)
+    return moments
+
+
+def _pair(a: int, b: int, n: int, dt: float) -> Floats:
+    """Return the quadratic form (4, 4) of the covariance of the Allan variances over a and b samples.
+
+    It is twice the sum, over all pairs of second differences, of products of their covariances (Isserlis' theorem).
+    """
+    n_a, n_b = n + 1 - 2 * a, n + 1 - 2 * b
+    kinks = np.unique([j * b - i * a for i in range(3) for j in range(3)])
+    lags, weights = _lags(kinks, n_a, n_b)
+    smooth = _second_covariances(lags, a, b, dt)
+    smooth[0] = 0.0
+    total = np.einsum("l,kl,jl->kj", weights * _pairs(lags, n_a, n_b), smooth, smooth)
+    at = kinks[(kinks > -n_b) & (kinks < n_a)]  # quantisation: white noise of the angle, at single lags
+    single = _second_covariances(at, a, b, dt)
+    discrete = np.einsum("l,l,kl->k", _pairs(at, n_a, n_b), single[0], single)
+    total[0, 1:] = total[1:, 0] = discrete[1:]
+    total[0, 0] = discrete[0] + 0.5 * _UNIFORM * 36.0 / 144.0 * min(n_a, n_b)
+    return np.asarray(2.0 * total / (4.0 * a * a * b * b * dt**4 * n_a * n_b))
+
+
+def _pairs(lags: Floats, n_a: int, n_b: int) -> Floats:
+    """Return the number of pairs of second differences with each lag (start of the first minus start of the second)."""
+    return np.asarray(np.maximum(0.0, np.minimum(n_a, n_b + lags) - np.maximum(0.0, lags)))
+
+
+def _second_covariances(lags: Floats, a: int, b: int, dt: float) -> Floats:
+    """Return the covariances (4, n_lag) of second differences of the angle over a and b samples, by lag.
+
+    The lag is that of their starts. Each process has a coefficient of one.
+    """
+    covariances = np.zeros((len(NAMES), len(lags)))
+    for k, name in enumerate(NAMES):
+        for (i, p), (j, q) in product(enumerate(_SECOND), repeat=2):
+            covariances[k] += p * q * _generalised(name, lags + i * a - j * b, dt)
+    return covariances
+
+
+def _lags(kinks: Ints, n_a: int, n_b: int) -> tuple[Floats, Floats]:
+    """Return lags and weights for a sum over all lags of a function that is smooth between kinks.
+
+    Short pieces are summed term by term, long pieces by Gauss-Legendre quadrature.
+    """
+    first, last = 1 - n_b, n_a - 1
+    reach = int(kinks[-1] - kinks[0])
+    edges = [first, int(kinks[0]) - reach, int(kinks[0]) - reach // 8, *map(int, kinks)]
+    edges = sorted({min(max(edge, first), last) for edge in [*edges, 0, n_a - n_b, *(-e for e in edges), last]})
+    nodes, parts = np.polynomial.legendre.leggauss(16)
+    lags, weights = [np.array(edges, dtype=float)], [np.ones(len(edges))]
+    for low, high in pairwise(edges):
+        if high - low - 1 <= _EXACT:
+            lags.append(np.arange(low + 1, high, dtype=float))
+            weights.append(np.ones(max(0, high - low - 1)))
+        else:
+            lags.append(0.5 * (low + high) + 0.5 * (high - low - 1) * nodes)
+            weights.append(0.5 * (high - low - 1) * parts)
+    return np.concatenate(lags), np.concatenate(weights)

@@ -1,1 +1,0 @@
-"""Families of metrics, one in a module: ``METRICS`` names its members. Read `errors.py` first."""

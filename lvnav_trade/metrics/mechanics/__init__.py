@@ -1,1 +1,0 @@
-"""Orbital mechanics of navigation errors: orbits, impact points, correction impulses. Read `mission.py` first."""

@@ -1,1 +1,0 @@
-"""Errors of the orbit at injection, of its correction and of the impact point. Read `orbit.py` first."""

@@ -1,1 +1,0 @@
-"""Requirements: verdicts, and which error sources must improve to meet them. Read `requirements.py` first."""

@@ -1,1 +1,0 @@
-"""Scalar measurements: truth side and filter side of each observable and sensor."""

@@ -1,1 +1,0 @@
-"""Measurements of a vehicle at rest on its pad: velocity, attitude, position, azimuth. Read `standing.py` first."""

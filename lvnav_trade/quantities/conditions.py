@@ -1,0 +1,223 @@
+"""Conditions that switch a sensor or a fault: times, events, altitude, speed, dynamic pressure."""
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field
+
+from lvnav_trade.quantities.errors import InputError, Mistake
+from lvnav_trade.quantities.events import Instant, resolve
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.units import Angle, Card, Length, Pressure, SpeedSigma
+
+Mask = NDArray[np.bool_]
+Intervals = tuple[tuple[float, float], ...]
+"""Intervals of time (s) in order, each with its start and without its end; infinite without a bound."""
+
+ROUNDING = 1e-6  # s; an epoch closer than this to the edge of an interval counts as on it
+_STEP, _MOST = 0.1, 20_000  # s between samples of a flight, and their largest number
+_HALVINGS = 40  # bisections of a step: far below rounding of a time
+
+
+class Conditions(Card):
+    """Conditions that switch a sensor or fault on. It is on while every given condition is true."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    from_: Instant | None = Field(
+        None, alias="from", description="active from this time, such as '100 s', or event: 'stage1_cutoff + 20 s'"
+    )
+    until: Instant | None = Field(None, description="active until this time or event, in the same form as `from`")
+    above: Length | None = Field(None, description="active at and above this altitude above the ellipsoid")
+    below: Length | None = Field(None, description="active below this altitude above the ellipsoid")
+    speed_above: SpeedSigma | None = Field(None, description="active at and above this speed relative to the Earth")
+    speed_below: SpeedSigma | None = Field(None, description="active below this speed relative to the Earth")
+    dynamic_pressure_above: Pressure | None = Field(
+        None, description="active at and above this dynamic pressure (US Standard Atmosphere 1976, no wind)"
+    )
+    dynamic_pressure_below: Pressure | None = Field(None, description="active below this dynamic pressure")
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """Keys of the conditions that the card gives, as the user writes them."""
+        names = ("from_", "until", *BOUNDS, *ELEVATIONS)
+        return tuple(name.rstrip("_") for name in names if getattr(self, name, None) is not None)
+
+    def _faults(self) -> Iterable[str]:
+        for low, high in PAIRS:
+            least, most = getattr(self, low, None), getattr(self, high, None)
+            if least is not None and most is not None and least >= most:
+                yield f"{low}: should be less than {high}, or it never holds"
+
+
+class SightConditions(Conditions):
+    """Conditions that may also depend on the elevation of a satellite or transmitter."""
+
+    elevation_above: Angle | None = Field(
+        None, description="active at and above this elevation of the satellite, or of the vehicle seen from a station"
+    )
+    elevation_below: Angle | None = Field(
+        None, description="active below this elevation of the satellite, or of the vehicle seen from a station"
+    )
+
+    def _faults(self) -> Iterable[str]:
+        yield from super()._faults()
+        for name in ELEVATIONS:
+            if abs(getattr(self, name) or 0.0) > 0.5 * np.pi:
+                yield f"{name}: an elevation is between -90 deg and 90 deg"
+
+    @property
+    def by_elevation(self) -> tuple[str, ...]:
+        """Keys of the conditions on elevation that the card gives."""
+        return tuple(name for name in ELEVATIONS if getattr(self, name) is not None)
+
+    def sights(self, elevation: Floats) -> Mask:
+        """Return which elevations (...,) rad meet the conditions on elevation, (...,) bool."""
+        low = -np.inf if self.elevation_above is None else self.elevation_above
+        high = np.inf if self.elevation_below is None else self.elevation_below
+        return np.asarray((elevation >= low) & (elevation < high))
+
+
+BOUNDS = {
+    "above": (0, True),
+    "below": (0, False),
+    "speed_above": (1, True),
+    "speed_below": (1, False),
+    "dynamic_pressure_above": (2, True),
+    "dynamic_pressure_below": (2, False),
+}
+"""Bounds on the flight: row of `Course.values`, and whether the condition is true above the bound."""
+ELEVATIONS = ("elevation_above", "elevation_below")
+PAIRS = tuple((f"{name}above", f"{name}below") for name in ("", "speed_", "dynamic_pressure_", "elevation_"))
+_SHOWN = (("altitude", 1e-3, "km"), ("speed", 1.0, "m/s"), ("dynamic pressure", 1e-3, "kPa"))
+
+
+class Course:
+    """A flight as conditions evaluate it.
+
+    Parameters
+    ----------
+    instants : mapping
+        Times (s since lift-off) of the events by name, with ``start`` and ``end``.
+    at : callable, optional
+        Function of times (n,) s that returns altitude (m), speed relative to the Earth (m/s) and dynamic pressure (Pa)
+        as (3, n). Required by conditions on these quantities.
+    """
+
+    def __init__(self, instants: Mapping[str, float], at: Callable[[Floats], Floats] | None = None) -> None:
+        self.instants, self._at = instants, at
+
+    def begin(self, start: float) -> float:
+        """Return the start (s) of an interval; for an interval without a start that of the flight."""
+        return self.instants["start"] if start == -np.inf else start
+
+    @cached_property
+    def times(self) -> Floats:
+        """Sampling times (n,) s of the flight."""
+        start, end = self.instants["start"], self.instants["end"]
+        count = int(min(_MOST, max(1.0, np.ceil((end - start) / _STEP))))
+        return np.linspace(start, end, count + 1)
+
+    @cached_property
+    def values(self) -> Floats:
+        """Altitude (m), speed (m/s) and dynamic pressure (Pa) at the sampling times, (3, n)."""
+        return self.sampled(self.times)
+
+    def sampled(self, t: Floats) -> Floats:
+        """Return altitude (m), speed (m/s) and dynamic pressure (Pa) at times t (n,) s, (3, n)."""
+        if self._at is None:
+            raise ValueError("conditions on altitude, speed or dynamic pressure need a flight")
+        return self._at(t)
+
+    def beyond(self, name: str, level: float) -> Intervals:
+        """Return the intervals in which the flight meets a bound.
+
+        Crossings are found by bisection between samples. An interval that lasts to the start or end of the flight is
+        infinite there.
+
+        Parameters
+        ----------
+        name : str
+            Key of `BOUNDS`.
+        level : float
+            Value of the bound (SI).
+        """
+        row, up = BOUNDS[name]
+        on = (self.values[row] >= level) == up
+        at = np.flatnonzero(on[1:] != on[:-1])
+        low, high = self.times[at], self.times[at + 1]
+        for _ in range(_HALVINGS if at.size else 0):
+            middle = 0.5 * (low + high)
+            same = ((self.sampled(middle)[row] >= level) == up) == on[at]
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        edges = [-np.inf, *high.tolist(), np.inf]
+        return tuple(pair for k, pair in enumerate(pairwise(edges)) if bool(on[0]) == (k % 2 == 0))
+
+    def holding(self, conditions: Conditions) -> Intervals:
+        """Return the intervals in which all conditions are true, except those on elevation.
+
+        Raises
+        ------
+        InputError
+            The flight has no such event. The path is the field.
+        """
+        intervals: Intervals = (self.window(conditions),)
+        for name in BOUNDS:
+            level = getattr(conditions, name)
+            if level is not None:
+                intervals = both(intervals, self.beyond(name, level))
+        return intervals
+
+    def window(self, conditions: Conditions) -> tuple[float, float]:
+        """Return the interval (s) that the conditions on time define; InputError as in `holding`."""
+        return self._time(conditions, "from", -np.inf), self._time(conditions, "until", np.inf)
+
+    def _time(self, conditions: Conditions, field: str, otherwise: float) -> float:
+        text = conditions.from_ if field == "from" else conditions.until
+        return otherwise if text is None else self.time(text, field)
+
+    def time(self, text: str, field: str) -> float:
+        """Return the time (s) of a text such as "stage1_cutoff + 20 s"; InputError as in `holding`."""
+        try:
+            return float(resolve(text, self.instants))
+        except InputError as error:
+            raise InputError(records=[Mistake(error.records[0].message, field)]) from None
+
+
+def both(first: Intervals, second: Intervals) -> Intervals:
+    """Return the intersection of two lists of intervals."""
+    cut = ((max(a, c), min(b, d)) for a, b in first for c, d in second)
+    return tuple(sorted((start, end) for start, end in cut if start < end))
+
+
+def inside(intervals: Intervals, t: Floats) -> Mask:
+    """Return which times t (n,) s lie in one of the intervals, (n,) bool, with a tolerance of `ROUNDING`."""
+    within = np.zeros(t.shape, dtype=bool)
+    for start, end in intervals:
+        within |= (t >= start - ROUNDING) & (t < end - ROUNDING)
+    return within
+
+
+def never(conditions: Conditions, course: Course) -> Mistake | None:
+    """Return the input error of conditions that are true at no time of a flight; None if there is such a time.
+
+    The path of the error is the field to change. Conditions on elevation are not examined. InputError as in
+    `Course.holding`.
+    """
+    first, last = course.instants["start"], course.instants["end"]
+    flight: Intervals = ((first, last),)
+    if not both((course.window(conditions),), flight):
+        field = "until" if conditions.from_ is None else "from"
+        return Mistake(f"holds at no time of the flight ({first:g} s to {last:g} s)", field)
+    bounds = [name for name in BOUNDS if getattr(conditions, name) is not None]
+    for name in bounds:
+        if not both(course.beyond(name, getattr(conditions, name)), flight):
+            what, factor, unit = _SHOWN[BOUNDS[name][0]]
+            low, high = (factor * f(course.values[BOUNDS[name][0]]) for f in (np.min, np.max))
+            return Mistake(f"holds at no time of the flight, whose {what} is {low:.4g} to {high:.4g} {unit}", name)
+    if bounds and not both(course.holding(conditions), flight):
+        return Mistake("holds at no time of the flight together with the other conditions", bounds[0])
+    return None

@@ -1,0 +1,304 @@
+"""Columns of a user's file, CSV or Parquet: numbers and texts by column name, and the place of each row."""
+
+import csv
+import difflib
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.quantities.decimals import decimal_or_endless
+from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.quantities.input_files import open_regular, read_text
+from lvnav_trade.quantities.limits import DATA_BYTES, DATA_ROWS, FIELD_LENGTH
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.time_stamps import coarse, restored
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+FEWEST = 12  # rows; smallest number for a trajectory
+_PREFIXED = "DELTA_BYTE_ARRAY"  # a text encoding whose unpacked size is not in the metadata
+
+
+def read_columns(
+    path: str,
+    names: list[str],
+    delimiter: str,
+    fewest: int = FEWEST,
+    what: str = "a trajectory",
+    blanks: tuple[str, ...] = (),
+) -> tuple[Floats, list[str]]:
+    """Return columns of numbers of a CSV or Parquet file, (n, n_name), and the place of each row for messages.
+
+    A file named .parquet or .pq is Parquet. Any other file is text with a header line; lines that begin with # are
+    comments. If the first line has numbers, the last comment before it with as many names is the header.
+
+    Parameters
+    ----------
+    path : str
+        File.
+    names : list of str
+        Names of the columns.
+    delimiter : str
+        Separator of a text file.
+    fewest : int
+        Smallest number of rows.
+    what : str
+        Kind of data with that smallest number, for messages.
+    blanks : tuple of str
+        Columns in which a missing number is NaN.
+
+    Raises
+    ------
+    InputError
+        No such file, no such column, a field that is no finite number, too few rows. The message names file and row.
+    """
+    table, places = _numbers(path, names) if _is_parquet(path) else _text(path, names, delimiter, blanks)
+    if len(table) < fewest:
+        raise InputError(f"{path}: {len(table)} rows of data, {what} needs {fewest} or more")
+    wrong = ~np.isfinite(table) & ~(np.isnan(table) & np.isin(names, blanks))
+    for row, column in np.argwhere(wrong)[:1]:
+        raise InputError(f"{path}:{places[row]}: {names[column]} is {table[row, column]}, not a finite number")
+    return table, places
+
+
+def read_texts(path: str, name: str, delimiter: str = ",") -> list[str]:
+    """Return a column of texts, row by row, of a file that `read_columns` has read; InputError if there is none."""
+    if not _is_parquet(path):
+        head = _head(path, delimiter)
+        _refuse_missing(f"{path}:{head.number}", [name], head.titles)
+        at = head.titles.index(name)
+        return [_fields(line, delimiter, f"{path}:{number}")[at].strip() for number, line in head.lines]
+    import pyarrow as pa
+
+    with _parquet(path, (name,)) as file:  # as a dictionary, so that repeated texts are in memory once
+        kind = _column_type(path, file, name)
+        if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
+            raise InputError(f"{path}: column {name!r} is of {kind}, not of texts")
+        _try_first_row(file, [name])
+        _refuse_large(path, file, [name])
+        column = file.read(columns=[name]).column(0).combine_chunks().cast(pa.dictionary(pa.int32(), pa.string()))
+        column.validate(full=True)  # a damaged file may have indices without a text
+        texts, index = column.dictionary.to_pylist(), column.indices.to_pylist()
+    longest = max(map(len, texts), default=0)
+    if longest > FIELD_LENGTH:
+        raise InputError(f"{path}: {name}: a text of {longest} characters; at most {FIELD_LENGTH} are read")
+    return ["" if k is None else texts[k] for k in index]
+
+
+def column_names(path: str, delimiter: str = ",") -> list[str]:
+    """Return the names of the columns of a CSV or Parquet file; InputError if it cannot be read."""
+    if not _is_parquet(path):
+        return _head(path, delimiter, empty=True).titles
+    with _parquet(path) as file:
+        return list(file.schema_arrow.names)
+
+
+def refuse_first(wrong: NDArray[np.bool_], path: str, places: list[str], fault: Callable[[int], str]) -> None:
+    """Raise InputError for the first row that is wrong (n,); `fault` returns its message."""
+    for k in np.flatnonzero(wrong)[:1]:
+        raise InputError(f"{path}:{places[k]}: {fault(int(k))}")
+
+
+def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
+    """Return the intervals (n - 1,) between times t (n,) in s; InputError if times repeat or decrease."""
+    interval = np.diff(t)
+    for k in np.flatnonzero(interval <= 0.0)[:1]:
+        fault = "repeats" if interval[k] == 0.0 else "goes back from"
+        raise InputError(f"{path}:{places[k + 1]}: time {t[k + 1]:.9g} s {fault} {t[k]:.9g} s of the row before")
+    return interval
+
+
+def time_stamps(column: Floats, unit: str, path: str, places: list[str]) -> Floats:
+    """Return a column of time (n,), restored to its grid if of single precision; InputError if such times repeat."""
+    stamps = restored(column, unit)
+    repeated = (np.diff(column, prepend=-math.inf) == 0.0) & (stamps.apart > 0.0)
+    refuse_first(repeated, path, places, lambda k: f"time {column[k]:.9g} {unit} repeats: {coarse(stamps.apart, unit)}")
+    return stamps.column
+
+
+# --- Parquet ----------------------------------------------------------------------------------------------------------
+
+
+def _is_parquet(path: str) -> bool:
+    return Path(path).suffix.lower() in (".parquet", ".pq")
+
+
+@contextmanager
+def _parquet(path: str, texts: tuple[str, ...] = ()) -> "Iterator[pq.ParquetFile]":
+    """Open a Parquet file and turn errors of its library into InputError.
+
+    texts : Columns to read as dictionaries.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    with open_regular(path, DATA_BYTES) as content:
+        try:
+            yield pq.ParquetFile(content, read_dictionary=list(texts))
+        except (OSError, pa.ArrowException, LookupError, UnicodeError) as error:  # of damaged names and indices too
+            raise InputError(f"{path}: cannot be read as Parquet: {str(error).partition(chr(10))[0]}") from None
+
+
+def _numbers(path: str, names: list[str]) -> tuple[Floats, list[str]]:
+    import pyarrow as pa
+
+    with _parquet(path) as file:
+        for name in names:
+            _refuse_no_number(path, name, _column_type(path, file, name))
+        _try_first_row(file, names)
+        _refuse_large(path, file, names)
+        table = file.read(columns=names)
+        # unsafe cast: integers beyond 2**53, such as nanoseconds since 1970, are rounded as in a CSV file
+        columns = [table.column(name).cast(pa.float64(), safe=False).to_numpy() for name in names]
+    return np.column_stack(columns).astype(float), [f"row {number}" for number in range(1, table.num_rows + 1)]
+
+
+def _column_type(path: str, file: "pq.ParquetFile", name: str) -> "pa.DataType":
+    """Return the type of a column, for a dictionary that of its values; InputError if there is no such column."""
+    import pyarrow as pa
+
+    _refuse_missing(path, [name], list(file.schema_arrow.names))
+    kind = file.schema_arrow.field(name).type
+    return kind.value_type if pa.types.is_dictionary(kind) else kind
+
+
+def _refuse_no_number(path: str, name: str, kind: "pa.DataType") -> None:
+    """Raise InputError if the type of a column is not numeric."""
+    from pyarrow import types
+
+    if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+        return
+    if types.is_timestamp(kind) or types.is_duration(kind) or types.is_date(kind) or types.is_time(kind):
+        hint = f"of {kind}, not of numbers: write seconds, in pandas such as (t - t.iloc[0]).dt.total_seconds()"
+    else:
+        texts = types.is_string(kind) or types.is_large_string(kind)
+        hint = f"of {'texts' if texts else 'truth values' if types.is_boolean(kind) else kind}, not of numbers"
+    raise InputError(f"{path}: column {name!r} is {hint}")
+
+
+def _try_first_row(file: "pq.ParquetFile", names: list[str]) -> None:
+    """Read a row of each group with small pages.
+
+    Damaged statistics of a column raise an error here; without this read they end the process when the metadata of the
+    column are accessed.
+    """
+    groups = [k for k in range(file.num_row_groups) if file.metadata.row_group(k).total_byte_size <= DATA_BYTES]
+    for group in groups:
+        next(file.iter_batches(batch_size=1, row_groups=[group], columns=names), None)
+
+
+def _refuse_large(path: str, file: "pq.ParquetFile", names: list[str]) -> None:
+    """Raise InputError if a file has too many rows, or its columns `names` are too large unpacked."""
+    metadata = file.metadata
+    if metadata.num_rows > DATA_ROWS:
+        raise InputError(f"{path}: {metadata.num_rows} rows; at most {DATA_ROWS} are read")
+    at = [k for k in range(metadata.num_columns) if metadata.schema.column(k).path.split(".")[0] in names]
+    chunks = [metadata.row_group(group).column(k) for group in range(metadata.num_row_groups) for k in at]
+    size = sum(chunk.total_uncompressed_size for chunk in chunks)
+    if size > DATA_BYTES:
+        raise InputError(f"{path}: {', '.join(names)}: unpacked {size} bytes; at most {DATA_BYTES} are read")
+    if any(_PREFIXED in chunk.encodings for chunk in chunks):
+        raise InputError(f"{path}: {', '.join(names)}: encoded as {_PREFIXED}; write it plain or as a dictionary")
+
+
+# --- text -------------------------------------------------------------------------------------------------------------
+
+
+class _Head(NamedTuple):
+    """Header of a text file: its line number, the names of the columns, and the numbered lines of data."""
+
+    number: int
+    titles: list[str]
+    lines: list[tuple[int, str]]
+
+
+def _head(path: str, delimiter: str, empty: bool = False) -> _Head:
+    """Return the header of a text file; InputError if it has none, or is empty unless `empty` allows it."""
+    comments: list[tuple[int, str]] = []
+    lines: list[tuple[int, str]] = []
+    for number, line in enumerate(read_text(path, DATA_BYTES).splitlines(), start=1):
+        if line.lstrip().startswith("#"):
+            comments += [(number, line)] * (not lines)
+        elif line.strip():
+            lines.append((number, line))
+    if not lines:
+        if empty:
+            return _Head(0, [], [])
+        raise InputError(f"{path}: is empty")
+    number, first = lines[0]
+    titles = _titles(first, delimiter, f"{path}:{number}")
+    if not all(map(_is_number, titles)):
+        return _Head(number, titles, lines[1:])
+    for at, comment in reversed(comments):
+        names = _titles(comment.lstrip().lstrip("#"), delimiter, f"{path}:{at}")
+        if len(names) == len(titles) and not any(map(_is_number, names)):
+            return _Head(at, names, lines)
+    raise InputError(f"{path}:{number}: has numbers where the names of the columns should be: add a line of names")
+
+
+def _titles(line: str, delimiter: str, where: str) -> list[str]:
+    return [title.strip() for title in _fields(line, delimiter, where)]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _text(path: str, names: list[str], delimiter: str, blanks: tuple[str, ...]) -> tuple[Floats, list[str]]:
+    number, titles, lines = _head(path, delimiter)
+    _refuse_missing(f"{path}:{number}", names, titles)
+    at = [titles.index(name) for name in names]
+    empty = {titles.index(name) for name in blanks}  # fields that may be
+    rows: list[list[float]] = []
+    places: list[str] = []
+    for number, line in lines:
+        fields = _fields(line, delimiter, f"{path}:{number}")
+        if len(fields) != len(titles):
+            raise InputError(f"{path}:{number}: {len(fields)} fields, the header has {len(titles)}")
+        where = f"{path}:{number}"
+        rows.append(
+            [math.nan if k in empty and not fields[k].strip() else _number(fields[k], titles[k], where) for k in at]
+        )
+        if len(rows) > DATA_ROWS:
+            raise InputError(f"{path}:{number}: more than {DATA_ROWS} rows")
+        places.append(str(number))
+    return np.array(rows, dtype=float).reshape(len(rows), len(names)), places
+
+
+def _fields(line: str, delimiter: str, where: str) -> list[str]:
+    """Return the fields of a line; InputError if a field is longer than any number or name."""
+    longest = max(map(len, line.split(delimiter))) if len(line) > FIELD_LENGTH else 0
+    if longest > FIELD_LENGTH:
+        raise InputError(f"{where}: a field of {longest} characters; at most {FIELD_LENGTH} are read")
+    try:
+        return next(csv.reader([line], delimiter=delimiter))
+    except csv.Error as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _refuse_missing(where: str, names: list[str], titles: list[str]) -> None:
+    for name in names:
+        if name not in titles:
+            near = difflib.get_close_matches(name, titles, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(titles[:20])}"
+            raise InputError(f"{where}: no column {quoted(name)} ({hint})")
+        if titles.count(name) > 1:
+            raise InputError(f"{where}: {titles.count(name)} columns have the name {name!r}; rename all but one")
+
+
+def _number(field: str, title: str, where: str) -> float:
+    try:
+        return decimal_or_endless(field)
+    except ValueError:
+        raise InputError(f"{where}: {title} is {quoted(field.strip())}, not a number") from None

@@ -1,0 +1,150 @@
+"""Input errors: one line with the place and the remedy."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import NamedTuple, TypeGuard
+
+from lvnav_trade.quantities.limits import MESSAGE_LENGTH, MESSAGES, QUOTED_LENGTH
+
+# Control characters except tabs and line breaks, and characters that change the direction of the text
+HIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ufeff]")
+# Within an address: name and password up to the last @ (a secret may contain a slash), and the signed query
+_USER, _QUERY = re.compile(r"(?<=://)[^\s'\"]*@"), re.compile(r"(://[^\s'\"?#]*)[?#][^\s'\"]*")
+
+
+def visible(text: str) -> str:
+    """Return the text with hidden characters written as their escape sequences; line breaks and tabs stay."""
+    return HIDDEN.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
+
+
+def without_credentials(text: str) -> str:
+    """Return the text with the user, password, query and fragment of every address in it replaced by asterisks."""
+    return _QUERY.sub(r"\1?***", _USER.sub("***@", text)) if "://" in text else text
+
+
+def credentials(address: str) -> list[str]:
+    """Return the secret parts of an address, longest first.
+
+    Other programs quote them in their messages, from which they are then removed.
+    """
+    secrets = [
+        secret
+        for text in (*_USER.findall(address), *(word.partition("?")[2] for word in address.split()))
+        if text
+        for secret in (text.rstrip("@"), *re.split("[:&=]", text.rstrip("@")))
+    ]
+    return sorted({secret for secret in secrets if len(secret) > 3}, key=len, reverse=True)
+
+
+def printable(text: str) -> str:
+    """Return the text on one line, with control characters written as their escape sequences."""
+    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
+
+
+def shortened(text: str, most: int) -> str:
+    """Return the text with its middle replaced by dots if it is longer than `most` characters."""
+    return text if len(text) <= most else f"{text[: most - 20]} ... {text[-15:]}"
+
+
+def quoted(value: object) -> str:
+    """Return an input value as messages quote it, in a bounded number of characters."""
+    if isinstance(value, str):
+        return repr(shortened(value, QUOTED_LENGTH))
+    if isinstance(value, dict | list | tuple):
+        return "a mapping" if isinstance(value, dict) else "a list"
+    if isinstance(value, int) and abs(value) >= 10**QUOTED_LENGTH:
+        return "a number of too many digits"
+    return shortened(repr(value), QUOTED_LENGTH)
+
+
+class Mistake(NamedTuple):
+    """An input error with its place.
+
+    message : Error and remedy, one line.
+    path : Dotted path of the field.
+    file : File, as the user named it.
+    line, column : Place in the file, from 1; 0 if there is none.
+    """
+
+    message: str
+    path: str = ""
+    file: str = ""
+    line: int = 0
+    column: int = 0
+
+    def cleaned(self) -> Mistake:
+        """Return the error as it may be printed: bounded lines without control characters and passwords."""
+        message, path = (shortened(printable(without_credentials(text)), MESSAGE_LENGTH) for text in self[:2])
+        return self._replace(message=message, path=path, file=printable(without_credentials(self.file)))
+
+    def __str__(self) -> str:
+        where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+        return ": ".join(part for part in (where, self.path, self.message) if part)
+
+
+def is_full_disk(error: BaseException) -> TypeGuard[OSError]:
+    """Whether a write failed for lack of space. This is no input error: the work resumes once there is space."""
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
+
+
+def system_message(error: OSError, place: object = "") -> str:
+    """Return the error of the operating system and the remedy on one line.
+
+    place : File or folder to name if the error names none.
+    """
+    reason = os.strerror(error.errno) if error.errno else str(error)
+    remedy = "there is space" if is_full_disk(error) else "that is mended"
+    return f"{error.filename or place}: {reason}; the same command resumes once {remedy}".removeprefix(": ")
+
+
+class InputError(Exception):
+    """Bad usage or bad input. The command line prints one line per error and exits with code 2.
+
+    Attributes
+    ----------
+    records : tuple of Mistake
+        The errors with their places, for ``--json``.
+    """
+
+    def __init__(self, message: str = "", records: Sequence[Mistake] = ()) -> None:
+        listed = list(records) or [Mistake(message)]
+        surplus = len(listed) - MESSAGES
+        if surplus > 1:
+            listed = [*listed[:MESSAGES], Mistake(f"and {surplus} more")]
+        self.records = tuple(record.cleaned() for record in listed)
+        super().__init__("\n".join(str(record) for record in self.records))
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, tuple[Mistake, ...]]]:
+        return type(self), ("", self.records)  # pickled by worker processes: keep the records, not only the text
+
+
+def refuse_all(mistakes: Sequence[Mistake]) -> None:
+    """Raise one InputError with all of these mistakes; do nothing without any."""
+    if mistakes:
+        raise InputError(records=mistakes)
+
+
+@contextmanager
+def writing(place: object, refused: str, resumes: bool = False) -> Iterator[None]:
+    """Turn an error of the operating system within the context into an InputError.
+
+    Parameters
+    ----------
+    place : object
+        File or folder, printed first.
+    refused : str
+        The failed action, such as "cannot be written".
+    resumes : bool
+        Whether to pass on the error of a full disk, after which the same command resumes.
+    """
+    try:
+        yield
+    except OSError as error:
+        if resumes and is_full_disk(error):
+            raise
+        raise InputError(f"{place}: {refused}: {error.strerror or error}") from error

@@ -1,0 +1,104 @@
+"""Arithmetic expressions of named numbers, written as text.
+
+``a / b``, ``max(a, b, c) / min(a, b, c)``, ``100 * (a / b - 1)``.
+"""
+
+import ast
+import math
+import re
+from collections.abc import Callable, Mapping
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.quantities.decimals import DECIMAL
+from lvnav_trade.quantities.errors import quoted
+
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+}
+_CALLED: dict[str, Callable[..., Any]] = {
+    "max": lambda *values: reduce(np.maximum, values),
+    "min": lambda *values: reduce(np.minimum, values),
+    "abs": np.abs,
+    "sqrt": np.sqrt,
+}
+_SINGLE = ("abs", "sqrt")  # these have one argument, the others one or more
+_LENGTH = 500  # characters
+
+
+def _parsed(text: str) -> ast.expr:
+    try:
+        if len(text) > _LENGTH:
+            raise ValueError
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise ValueError("should be an expression such as 'a / b' or 'max(a, b) / min(a, b)'") from None
+    called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    for node in ast.walk(tree):
+        if fault := _fault(node, text.strip(), id(node) in called):
+            raise ValueError(fault)
+    return tree
+
+
+def _fault(node: ast.AST, text: str, is_called: bool) -> str:
+    """Return the error of a node in the syntax tree of `text`; empty if the node is allowed.
+
+    is_called : Whether the node is the function of a call.
+    """
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _CALLED:
+        fits = node.args and not node.keywords and (len(node.args) == 1 or node.func.id not in _SINGLE)
+        return "" if fits else _call(node.func.id)
+    if isinstance(node, ast.Name) and node.id in _CALLED and not is_called:
+        return _call(node.id)
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
+        written = ast.get_source_segment(text, node) or ""
+        if not re.fullmatch(DECIMAL, written):
+            return f"should have decimal numbers such as 1000.5, not {quoted(written)}"
+        return "" if math.isfinite(float(written)) else f"should have numbers below 1e308, not {quoted(written)}"
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        return ""
+    if isinstance(node, (ast.BinOp, ast.Name, ast.Load, ast.USub, *_BINARY)):
+        return ""
+    return f"should be made of terms, numbers, + - * /, {', '.join(_CALLED)} and brackets"
+
+
+def _call(name: str) -> str:
+    if name in _SINGLE:
+        return f"should call {name} with one value, as in {name}(a)"
+    return f"should call {name} with its values, as in {name}(a, b)"
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Return the names of the terms of an expression in order; ValueError if the text is no expression."""
+    identifiers = [node.id for node in ast.walk(_parsed(text)) if isinstance(node, ast.Name)]
+    return tuple(dict.fromkeys(name for name in identifiers if name not in _CALLED))
+
+
+def is_product(text: str) -> bool:
+    """Whether an expression has neither sums nor differences, so that its logarithm is closer to linear."""
+    return not any(isinstance(node, ast.Add | ast.Sub) for node in ast.walk(_parsed(text)))
+
+
+def evaluate(text: str, values: Mapping[str, Any]) -> Any:
+    """Return the value of an expression, element by element if its terms are arrays of one shape."""
+
+    def value(node: ast.AST) -> Any:
+        if isinstance(node, ast.Name):
+            return values[node.id]
+        if isinstance(node, ast.Constant):
+            return float(node.value)  # type: ignore[arg-type]
+        if isinstance(node, ast.UnaryOp):
+            return -value(node.operand)
+        if isinstance(node, ast.BinOp):
+            return _BINARY[type(node.op)](value(node.left), value(node.right))
+        assert isinstance(node, ast.Call)
+        assert isinstance(node.func, ast.Name)
+        return _CALLED[node.func.id](*map(value, node.args))
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return value(_parsed(text))

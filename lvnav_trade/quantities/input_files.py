@@ -1,0 +1,106 @@
+"""Input files: regular files of bounded size. A device, a pipe or a file that is too large is refused in one line.
+
+Every reader of user files opens them here, so that none waits for a pipe or exhausts the memory.
+"""
+
+import codecs
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from lvnav_trade.quantities.errors import InputError, quoted
+
+_ENCODINGS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+_ELSE = "cp1252"  # encoding of text that is not UTF-8, as written by spreadsheets on Windows; numbers are ASCII in both
+_BINARY = frozenset(range(32)) - frozenset(b"\t\n\v\f\r\x1a\x1b")  # control characters that do not occur in text
+
+
+def open_regular(path: str | Path, most: int) -> BinaryIO:
+    """Return a regular file of at most `most` bytes, open for reading; the caller closes it.
+
+    Raises
+    ------
+    InputError
+        No such file, not a regular file, larger than `most`, or not readable.
+    """
+    try:
+        # non-blocking: opening a pipe without a writer would wait forever
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{_shown(path)}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    state = os.fstat(handle)
+    if not stat.S_ISREG(state.st_mode):
+        os.close(handle)
+        raise InputError(f"{_shown(path)}: is not a regular file")
+    if state.st_size > most:
+        os.close(handle)
+        raise InputError(f"{_shown(path)}: {state.st_size} bytes; at most {most} are read")
+    return os.fdopen(handle, "rb")
+
+
+def read_bytes(path: str | Path, most: int) -> bytes:
+    """Return the content of a regular file of at most `most` bytes; InputError as of `open_regular`."""
+    with open_regular(path, most) as file:
+        try:
+            data = file.read(most + 1)
+        except OSError as error:
+            raise InputError(f"{_shown(path)}: cannot be read: {error.strerror}") from None
+    if len(data) > most:
+        raise InputError(f"{_shown(path)}: more than {most} bytes")
+    return data
+
+
+def refuse_irregular(folder: Path, below: str = "parts") -> None:
+    """Raise InputError if a folder, or its subfolder `below`, contains a pipe, a socket or a device.
+
+    For folders of results, whose files libraries open by name: opening one of these would wait forever.
+    """
+    try:
+        with os.scandir(folder) as scan:
+            entries = sorted(scan, key=lambda entry: entry.name)
+    except OSError:
+        return  # the reader of a file in it reports the error
+    for entry in entries:
+        if entry.is_dir():
+            if not entry.is_symlink() and below in (entry.name, "*"):
+                refuse_irregular(folder / entry.name, "*")
+        elif not entry.is_file() and os.path.exists(entry.path):
+            raise InputError(f"{_shown(entry.path)}: is not a regular file")
+
+
+def read_text(path: str | Path, most: int) -> str:
+    """Return the content of a text file of at most `most` bytes: UTF-8, UTF-16 with a byte-order mark, or Windows-1252.
+
+    InputError as in `open_regular`, and if the file is not text.
+    """
+    data = read_bytes(path, most)
+    marked = next((name for mark, name in _ENCODINGS.items() if data.startswith(mark)), "")
+    for encoding in [marked] if marked else ["utf-8", _ELSE]:
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if _BINARY.isdisjoint(text.encode("ascii", "ignore")):
+            return text
+        break
+    unmarked = len(data) > 1 and (data[0] == 0) != (data[1] == 0)  # every other byte of its ASCII is zero
+    hint = " (UTF-16 without a mark of its byte order? save it as UTF-8)" if unmarked else ""
+    raise InputError(f"{_shown(path)}: is not a text file{hint}")
+
+
+def text_lines(path: str | Path, most: int) -> Iterator[tuple[int, str]]:
+    """Yield the numbered lines of a text file of at most `most` bytes, without empty lines and comments (#).
+
+    InputError as in `read_text`.
+    """
+    for number, line in enumerate(read_text(path, most).splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield number, line
+
+
+def _shown(path: str | Path) -> str:
+    """Return a path as messages print it: whole, unless it is too long for a path."""
+    text = str(path)
+    return text if len(text) <= 255 else quoted(text)

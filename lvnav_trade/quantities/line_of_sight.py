@@ -1,0 +1,271 @@
+"""Line of sight from an antenna to a satellite or a transmitter: range, its derivatives, and angles of view.
+
+Truth, filter model, preparation and recorded logs all take their geometry from here. Vectors are in frame i unless
+another frame is given. Array functions accept any leading shape; compiled functions are for one antenna and one
+satellite.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.kernels.attitude import cross, matrix
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.kernels.earth import SEMI_MAJOR, SEMI_MINOR
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import sqrt
+from lvnav_trade.kernels.strapdown import Q, R, V
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, rotation_e_n
+from lvnav_trade.quantities.records import Bools, Floats, Motion
+
+_ONE_CONE = 1e12
+"""Condition number of the normal equations above which the satellites count as lying in one cone (no position fix)."""
+
+
+@jit
+def antenna(out: Any, nav: Any, rate: Any, lever: Any, sign: float) -> None:
+    """Set the estimated state of the antenna: r_a = r + C l, v_a = v + C (w x l).
+
+    Parameters
+    ----------
+    out : (21,) output, frame i
+        Position (m), velocity (m/s), lever arm C l (m), its rate C (w x l) (m/s), and the derivative of the velocity by
+        the rate state (m), 3 x 3 by rows.
+    nav : (10,)
+        Navigation state: position (m), velocity (m/s), quaternion.
+    rate : (3,) rad/s
+        Body rate, body axes.
+    lever : (3,) m
+        Antenna relative to the IMU, body axes.
+    sign : float
+        Derivative of the body rate by the state that carries its error: 1 for a rate state, -1 for a gyro bias.
+    """
+    c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    sx, sy, sz = cross(rate[0], rate[1], rate[2], lever[0], lever[1], lever[2])
+    for i in range(3):
+        row = 3 * i
+        arm = c[row] * lever[0] + c[row + 1] * lever[1] + c[row + 2] * lever[2]
+        swing = c[row] * sx + c[row + 1] * sy + c[row + 2] * sz
+        out[i], out[3 + i] = nav[R + i] + arm, nav[V + i] + swing
+        out[6 + i], out[9 + i] = arm, swing
+        # d(C (w x l))/dw = -C [l x]
+        out[12 + row] = sign * (c[row + 2] * lever[1] - c[row + 1] * lever[2])
+        out[13 + row] = sign * (c[row] * lever[2] - c[row + 2] * lever[0])
+        out[14 + row] = sign * (c[row + 1] * lever[0] - c[row] * lever[1])
+
+
+@jit
+def line_of_sight(satellite: Any, at: Any) -> Any:
+    """Return the unit vector from antenna to satellite (three numbers) and their distance (m).
+
+    satellite : (3,) m, frame i
+    at : state of the antenna, as `antenna` sets it
+    """
+    dx, dy, dz = satellite[0] - at[0], satellite[1] - at[1], satellite[2] - at[2]
+    distance = sqrt(dx * dx + dy * dy + dz * dz)
+    scale = 1.0 / distance
+    return dx * scale, dy * scale, dz * scale, distance
+
+
+class Sight(NamedTuple):
+    """Lines of sight, of any leading shape.
+
+    line : (..., 3) m. From the antenna to the satellite or transmitter.
+    moving : (..., 3) m/s. Time derivative of the line.
+    distance : (...,) m. Range.
+    direction : (..., 3). Unit vector along the line.
+    rate : (...,) m/s. Range rate.
+    """
+
+    line: Floats
+    moving: Floats
+    distance: Floats
+    direction: Floats
+    rate: Floats
+
+    @property
+    def turning(self) -> Floats:
+        """Time derivative of the unit vector, (..., 3) rad/s, which is also the derivative of the range rate by the
+        line: u' = (line' - rate u) / range.
+        """
+        return np.asarray((self.moving - self.rate[..., None] * self.direction) / self.distance[..., None])
+
+    def acceleration(self, relative: Floats) -> Floats:
+        """Return the second derivative of the range, (...,) m/s^2.
+
+        relative : (..., 3) m/s^2. Second derivative of the line.
+        """
+        across = np.sum(self.moving**2, axis=-1) - self.rate**2  # square of the velocity across the line
+        return np.asarray(across / self.distance + _along(self.direction, relative))
+
+
+def _along(direction: Floats, vector: Floats) -> Floats:
+    """Return the component (...,) of vectors (..., 3) along directions (..., 3)."""
+    return np.asarray(np.einsum("...i,...i->...", direction, vector))
+
+
+def sight(line: Floats, moving: Floats) -> Sight:
+    """Return distance, direction and range rate of lines of sight.
+
+    Parameters
+    ----------
+    line : (..., 3) m
+        From the antenna to the satellite or transmitter.
+    moving : (..., 3) m/s
+        Time derivative of the line, same axes.
+    """
+    distance = np.linalg.norm(line, axis=-1)
+    direction = line / distance[..., None]
+    return Sight(line, moving, distance, direction, _along(direction, moving))
+
+
+def falling(r_i: Floats, gm: float) -> Floats:
+    """Return point-mass gravitation (..., 3) m/s^2 at positions (..., 3) m. It suffices for the curvature of a range.
+
+    gm : m^3/s^2. Gravitational constant of the Earth.
+    """
+    return np.asarray(-gm * r_i / np.linalg.norm(r_i, axis=-1, keepdims=True) ** 3)
+
+
+def point_of(at: Motion, C_b_i: Floats, lever_b: Floats) -> tuple[Floats, Floats]:
+    """Return position (m) and velocity (m/s), (n_epoch, 3) each, of a point of the vehicle such as an antenna.
+
+    Parameters
+    ----------
+    at : Motion
+        Motion of the IMU at n_epoch times.
+    C_b_i : (n_epoch, 3, 3)
+        Attitude, body to frame i.
+    lever_b : (3,) m
+        Point relative to the IMU, body axes.
+    """
+    return at.r_i + C_b_i @ lever_b, at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
+
+
+def lever_partials(seen: Sight, C_b_i: Floats, w_ib_b: Floats) -> Floats:
+    """Return the derivatives of range and range rate by the lever arm in body axes, (n_epoch, n_sat, 2, 3).
+
+    Parameters
+    ----------
+    seen : Sight, (n_epoch, n_sat)
+        Lines of sight in frame i.
+    C_b_i : (n_epoch, 3, 3)
+        Attitude, body to frame i.
+    w_ib_b : (n_epoch, 3) rad/s
+        Body rate.
+
+    Returns
+    -------
+    (n_epoch, n_sat, 2, 3)
+        Range (no unit), then range rate (1/s). Both are negative along the line: the lever arm moves the antenna, the
+        line's own start.
+    """
+    towards = np.einsum("esi,eij->esj", seen.direction, C_b_i)  # u in body axes
+    swinging = np.cross(towards, w_ib_b[:, None, :])  # u . (w x l) = l . (u x w)
+    return np.stack([-towards, -swinging - np.einsum("esi,eij->esj", seen.turning, C_b_i)], axis=2)
+
+
+def ranging_rows(direction: Floats) -> Floats:
+    """Return the Jacobian (n_sat, 4) of pseudoranges by antenna position and clock bias: [-u', 1].
+
+    direction : (n_sat, 3). Unit vectors u from antenna to satellite.
+    """
+    return np.column_stack([-direction, np.ones(len(direction))])
+
+
+def pdop(direction: Floats, tracked: Bools) -> Floats:
+    """Return the position dilution of precision, (n_epoch,), from the trace of (H' H)^-1 over position.
+
+    It is infinite with fewer than four satellites, or if all of them lie in one cone about the antenna.
+
+    Parameters
+    ----------
+    direction : (n_epoch, n_sat, 3)
+        Unit vectors from antenna to satellites.
+    tracked : (n_epoch, n_sat) bool
+        Satellites in the solution.
+    """
+    dilution = np.full(len(tracked), np.inf)
+    for epoch in np.flatnonzero(tracked.sum(axis=1) >= 4):
+        rows = ranging_rows(direction[epoch, tracked[epoch]])
+        normal = rows.T @ rows
+        if np.linalg.cond(normal) < _ONE_CONE:
+            dilution[epoch] = math.sqrt(np.trace(np.linalg.inv(normal)[:3, :3]))
+    return dilution
+
+
+def range_rate(direction: Floats, v_sat: Floats, v_antenna: Floats) -> Floats:
+    """Return the derivative (m/s) of the distance travelled by the signal, with respect to reception time.
+
+    Parameters
+    ----------
+    direction : (..., 3)
+        Unit vector u from antenna to satellite.
+    v_sat : (..., 3) m/s
+        Satellite velocity at transmission, with respect to transmission time.
+    v_antenna : (..., 3) m/s
+        Antenna velocity at reception.
+
+    Notes
+    -----
+    From the derivative of the light-time equation: the satellite moves for dt_tx/dt_rx = 1 - rate/c, hence
+    rate = (u . v_sat - u . v_antenna) / (1 + u . v_sat / c).
+    """
+    towards = _along(direction, v_sat)
+    return np.asarray((towards - _along(direction, v_antenna)) / (1.0 + towards / SPEED_OF_LIGHT))
+
+
+def look_angles(theta0: float, t: Floats, antenna_r: Floats, direction: Floats) -> tuple[Floats, Floats]:
+    """Return azimuth (from north over east, 0 to 2 pi) and elevation (rad), (n_epoch, n_sat) each.
+
+    The angles refer to the geodetic north-east-down axes of the antenna.
+
+    Parameters
+    ----------
+    theta0 : float
+        Earth angle at lift-off (rad).
+    t : (n_epoch,) s
+        Times since lift-off.
+    antenna_r : (n_epoch, 3) m, frame i
+        Antenna positions.
+    direction : (n_epoch, n_sat, 3), frame i
+        Unit vectors from antenna to satellites.
+    """
+    theta = earth_angle(theta0, t)
+    latitude, longitude, _ = geodetic_from_ecef(ecef_from_eci(antenna_r, theta))
+    direction_e = ecef_from_eci(direction, theta[:, None])
+    north, east, down = np.moveaxis(np.einsum("nij,nsj->nsi", rotation_e_n(latitude, longitude), direction_e), -1, 0)
+    return np.mod(np.arctan2(east, north), 2.0 * np.pi), np.arcsin(np.clip(-down, -1.0, 1.0))
+
+
+def off_nadir(r_sat: Floats, direction: Floats) -> Floats:
+    """Return the angle (...,) rad at the satellite between its nadir and the antenna.
+
+    r_sat : (..., 3) m. Satellite position from the Earth's centre.
+    direction : (..., 3). Unit vector from antenna to satellite, same axes.
+    """
+    along = np.sum(r_sat * direction, axis=-1) / np.linalg.norm(r_sat, axis=-1)
+    return np.asarray(np.arccos(np.clip(along, -1.0, 1.0)))
+
+
+def occluded(antenna_r: Floats, satellite_r: Floats, grazing: float) -> Bools:
+    """Return whether the Earth blocks the straight ray from antenna to satellite, (...,) bool.
+
+    An antenna below the grazing height loses the satellites below its horizon and no others.
+
+    Parameters
+    ----------
+    antenna_r, satellite_r : (..., 3) m
+        Positions, in any axes with z along the pole.
+    grazing : float
+        Height (m) by which the ray must clear the ellipsoid at its lowest point between the two.
+    """
+    # stretching z turns the ellipsoid into a sphere and keeps straight lines straight
+    stretch = np.array([1.0, 1.0, SEMI_MAJOR / SEMI_MINOR])
+    near, far = antenna_r * stretch, satellite_r * stretch
+    ray = far - near
+    along = -np.sum(near * ray, axis=-1) / np.sum(ray * ray, axis=-1)
+    lowest = near + along[..., None] * ray
+    ahead = (along > 0.0) & (along < 1.0)
+    return np.asarray(ahead & (np.sum(lowest * lowest, axis=-1) < (SEMI_MAJOR + grazing) ** 2))

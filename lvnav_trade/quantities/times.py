@@ -1,0 +1,92 @@
+"""Conversion of civil time to GPS time: leap seconds, BeiDou time, and truncated week numbers."""
+
+from bisect import bisect_right
+from datetime import UTC, datetime, timedelta
+
+from lvnav_trade.quantities.errors import InputError
+
+SECONDS_PER_WEEK = 604800.0
+WEEK_ROLLOVER = 1024
+GPS_ORIGIN = datetime(1980, 1, 6, tzinfo=UTC)
+UNIX_ORIGIN = datetime(1970, 1, 1, tzinfo=UTC)
+# BeiDou time began with 2006-01-01 00:00 UTC, when GPS time was 14 s ahead of UTC, and has no leap seconds either
+# (BDS-SIS-ICD B1I 3.0, section 3.3).
+BDT_WEEKS, BDT_BEHIND = 1356, 14.0  # weeks of GPS time at its origin; s
+BDT_TRUNCATED = 256  # eight bits of a week number in a BeiDou almanac
+
+# First UTC day on which GPS time leads UTC by one second more than before (IERS Bulletin C; 18 s since 2017, and no
+# leap second has been announced since).
+LEAP_DAYS = tuple(
+    datetime.fromisoformat(day).replace(tzinfo=UTC)
+    for day in (
+        "1981-07-01", "1982-07-01", "1983-07-01", "1985-07-01", "1988-01-01", "1990-01-01", "1991-01-01", "1992-07-01",
+        "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01", "1999-01-01", "2006-01-01", "2009-01-01", "2012-07-01",
+        "2015-07-01", "2017-01-01",
+    )
+)  # fmt: skip
+
+
+def leap_seconds(utc: datetime) -> int:
+    """Return GPS time minus UTC (s) at a time in UTC."""
+    return bisect_right(LEAP_DAYS, utc)
+
+
+def gps_seconds(epoch: str) -> float:
+    """Return the seconds of GPS time since 1980-01-06 00:00 at an ISO 8601 time.
+
+    A time without offset is UTC. InputError if the text is not a time, or lies before 1980-01-06.
+    """
+    utc = utc_time(epoch)
+    if utc < GPS_ORIGIN:
+        raise InputError(f"{epoch!r} lies before GPS time begins (1980-01-06)")
+    return (utc - GPS_ORIGIN).total_seconds() + leap_seconds(utc)
+
+
+def utc_of(seconds: float) -> datetime:
+    """Return the time in UTC at seconds of GPS time since 1980-01-06 00:00; during a leap second the next midnight."""
+    counted = GPS_ORIGIN + timedelta(seconds=seconds)
+    leaps = leap_seconds(counted)
+    while leaps and counted - timedelta(seconds=leaps) < LEAP_DAYS[leaps - 1]:  # the last leap second is still ahead
+        if counted - timedelta(seconds=leaps - 1) >= LEAP_DAYS[leaps - 1]:
+            return LEAP_DAYS[leaps - 1]
+        leaps -= 1
+    return counted - timedelta(seconds=leaps)
+
+
+def utc_after(epoch: str, seconds: float) -> str:
+    """Return the time in UTC (ISO 8601) `seconds` after an epoch, with leap seconds.
+
+    After the Unix epoch, 1970-01-01T00:00:00Z, each day has 86,400 s, because Unix time has no leap seconds. GPS time
+    and other continuous clocks have them. InputError if the epoch is not a time.
+    """
+    start = utc_time(epoch)
+    if start == UNIX_ORIGIN:
+        return (start + timedelta(seconds=seconds)).isoformat()
+    counted = (start - GPS_ORIGIN).total_seconds() + leap_seconds(start) + seconds
+    return utc_of(counted).isoformat()
+
+
+def utc_time(epoch: str) -> datetime:
+    """Return the time of an ISO 8601 text in UTC; without offset it is UTC. InputError if the text is not a time."""
+    try:
+        moment = datetime.fromisoformat(epoch)
+    except ValueError:
+        raise InputError(f"{epoch!r} is not an ISO 8601 time such as 2026-08-01T12:00:00Z") from None
+    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+
+
+def resolve_week(week: int, seconds: float, near: float, rollover: int = WEEK_ROLLOVER) -> float:
+    """Return s of GPS time for a week number and seconds of week, in the era closest to the time `near` (s).
+
+    A week number of `rollover` or more is complete; a smaller number is truncated, as satellites send it.
+
+    rollover : Number of weeks of an era.
+    """
+    stated, era = week * SECONDS_PER_WEEK + seconds, rollover * SECONDS_PER_WEEK
+    return stated if week >= rollover else stated + era * max(0, round((near - stated) / era))
+
+
+def resolve_beidou_week(week: int, seconds: float, near: float) -> float:
+    """Return s of GPS time for week number and seconds of week of BeiDou time; as `resolve_week`, of 256-week eras."""
+    ahead = BDT_WEEKS * SECONDS_PER_WEEK + BDT_BEHIND
+    return resolve_week(week, seconds, near - ahead, BDT_TRUNCATED) + ahead

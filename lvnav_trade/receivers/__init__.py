@@ -1,1 +1,0 @@
-"""Position and velocity solutions of a receiver: point solution, Kalman filter, carrier smoothing."""

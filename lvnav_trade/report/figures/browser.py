@@ -1,0 +1,112 @@
+"""Figures as JSON that `report/templates/figures.js` draws in a browser: arrays of single precision, each once."""
+
+import base64
+import json
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.report.figures.figure import Figure, Mark, Panel, alt_text, unit_of
+
+MOST_POINTS = 1500
+"""Points of a line that are drawn; of more, the least and the largest value of stretches of equal length."""
+_DASHES = {"-": (), "--": (6, 3), ":": (1.5, 2.5), "-.": (7, 3, 1.5, 3)}
+_STYLES = (
+    "color",
+    "alpha",
+    "lw",
+    "marker",
+    "ms",
+    "mfc",
+    "every",
+    "step",
+    "axis",
+    "ha",
+    "va",
+    "x_part",
+    "y_part",
+    "cmap",
+    "group",
+)
+
+
+def data_of(figure: Figure) -> str:
+    """Return a figure as JSON."""
+    arrays: dict[bytes, int] = {}
+    rows, columns = figure.grid.shape
+    found = {
+        "rows": rows,
+        "columns": columns,
+        "height": figure.height,
+        **figure.options,
+        "key": figure.key,
+        "panels": [_panel(panel, arrays) for panel in figure.panels],
+        "legend": [_mark(mark, {}) for mark in figure.legend()],
+    }
+    found["arrays"] = [base64.b64encode(content).decode() for content in arrays]
+    text = json.dumps(found, separators=(",", ":"), ensure_ascii=False, default=float, allow_nan=False)
+    for letter in "<>&\u2028\u2029":  # it stands in a script element
+        text = text.replace(letter, f"\\u{ord(letter):04x}")
+    return text
+
+
+def _panel(panel: Panel, arrays: dict[bytes, int]) -> dict[str, Any]:
+    events = panel.events and {"points": panel.events.points, "faults": panel.events.faults}
+    limits: dict[str, Any] = {
+        side: [None if at is None or not np.isfinite(at) else float(at) for at in panel.axes[side]]
+        for side in ("xlim", "ylim")
+        if side in panel.axes
+    }
+    marks = [_mark(mark, arrays) for mark in panel.marks if mark.kind != "limit" or np.isfinite(mark.data["at"])]
+    units = {f"{side}unit": unit_of(panel.axes.get(f"{side}label", "")) for side in ("x", "y")}
+    labels = {f"{side}label": label for side in ("x", "y") if (label := panel.label(side))}
+    over_time = panel.events is not None
+    if over_time:  # of panels below each other the last alone has a label
+        units["xunit"], labels["xname"] = "s", "t"
+    words = {"alt": alt_text(panel), "linked": over_time}
+    return {
+        **panel.axes,
+        **limits,
+        **units,
+        **labels,
+        **words,
+        "events": events,
+        "marks": marks,
+        "filled": panel.filled,
+    }
+
+
+def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:
+    """Return a mark; its arrays by their places in `arrays`."""
+    found = {name: mark.style[name] for name in _STYLES if name in mark.style}
+    dashes = mark.style.get("ls", "-")
+    found["ls"] = _DASHES.get(dashes) if isinstance(dashes, str) else [2.0 * length for length in dashes[1]]
+    if mark.style.get("hatch"):
+        found["hatch"] = True
+    content = mark.data if mark.kind not in ("line", "band") else _thinned(mark.data)
+    for name, values in content.items():
+        if isinstance(values, np.ndarray):
+            packed = np.asarray(values, dtype="<f4").tobytes()
+            found[name] = arrays.setdefault(packed, len(arrays))
+            if values.ndim == 2:
+                found["shape"] = values.shape
+        else:
+            found[name] = values
+    return {"kind": mark.kind, "label": mark.label, **found}
+
+
+def _thinned(data: dict[str, Floats]) -> dict[str, Floats]:
+    """Return lines over one abscissa with at most `MOST_POINTS` points each, its extremes kept."""
+    x = data["x"]
+    if x.size <= MOST_POINTS or not (np.diff(x) >= 0.0).all():
+        return data
+    kept = [np.array([0, x.size - 1])]
+    for values in (values for name, values in data.items() if name != "x"):
+        for part in np.array_split(np.arange(x.size), MOST_POINTS // (2 * (len(data) - 1))):
+            here = values[part]
+            if np.isfinite(here).any():
+                kept.append(part[[np.nanargmin(here), np.nanargmax(here)]])
+            kept.append(part[np.isnan(here)][:1])
+    chosen = np.unique(np.concatenate(kept))
+    return {name: values[chosen] for name, values in data.items()}

@@ -1,0 +1,134 @@
+"""The error budget: variance by source over time with the filter's own on it, and when each source acted."""
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.report.figures.figure import Figure, Panel, canvas, named_ticks
+from lvnav_trade.report.figures.style import PALETTE, drawing, over_time
+from lvnav_trade.results.evaluation.covariances import contributions
+from lvnav_trade.results.statistics.select import history_of, once, pick
+from lvnav_trade.results.tables.read import Tables
+
+MOST_SOURCES = 7
+MOST_ROWS = 12
+_SOURCES = (*PALETTE[:6], "#8C6D31")
+REST = "all others"
+_REST = "#c4c9d1"
+# Every other layer is hatched: neighbours differ in black and white.
+_HATCHES = ("", "////", "", "....", "", "xxxx", "", "")
+_MAP = "YlGnBu"
+_BIASED = 0.01  # part of the mean square from which on the mean error is drawn beside the variance
+# Percent: smaller contributions are left white, sources with a smaller sum are drawn together.
+_LEAST, _LEAST_ROW = 1e-2, 0.05
+
+
+@drawing
+def budget(tables: Tables, case: str, quantity: str) -> Figure:
+    """Draw the true variance of a 3-D error over time, source on source, and its parts.
+
+    Above, a sandpile: heights are variances on an axis scaled and labelled as their root, so that the top of the pile
+    reads as one sigma of the true error and squares add; the line is the filter's own sigma. Where the pile rises above
+    the line the filter is optimistic, by what lies between. Below, the same layers as parts of the true variance.
+    """
+    rows = pick(tables.budget, case=case, event="", quantity=quantity, axis="3d")
+    share = rows.pivot_table(index="t_s", columns="source", values="share_ratio", sort=False) * 100.0
+    layers = _layers(share, _order(tables))
+    unit, factor = tables.people[quantity, "3d"]
+    history = history_of(tables, case, quantity, "3d").set_index("t_s")
+    true, formal, mean = ((history[f"lincov_{name}_si"] * factor) ** 2 for name in ("true", "formal", "mean"))
+    figure, grid = canvas(2, 1, 2.35, sharex=True)
+    pile, parts = grid[:, 0]
+    variance = layers.mul(true.reindex(layers.index), axis=0) / 100.0
+    colours = _colours(list(layers), _order(tables))
+    _stack(pile, variance, colours)
+    pile.plot(formal.index, formal, color="black", lw=2.6)
+    pile.plot(formal.index, formal, color="white", lw=1.1, ls="--", label="filter's own sigma (white on black)")
+    biased = bool((mean >= _BIASED * (mean + true)).any())
+    if biased:
+        pile.plot(mean.index, mean, color="black", lw=1.0, ls="-.", label="mean, the same in every flight")
+    _root_axis(pile, float(max(variance.sum(axis=1).max(), formal.max(), mean.max() if biased else 0.0)))
+    pile.set(ylabel=f"{quantity} error, 3D\n({unit}, 1 sigma)")
+    _stack(parts, layers, colours)
+    parts.set(ylim=(0.0, 100.0), ylabel="part of the true\nvariance (%)")
+    over_time(grid[:, 0], tables, case, margin=0.0)
+    return figure
+
+
+@once
+def _order(tables: Tables) -> list[str]:
+    """Return the sources of all cases and quantities, largest mean part first: stacks of a report have one order."""
+    rows = pick(tables.budget, event="", axis="3d")
+    return list(rows.groupby("source", sort=False).share_ratio.mean().sort_values(ascending=False, kind="stable").index)
+
+
+def _layers(share: pd.DataFrame, order: list[str]) -> pd.DataFrame:
+    largest = list(share.mean().sort_values(ascending=False, kind="stable").index[:MOST_SOURCES])
+    found = share[sorted(largest, key=order.index)].copy()
+    if share.shape[1] > MOST_SOURCES:
+        found[REST] = share.drop(columns=largest).sum(axis=1)
+    return found
+
+
+def _colours(names: list[str], order: list[str]) -> list[str]:
+    """Return a colour for each layer, by its place in the order; of two with one colour the later has another."""
+    found: dict[str, str] = {REST: _REST}
+    for name in (name for name in names if name != REST):
+        place = order.index(name)
+        turned = (*_SOURCES[place % len(_SOURCES) :], *_SOURCES[: place % len(_SOURCES)])
+        found[name] = next(colour for colour in turned if colour not in found.values())
+    return [found[name] for name in names]
+
+
+def _stack(ax: Panel, layers: pd.DataFrame, colours: list[str]) -> None:
+    ax.set(grid=False)
+    upper = layers.cumsum(axis=1)
+    lower = upper.shift(axis=1, fill_value=0.0)
+    for name, colour, hatch in zip(layers.columns, colours, _HATCHES, strict=False):
+        ax.fill_between(layers.index, lower[name], upper[name], color=colour, hatch=hatch, ec="white", label=name)
+
+
+def _root_axis(ax: Panel, top: float) -> None:
+    step = _round_step(np.sqrt(top) / 4.0) if top > 0 else 1.0
+    sigmas = np.arange(0.0, np.sqrt(max(top, 0.0)) * 1.04 + 1e-12, step)
+    ax.set(yscale="root", ylim=(0.0, max(top * 1.08, 1e-300)), yticks=[(s**2, f"{s:.4g}") for s in map(float, sigmas)])
+
+
+def _round_step(step: float) -> float:
+    """Return 1, 2 or 5 times a power of ten, next above."""
+    power = 10.0 ** np.floor(np.log10(step))
+    return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= step * 0.999))
+
+
+@drawing
+def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
+    """Draw what each source put into a 3-D error at the explained event, and when: sources x time, largest on top.
+
+    What is drawn once (constant errors, initial errors) stands in a column of its own: the start. At the right the sum.
+    """
+    rows = pick(contributions(tables), case=tables.labels[case], metric=f"{quantity}_error")
+    total = rows.groupby("source", sort=False).share_ratio.sum().sort_values(ascending=False, kind="stable") * 100.0
+    names = list(total.index[total >= _LEAST_ROW][:MOST_ROWS])
+    rest = [name for name in total.index if name not in names]
+    edges = np.unique(np.concatenate([rows.t_start_s, rows.t_end_s]))
+    wide = rows.pivot_table(index="source", columns="t_start_s", values="share_ratio", sort=False) * 100.0
+    if rest:
+        wide.loc[REST] = wide.loc[rest].sum()
+        total[REST] = total[rest].sum()
+        names.append(REST)
+    image = wide.reindex(index=names, columns=edges[:-1]).to_numpy()
+    event = rows.event.iloc[0].replace("_", " ")
+    figure, grid = canvas(1, 2, 1.15 + 0.25 * max(2, len(names)), sharey=True, widths=[1, 18])
+    start, ax = grid[0]
+    scale = _LEAST, max(float(np.nanmax(image)), 10 * _LEAST)
+    image = np.where(image >= _LEAST, image, np.nan)
+    rows_edges = np.arange(len(names) + 1)
+    start.cells([0.0, 1.0], rows_edges, image[:, :1], scale, cmap=_MAP)
+    label = f"part of the variance at\n{event}, per {edges[1] - edges[0]:g} s (%)"
+    ax.cells(edges[1:], rows_edges, image[:, 1:], scale, cmap=_MAP, label=label)
+    limits = {"ylim": (float(len(names)), 0.0), "yticks": named_ticks(names, 0.5), "grid": False}
+    start.set(xticks=[(0.5, "start")], xlim=(0.0, 1.0), xlabel="drawn", ylabel="error source", **limits)
+    sums = [f"{total[name]:.1f} %" for name in names]
+    ax.text(1.01, np.arange(len(names)) + 0.5, sums, x_part=True, ha="left")
+    ax.set(xlim=(float(edges[1]), float(edges[-1])), **limits)
+    over_time([ax], tables, case, margin=0.0, label="time since lift-off (s), when the error was made")
+    return figure

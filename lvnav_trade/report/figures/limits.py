@@ -1,0 +1,98 @@
+"""Limits of requirements in figures of errors, and the quantiles of the runs that they bound."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.quantities.state_layout import split_metric
+from lvnav_trade.report.figures.figure import Figure, Panel, panel
+from lvnav_trade.report.figures.style import PALETTE, drawing, over_time, scale_up
+from lvnav_trade.results.metric import where
+from lvnav_trade.results.requirements.margins import margins
+from lvnav_trade.results.statistics.case import number_in
+from lvnav_trade.results.statistics.case_tables import CaseTables
+from lvnav_trade.results.statistics.select import history_of, pick
+from lvnav_trade.results.tables.read import Tables
+
+_BANDS = (("q50_si", "q95_si", 0.28, "50 to 95 % of runs"), ("q95_si", "q997_si", 0.14, "95 to 99.7 % of runs"))
+
+
+class Limit(NamedTuple):
+    """The limit of a requirement on one error, in the unit for people.
+
+    requirement : its name
+    value : the limit
+    at : event, or empty for a phase of flight
+    label : fraction of runs, limit, unit and where it applies
+    """
+
+    requirement: str
+    value: float
+    at: str
+    label: str
+
+
+def limits_of(tables: Tables, case: str, quantity: str, axis: str = "3d") -> list[Limit]:
+    """Return the limits of all requirements on one error of a case."""
+    found = []
+    for requirement in tables.campaign.get("requirements") or ():
+        error = CaseTables(tables, case).output(quantity, axis)
+        if error is None or split_metric(str(requirement["metric"])) != (quantity, axis):
+            continue
+        place = where(requirement)
+        value = number_in(requirement["below"], error.unit) * error.label_factor
+        percent = f"{100.0 * float(requirement['probability']):.6g} % of runs"
+        label = f"limit: {percent} below {value:.4g} {error.label_unit}, {place.replace('_', ' ')}"
+        found.append(Limit(str(requirement["name"]), value, "" if requirement.get("during") else place, label))
+    return found
+
+
+def mark_limits(ax: Panel, tables: Tables, case: str, quantity: str) -> list[float]:
+    """Draw the limits of a 3-D error over time, each with a marker at its event; return their values."""
+    limits = limits_of(tables, case, quantity)
+    for limit in limits:
+        style: dict[str, Any] = {"color": "black", "group": limit.label}
+        ax.axhline(limit.value, ls=(0, (5, 2)), lw=1.0, label=limit.label, **style)
+        times = pick(tables.events, case=case, event=limit.at).t_s
+        ax.plot(times, np.full(len(times), limit.value), ls="none", marker="v", ms=6, **style)
+    return [limit.value for limit in limits]
+
+
+def mark_quantiles(ax: Panel, tables: Tables, frame: pd.DataFrame, quantity: str) -> list[float]:
+    """Draw the limits of requirements at the event of a ranking across its bars, and on each bar the quantile that the
+    requirement bounds; return all values.
+    """
+    case = next((case for case, label in tables.labels.items() if label == frame.case.iloc[0]), "")
+    values: list[float] = []
+    for limit in limits_of(tables, case, quantity) if case else ():
+        if limit.at != frame.event.iloc[0]:
+            continue
+        found = margins(tables)
+        found = found[found.requirement == limit.requirement].set_index("case").estimate.reindex(frame.case)
+        sizes = found.to_numpy(dtype=float)
+        sizes = np.where(np.isfinite(sizes), sizes, np.nan)
+        ax.axvline(limit.value, color="black", ls=(0, (5, 2)), lw=1.0, label=limit.label)
+        ax.plot(sizes, np.arange(len(frame)), ls="none", marker="D", ms=4.5, color=PALETTE[1], label=_QUANTILE)
+        values += [limit.value, *sizes[np.isfinite(sizes)]]
+    return values
+
+
+_QUANTILE = "quantile that the limit bounds"
+
+
+@drawing
+def quantiles(tables: Tables, case: str, quantity: str) -> Figure:
+    """Draw the quantiles of a 3-D error over the runs of a case, its RMS, and the limits of requirements on it."""
+    unit, factor = tables.people[quantity, "3d"]
+    rows = history_of(tables, case, quantity, "3d")
+    figure, ax = panel(2.6)
+    for low, high, alpha, label in _BANDS:
+        ax.fill_between(rows.t_s, rows[low] * factor, rows[high] * factor, color=PALETTE[0], alpha=alpha, label=label)
+    ax.plot(rows.t_s, rows.q95_si * factor, color=PALETTE[0], lw=1.2, label="95 % of runs")
+    ax.plot(rows.t_s, rows.rms_si * factor, color="black", ls="--", lw=1.1, label="RMS")
+    values = [*(rows.rms_si * factor), *(rows.q997_si * factor), *mark_limits(ax, tables, case, quantity)]
+    scale_up(ax, "y", values)
+    ax.set(ylabel=f"{quantity} error,\n3D ({unit})")
+    over_time([ax], tables, case)
+    return figure

@@ -1,0 +1,311 @@
+"""Figures as PNG and SVG, drawn by matplotlib: for pages that a repository keeps, and for slides."""
+
+import io
+import logging
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from lvnav_trade.report.figures.backend import mpl  # before anything else of matplotlib
+
+# isort: split
+import numpy as np
+from joblib import Parallel, delayed
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+from matplotlib.axis import Axis, YAxis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure as Drawing
+from matplotlib.font_manager import FontProperties
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from PIL import Image
+
+from lvnav_trade.report.figures.figure import GREY, SHADE, Figure, Mark, Panel
+
+_LOG = logging.getLogger("lvnav_trade.report.figures")
+# Inches: the text width of an A4 page.
+WIDTH = 7.4
+COLOURS = 96
+"""Colours kept in a picture, far from each other: line art loses nothing that one could see, not even the colour of a
+line that shows in the legend alone, and is a third of the size.
+"""
+_EXACT = 24  # of them the most frequent, which are left as they are: a grey shade should not turn pink
+_NARROW, _ABOVE = 0.02, 0.05  # margins up to the first are of abscissas alone; that of ordinates is then the second
+_OVER_AREAS = 1.3  # matplotlib draws areas at 1 and lines at 2
+_HANDLE, _LETTER = 0.55, 0.058  # inches of a legend's line with what is around it, and of a letter of 8 points
+_COLUMNS = 4  # of a legend, at most
+# Ticks in less than a decade, closer from row to row; the closest, 0.9 and 1, have room for their labels.
+_CLOSE = (
+    (1.0, 2.0, 5.0),
+    (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
+    (1.0, 1.1, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0),
+)
+_FEW_DECADES = 4
+_LOOK: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e5e7eb",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "lines.linewidth": 1.3,
+    "figure.dpi": 130,
+    "savefig.dpi": 130,
+    "svg.hashsalt": "lvnav_trade",
+}
+
+
+def files(figures: Mapping[str, Figure], formats: Sequence[str] = ("png",), jobs: int = -1) -> dict[str, bytes]:
+    """Return the files of figures by name, `NAME.FORMAT`, drawn by worker processes; by this process if one dies."""
+    asked = [(name, ending) for name in figures for ending in formats]
+    units = [(figures[name], ending) for name, ending in asked]
+    try:
+        workers = Parallel(n_jobs=min(jobs, len(asked)) if len(asked) else 1, max_nbytes=None)
+        made = workers(delayed(written)(*unit) for unit in units)
+    except TerminatedWorkerError:
+        _LOG.warning("a worker process died (out of memory?); the figures are drawn one by one")
+        made = [written(*unit) for unit in units]
+    return {f"{name}.{ending}": content for (name, ending), content in zip(asked, made, strict=True)}
+
+
+def written(figure: Figure, ending: str) -> bytes:
+    """Return a figure as a file without a date: a small PNG of few colours, or SVG."""
+    found = io.BytesIO()
+    with mpl.rc_context(_LOOK):
+        drawing = drawn(figure)
+        if ending == "svg":
+            drawing.savefig(found, format="svg", metadata={"Date": None})
+            return found.getvalue()
+        canvas: Any = FigureCanvasAgg(drawing)
+        canvas.draw()  # savefig would draw twice, for the layout and for the picture
+    image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    _few_colours(image).save(found, format="PNG", optimize=True)
+    return found.getvalue()
+
+
+def _few_colours(image: Image.Image) -> Image.Image:
+    """Return a picture of `COLOURS` colours; those of large areas (shades, grids) are what they were."""
+    found = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    red, green, blue = np.moveaxis(np.asarray(image).reshape(-1, 3).astype(np.uint32), 1, 0)
+    code, index = (red << 16) | (green << 8) | blue, np.asarray(found).ravel()
+    every, count = np.unique(code, return_counts=True)
+    palette, kept = np.array(found.getpalette()).reshape(-1, 3), set()
+    for one in every[np.argsort(-count, kind="stable")][:_EXACT]:
+        place = int(index[np.argmax(code == one)])
+        if place not in kept:  # of several that became one colour the largest
+            palette[place] = one >> 16, (one >> 8) & 255, one & 255
+            kept.add(place)
+    found.putpalette(palette.ravel().tolist())
+    return found
+
+
+@mpl.rc_context(_LOOK)
+def drawn(figure: Figure) -> Drawing:
+    """Return a figure of matplotlib; it is not registered with pyplot."""
+    options = dict(figure.options)
+    title, widths = options.pop("title", ""), options.pop("widths", None)
+    rows, columns = figure.grid.shape
+    found = Drawing(figsize=(WIDTH, figure.height * rows), layout="constrained")
+    grid = found.subplots(rows, columns, squeeze=False, width_ratios=widths, **options)
+    for axes, panel in zip(grid.ravel(), figure.panels, strict=True):
+        if panel.marks:
+            _fill(found, axes, panel)
+        else:
+            axes.set_axis_off()
+    for axes, panel in zip(grid.ravel(), figure.panels, strict=True):  # after the marks of all that share an axis
+        _limit_sides(axes, panel)
+    for (row, column), panel in np.ndenumerate(figure.grid):
+        named = all(above.events is None for above in figure.grid[:row, column])
+        _mark_events(grid[row, column], panel, columns, named)
+    found.suptitle(title, fontsize=9) if title else None
+    _legend(found, figure)
+    return found
+
+
+def _fill(figure: Drawing, axes: Any, panel: Panel) -> None:
+    state = panel.axes
+    margin = state.get("margin", 0.02)
+    axes.margins(margin, margin if margin > _NARROW else _ABOVE)
+    _scale(axes, "x", state.get("xscale"))
+    _scale(axes, "y", state.get("yscale"))
+    for mark in panel.marks:
+        _DRAW[mark.kind](figure, axes, mark)
+    for side in ("x", "y"):
+        low, high = state.get(f"{side}lim", (None, None))
+        if low is not None and high is None:  # the room above what is drawn is a part of all that is shown
+            axes.update_datalim([(low, low)], updatex=side == "x", updatey=side == "y")
+    axes.set(xlabel=panel.label("x"), ylabel=panel.label("y"), title=state.get("title", ""))
+    if state.get("grid") is False:
+        axes.grid(visible=False)
+    if state.get("equal"):
+        axes.set_aspect("equal", adjustable="box" if "xlim" in state else "datalim")
+
+
+def _limit_sides(axes: Any, panel: Panel) -> None:
+    for side in ("x", "y"):
+        low, high = panel.axes.get(f"{side}lim", (None, None))
+        if (low, high) != (None, None):
+            getattr(axes, f"set_{side}lim")(low, high)
+        ticks = panel.axes.get(f"{side}ticks")
+        if ticks is not None:
+            getattr(axes, f"set_{side}ticks")([at for at, _ in ticks], [text for _, text in ticks], fontsize=7.0)
+
+
+def _scale(axes: Any, side: str, scale: str | None) -> None:
+    axis = getattr(axes, f"{side}axis")
+    if scale == "log":
+        axes.set(**{f"{side}scale": "log"})
+        axis.set_major_locator(_Decades())
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+    elif scale == "root":
+        axes.set_yscale("function", functions=(lambda y: np.sqrt(np.maximum(y, 0.0)), np.square))
+        axes.minorticks_off()
+    elif not isinstance(axis.get_major_locator(), FixedLocator):  # of a panel that shares this axis
+        axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
+        axes.ticklabel_format(axis=side, style="sci", scilimits=(-3, 4))
+
+
+class _Decades(LogLocator):
+    """Ticks at decades; at 1, 2 and 5 where fewer than four decades lie within and there is room, and closer ones in
+    less than one.
+    """
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        """Return the ticks between limits."""
+        low, high = sorted((vmin, vmax))
+        if 0 < low < high < 10 * low:
+            return within_a_decade(low, high)
+        few = 0 < low and np.floor(np.log10(high)) - np.ceil(np.log10(low)) < _FEW_DECADES - 1
+        room = self.axis.get_tick_space() if isinstance(self.axis, Axis) else _FEW_DECADES
+        room *= 2 if isinstance(self.axis, YAxis) else 1  # matplotlib leaves a line between two numbers
+        few = few and 3.0 * np.log10(high / low) <= max(3, room)  # else numbers would overlap
+        self.set_params(subs=(1.0, 2.0, 5.0) if few else (1.0,))
+        return super().tick_values(vmin, vmax)
+
+
+def within_a_decade(low: float, high: float) -> list[float]:
+    """Return ticks of a logarithmic axis of less than a decade: four at least, as few as that takes."""
+    power = 10.0 ** np.floor(np.log10(low))
+    for parts in _CLOSE:
+        every = [float(f"{part * scale:.6g}") for scale in (power, 10.0 * power) for part in parts]
+        found = [at for at in every if low <= at <= high]
+        if len(found) >= 4:
+            return found
+    return [float(f"{at:.6g}") for at in MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)]
+
+
+def _look(mark: Mark, *names: str) -> dict[str, Any]:
+    return {name: mark.style[name] for name in names if name in mark.style} | {"label": mark.label or None}
+
+
+def _line(_: Drawing, axes: Any, mark: Mark) -> None:
+    style = _look(mark, "color", "ls", "lw", "alpha", "marker", "ms", "mfc")
+    style |= {"drawstyle": "steps-post"} if mark.style.get("step") else {}
+    style |= {"markevery": mark.style["every"]} if "every" in mark.style else {}
+    if style.get("color") == "white":  # so that the legend shows it too
+        style["path_effects"] = [withStroke(linewidth=float(mark.style.get("lw", 1.3)) + 1.5, foreground="black")]
+    axes.plot(mark.data["x"], mark.data["y"], **style)
+
+
+def _band(_: Drawing, axes: Any, mark: Mark) -> None:
+    x, low, high = (mark.data[name] for name in ("x", "low", "high"))
+    step = "post" if mark.style.get("step") else None
+    axes.fill_between(x, low, high, step=step, **_area(mark))
+
+
+def _area(mark: Mark) -> dict[str, Any]:
+    style = _look(mark, "alpha", "hatch", "lw")
+    return style | {"facecolor": mark.style.get("color", SHADE), "edgecolor": mark.style.get("ec", "none")}
+
+
+def _boxes(_: Drawing, axes: Any, mark: Mark) -> None:
+    x0, x1, y0, y1 = (mark.data[name] for name in ("x0", "x1", "y0", "y1"))
+    style = _area(mark)
+    if not x0.size:
+        axes.fill_between([], [], [], **style)
+    elif np.isinf(x0).any():
+        for low, high in zip(y0, y1, strict=True):
+            axes.axhspan(low, high, zorder=0, **style)
+    elif np.isinf(y0).any():
+        for low, high in zip(x0, x1, strict=True):
+            axes.axvspan(low, high, zorder=0, **style)
+    else:
+        axes.bar(x0, y1 - y0, x1 - x0, y0, align="edge", **style)
+
+
+def _limit(_: Drawing, axes: Any, mark: Mark) -> None:
+    line = axes.axhline if mark.style["axis"] == "y" else axes.axvline
+    line(mark.data["at"], **_look(mark, "color", "ls", "lw", "alpha"))
+
+
+def _text(_: Drawing, axes: Any, mark: Mark) -> None:
+    style, parts = mark.style, (mark.style.get("x_part"), mark.style.get("y_part"))
+    frames: dict[Any, Any] = {(True, True): axes.transAxes, (True, None): axes.get_yaxis_transform()}
+    for x, y, text in zip(mark.data["x"], mark.data["y"], mark.data["texts"], strict=True):
+        look = {"ha": style.get("ha", "left"), "va": style.get("va", "center"), "color": style.get("color", "black")}
+        axes.text(x, y, text, transform=frames.get(parts, axes.transData), fontsize=7.0, **look)
+
+
+def _cells(figure: Drawing, axes: Any, mark: Mark) -> None:
+    axes.tick_params(axis="y", length=0)
+    values = np.ma.masked_invalid(mark.data["values"])
+    norm = LogNorm(*mark.data["scale"])
+    cells = axes.pcolormesh(mark.data["x"], mark.data["y"], values, norm=norm, cmap=mark.style["cmap"])
+    if mark.label:
+        plain = FuncFormatter(lambda value, _: f"{value:g}")
+        figure.colorbar(cells, ax=axes, pad=0.09, fraction=0.035, label=mark.label, format=plain)
+
+
+_DRAW = {"line": _line, "band": _band, "boxes": _boxes, "limit": _limit, "text": _text, "cells": _cells}
+
+
+def _mark_events(axes: Any, panel: Panel, columns: int, named: bool) -> None:
+    """Draw events as thin lines, faults shaded and those of a moment as thick lines; numbers stand at the top."""
+    if panel.events is None:
+        return
+    low, high = axes.get_xlim()
+    shade = {"color": "black" if panel.filled else SHADE, "alpha": 0.18 if panel.filled else 0.25}
+    for _, start, end in panel.events.faults:
+        if end > start:
+            axes.axvspan(start, end, lw=0, zorder=_OVER_AREAS, **shade)
+        else:
+            axes.axvline(start, color=GREY, alpha=0.7, lw=2.4, ls=(0, (1.2, 0.8)), zorder=1.4)
+    for t in dict.fromkeys(t for _, t in panel.events.points if low <= t <= high):
+        axes.axvline(t, color=GREY, lw=0.7, zorder=1.5)
+    style = {"xycoords": ("data", "axes fraction"), "xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
+    for t, text in panel.events.groups(low, high, columns) if named else ():
+        axes.annotate(text, (t, 1.0), fontsize=6.5, color=GREY, va="bottom", annotation_clip=False, **style)
+
+
+def _legend(found: Drawing, figure: Figure) -> None:
+    """Write one legend for all panels below, where it hides nothing."""
+    handles: dict[str, Any] = {}
+    for axes in found.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    marks = {mark.label for mark in figure.legend()}
+    shown = {label: handle for label, handle in handles.items() if label in marks}
+    if not shown:
+        found.supxlabel(figure.key, fontsize=7.0, color=GREY)
+        return
+    columns = _fitting(list(shown), _COLUMNS)
+    legend = found.legend(list(shown.values()), list(shown), loc="outside lower center", ncols=columns)
+    if figure.key:
+        legend.set_title(figure.key, FontProperties(size=7.0))
+        legend.get_title().set_color(GREY)
+
+
+def _fitting(labels: list[str], most: int) -> int:
+    """Return in how many columns a legend has room across the page; it is filled column by column."""
+    for count in range(min(most, len(labels)), 1, -1):
+        longest = [max(map(len, part)) for part in np.array_split(np.array(labels, dtype=object), count)]
+        if sum(_HANDLE + _LETTER * length for length in longest) <= WIDTH:
+            return count
+    return 1

@@ -1,0 +1,139 @@
+"""The vehicle's motion: the flight; rate and acceleration, raw and filtered; observability; nozzle and envelopes."""
+
+import numpy as np
+
+from lvnav_trade.report.figures.figure import GREY, Figure, canvas, panel
+from lvnav_trade.report.figures.style import PALETTE, drawing, line_of, over_time
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.evaluation.covariances import is_position_bias
+from lvnav_trade.results.statistics.select import flight_events, history_of, lincov_rms, pick
+from lvnav_trade.results.tables.read import Tables
+
+G = 9.80665
+_AXES = ("pitch", "yaw")
+
+
+@drawing
+def trajectory(tables: Tables, case: str) -> Figure:
+    """Draw altitude, speed, specific force over time, and the ground track, of a case (its digest)."""
+    rows = pick(tables.reference, case=case)
+    figure, grid = canvas(2, 2, 2.7)
+    altitude, speed, force, track = grid.ravel()
+    altitude.plot(rows.t_s, rows.altitude_m / 1e3, color=PALETTE[0])
+    speed.plot(rows.t_s, rows.ground_speed_m_per_s / 1e3, color=PALETTE[0], label="relative to the ground")
+    speed.plot(rows.t_s, rows.inertial_speed_m_per_s / 1e3, color=PALETTE[1], ls="--", label="inertial")
+    force.plot(rows.t_s, rows.specific_force_m_per_s2 / G, color=PALETTE[0])
+    for axes, label in ((altitude, "altitude (km)"), (speed, "speed (km/s)"), (force, "specific force (g)")):
+        axes.set(ylabel=label)
+        over_time([axes], tables, case)
+    longitude, latitude = np.degrees(np.unwrap(rows.longitude_rad)), np.degrees(rows.latitude_rad)
+    track.plot(longitude, latitude, color=PALETTE[0])
+    at = [int(np.argmin(np.abs(rows.t_s.to_numpy() - t))) for t in flight_events(tables, case).t_s]
+    track.plot(longitude[at], latitude.to_numpy()[at], ls="none", marker="o", ms=3, color=GREY)
+    track.set(xlabel="longitude (deg east)", ylabel="geodetic latitude (deg north)")
+    track.set(title="ground track, events as dots", margin=0.1)
+    return figure
+
+
+@drawing
+def motion(tables: Tables, case: str, quantity: str) -> Figure:
+    """Draw the errors of the raw sample and of the estimate, rate or acceleration, an axis below the other, 1 sigma."""
+    named = dict.fromkeys(tables.outputs[tables.outputs.quantity == quantity].axis)
+    axes_names = [axis for axis in named if axis != "3d"]
+    unit, factor = tables.people[quantity, axes_names[0]]
+    figure, grid = canvas(len(axes_names), 1, 1.95, sharex=True)
+    for ax, axis in zip(grid[:, 0], axes_names, strict=True):
+        both = (history_of(tables, case, name, axis) for name in (f"raw_{quantity}", quantity))
+        raw, estimate = (rows[rows.t_s > rows.t_s.min()] for rows in both)  # before the first there is no sample
+        runs = int(estimate.run_count.iloc[0])
+        if runs:
+            for rows, name, colour in ((raw, "raw", PALETTE[1]), (estimate, "filtered", PALETTE[0])):
+                label = f"{name}, RMS of {runs} runs"
+                ax.plot(rows.t_s, rows.rms_si * factor, color=colour, lw=2.6, alpha=0.45, label=label)
+        ax.plot(raw.t_s, raw.lincov_formal_si * factor, color=PALETTE[1], label="raw, formal")
+        ax.plot(estimate.t_s, estimate.lincov_formal_si * factor, color="black", label="filtered, formal")
+        ax.plot(estimate.t_s, lincov_rms(estimate) * factor, color=PALETTE[2], ls="--", label="filtered, LinCov true")
+        ax.set(ylabel=f"{axis}\n({unit}, 1 sigma)", ylim=(0.0, 1.6 * float(raw.lincov_formal_si.max()) * factor))
+    over_time(grid[:, 0], tables, case)
+    return figure
+
+
+@drawing
+def singular(tables: Tables, case: str) -> Figure:
+    """Draw the singular values of what each stretch tells; those of a position against its bias stand out."""
+    rows = pick(tables.observability, case=case)
+    figure, ax = panel(3.2)
+    middle, reach = 0.5 * (rows.t_s + rows.t_end_s), 0.45 * (rows.t_end_s - rows.t_s)
+    bias = np.array([is_position_bias(text) for text in rows.direction], dtype=bool)
+    for chosen, colour, label in (
+        (~bias, PALETTE[0], "all other directions"),
+        (bias, PALETTE[1], "position against its bias"),
+    ):
+        first, last = (middle - reach)[chosen], (middle + reach)[chosen]
+        ax.hlines(rows.singular_ratio[chosen], first, last, color=colour, lw=1.6, label=label)
+    ax.axhline(float(rows.tolerance_ratio.iloc[0]), color=GREY, ls=":", label="tolerance of the rank with information")
+    ax.set(yscale="log", xlabel="time since lift-off (s)", ylabel="singular value (-)")
+    return figure
+
+
+@drawing
+def movement(tables: Tables, case: str) -> Figure:
+    """Draw the nozzle's movement so far by what feeds the controller: mean of the runs, and all of them as a band."""
+    rows = pick(tables.movement, case=case)
+    figure, grid = canvas(1, 2, 2.9, sharey=True)
+    for axes, axis in zip(grid[0], _AXES, strict=True):
+        for number, feed in enumerate(dict.fromkeys(rows.feed)):
+            one, style = pick(rows, feed=feed, axis=axis), line_of(number)
+            low, high = np.degrees(one.low_rad), np.degrees(one.high_rad)
+            axes.fill_between(one.t_s, low, high, color=style["color"], alpha=0.25)
+            axes.plot(one.t_s, np.degrees(one.mean_rad), lw=1.4, label=f"{feed} rate", **style)
+        axes.boxes([], [], [], [], color=GREY, alpha=0.25, label="shaded: all runs, from the least to the largest")
+        axes.set(title=axis, ylim=0.0)
+        over_time([axes], tables, case, label="time since lift-off (s); lines: events")
+    grid[0, 0].set(ylabel="total nozzle movement (deg)")
+    return figure
+
+
+@drawing
+def sweep(tables: Tables, band: tuple[float, float] | None = None) -> Figure:
+    """Draw by how much less the nozzle moves with the filtered rate over the rate gain, with intervals of paired runs,
+    for every other setting of the cases; a band (%) that is asked for shaded.
+    """
+    found = METRICS["nozzle"](tables)
+    found = found[(found.burn == "flight") & found.less_percent.notna()]
+    lines: dict[str, dict[str, float]] = {}
+    for case, levels in tables.levels.items():
+        others = ", ".join(level for name, level in levels.items() if name != "rate_gain") or "all"
+        lines.setdefault(others, {})[tables.labels[case]] = float(levels.get("rate_gain", 1.0))
+    figure, grid = canvas(1, 2, 2.9, sharey=True)
+    for axes, axis in zip(grid[0], _AXES, strict=True):
+        for number, (name, gains) in enumerate(lines.items()):
+            rows = found[(found.axis == axis) & found.case.isin(gains)]
+            rows = rows.assign(gain=rows.case.map(gains)).sort_values(["gain", "case"])
+            style = {**line_of(number), "label": name, "ls": ("-", "-", ":", "--")[number % 4]}
+            style |= {"marker": ("o", "s", "^", "D")[number % 4]}
+            axes.vlines(rows.gain, rows.low_percent, rows.high_percent, color=style["color"], lw=1.0)
+            style |= {"ms": 7.0, "mfc": "none"} if number % 2 == 0 else {"ms": 3.5, "mfc": style["color"]}  # apart
+            axes.plot(rows.gain, rows.less_percent, **style)
+        if band is not None:
+            axes.axhspan(*band, color=GREY, alpha=0.15, label=f"band: {band[0]:g} to {band[1]:g} %")
+        axes.set(title=axis, xlabel="rate gain over that of the card (-)")
+    grid[0, 0].set(ylabel="less nozzle movement\nwith the filtered rate (%, 95 %)")
+    return figure
+
+
+@drawing
+def turning(tables: Tables, case: str) -> Figure:
+    """Draw angular acceleration and lateral jerk of one run, pitch, in their envelopes over the first seconds."""
+    rows = pick(tables.motion, case=case, axis="pitch")
+    figure, grid = canvas(2, 1, 2.4, sharex=True)
+    for axes, value, bound, label in (
+        (grid[0, 0], "turning_rad_per_s2", "turning_bound_rad_per_s2", "angular acceleration\nin pitch (rad/s²)"),
+        (grid[1, 0], "jerk_m_per_s3", "jerk_bound_m_per_s3", "jerk along z (m/s³)"),
+    ):
+        axes.plot(rows.t_s, rows[value], lw=0.5, color=PALETTE[0], label="true")
+        axes.plot(rows.t_s, rows[bound], lw=1.2, color=PALETTE[1], label="envelope, 1 sigma of what the filter expects")
+        axes.plot(rows.t_s, -rows[bound], lw=1.2, color=PALETTE[1])
+        axes.set(ylabel=label, margin=0.0)
+    grid[1, 0].set(xlabel="time since lift-off (s)")
+    return figure

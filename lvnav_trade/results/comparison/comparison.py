@@ -1,0 +1,335 @@
+"""Is a candidate worse than a base: paired changes of errors and of kept requirements, each with its verdict."""
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.quantities import units
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.state_layout import split_metric
+from lvnav_trade.results.comparison import paired
+from lvnav_trade.results.comparison.matching import Pair, left_out, match
+from lvnav_trade.results.evaluate import errors_at
+from lvnav_trade.results.metric import where
+from lvnav_trade.results.requirements.improvements import expected
+from lvnav_trade.results.requirements.requirements import errors_of
+from lvnav_trade.results.statistics.case import Errors, number_in
+from lvnav_trade.results.statistics.select import at_time, final_event, flight_events, history_of, lincov_rms, pick
+from lvnav_trade.results.tables.read import Tables, load
+
+COLUMNS = [
+    "case", "kind", "metric", "event", "statistic", "unit", "base", "candidate", "scale", "change", "low", "high",
+    "effect", "verdict", "runs", "effective_runs", "remark",
+]  # fmt: skip
+CONFIDENCE = 0.95
+# Default of the smallest change of interest
+DEFAULT = "5 %"
+DEFAULT_METRICS = ("velocity_error_3d", "position_error_3d", "attitude_error_3d")
+FAILED_RUNS = "failed runs"
+FAILED_EFFECT = "1 %"
+# Statistic of a requirement without a given effect: fraction of runs beyond its limit, or the required quantile
+BY_RUNS = "required"
+FITTED = "quantile of a fitted distribution: too few runs lie beyond it"
+_EFFECT = re.compile(r"^(?P<metric>[^@:=]+)(@(?P<at>[^@:=]+))?(:(?P<statistic>rms|q[0-9]{1,2}(\.[0-9]+)?))?$")
+
+
+class Effect(NamedTuple):
+    """Smallest change of interest of a metric."""
+
+    metric: str  # name of a metric or of a requirement
+    at: str  # event; empty for injection or the last event
+    statistic: str  # rms, or q95 for a quantile
+    amount: str  # as written: a percentage, a quantity with its unit, or none to exclude the metric
+
+
+class Comparison(NamedTuple):
+    """Comparison of two result sets."""
+
+    frame: pd.DataFrame  # one row per case and metric, columns `COLUMNS`
+    notes: tuple[str, ...]  # remarks on the whole comparison
+    confidence: float
+    base: Path  # folder of the base
+    candidate: Path  # folder of the candidate
+
+    @property
+    def verdict(self) -> str:
+        """Overall verdict: the worst verdict of all rows."""
+        return next((word for word in ("worse", "undecided") if word in set(self.frame.verdict)), "not worse")
+
+
+def parse_effect(key: str, amount: str) -> Effect:
+    """Return the effect of a key ``METRIC[@EVENT][:STATISTIC]`` and an amount; InputError if one is not valid."""
+    match = _EFFECT.match(key.strip())
+    if match is None:
+        raise InputError(f"effect {key!r}: write METRIC, METRIC@EVENT or METRIC@EVENT:q95")
+    text = amount.strip()
+    effect = Effect(match["metric"].strip(), (match["at"] or "").strip(), match["statistic"] or "rms", text)
+    if _is_relative(text):
+        _amount(effect, "")
+    elif text != "none" and not re.match(r"^[-+]?[0-9.]", text):
+        raise InputError(f"effect {key!r}: {amount!r} is neither a percentage, nor a quantity with a unit, nor none")
+    return effect
+
+
+def parse_effects(assignments: Sequence[str]) -> list[Effect]:
+    """Return the effects of assignments such as ``velocity_error_3d=5%``."""
+    effects = []
+    for text in assignments:
+        key, equals, amount = text.rpartition("=")
+        if not equals:
+            raise InputError(f"--effect {text}: write METRIC=AMOUNT, such as velocity_error_3d=5%")
+        effects.append(parse_effect(key, amount))
+    return effects
+
+
+def compare(
+    base: Path | str | Tables,
+    candidate: Path | str | Tables,
+    effects: Sequence[Effect] = (),
+    confidence: float | None = None,
+    mapping: Mapping[str, str] | None = None,
+) -> Comparison:
+    """Compare a candidate with a base, case by case and run by run (paired).
+
+    Verdicts: "worse" if the change is shown to be above the smallest change of interest, "not worse" if it is shown to
+    be below, otherwise "undecided". Without runs on both sides linear covariance is compared.
+
+    Parameters
+    ----------
+    base, candidate : Path, str or Tables
+        The two result sets.
+    effects : sequence of Effect
+        Smallest changes of interest. They override those of the base's campaign (``compare: {effects: ...}``), which
+        override the defaults.
+    confidence : float, optional
+        Confidence of the verdicts; by default that of the base's campaign, or else 0.95.
+    mapping : mapping of str to str, optional
+        See `matching.match`.
+
+    Raises
+    ------
+    InputError
+        The result sets are not comparable, or an effect names an unknown metric or event.
+
+    Notes
+    -----
+    `low`, which shows "worse", has the error probability 1 - confidence for all rows together (Bonferroni). `high`,
+    which shows "not worse", has it for each row, since every row must be not worse (intersection-union test).
+    """
+    first, second = load(base), load(candidate)
+    pairs = match(first, second, mapping)
+    stated = first.campaign.get("compare") or {}
+    level = float(confidence if confidence is not None else stated.get("confidence", CONFIDENCE))
+    if not 0.5 <= level < 1.0:
+        raise InputError(f"--confidence {level:g}: give a number from 0.5 to below 1")
+    of_campaign = [parse_effect(key, str(amount)) for key, amount in (stated.get("effects") or {}).items()]
+    wanted = _laid_over(first, [*of_campaign, *effects])
+    tasks = [task for pair in pairs for task in _tasks(first, second, pair, wanted)]
+    alpha = 1.0 - level
+    rows = [task.row(first, second, alpha / len(tasks), alpha) for task in tasks]
+    notes = _notes(first, second, pairs)
+    return Comparison(pd.DataFrame(rows, columns=COLUMNS), notes, level, first.folder, second.folder)
+
+
+def _laid_over(base: Tables, given: Sequence[Effect]) -> list[Effect]:
+    """Return the effects to compare: defaults, requirements, and effects of the user; the amount "none" removes one."""
+    known = {str(requirement["name"]) for requirement in _stated(base)}
+    found: dict[tuple[str, str, str], Effect] = {}
+    for effect in (*(Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS), *given):
+        is_counted = effect.metric == FAILED_RUNS or (effect.metric in known and effect.statistic == "rms")
+        statistic = "beyond" if is_counted else effect.statistic
+        found[effect.metric, effect.at, statistic] = effect._replace(statistic=statistic)
+    for requirement in _stated(base):
+        allowed = f"{100.0 * (1.0 - float(requirement['probability'])):.12g} %"
+        name = str(requirement["name"])
+        if not any(metric == name for metric, _, _ in found):
+            found[name, "", BY_RUNS] = Effect(name, "", BY_RUNS, allowed)
+    found.setdefault((FAILED_RUNS, "", "beyond"), Effect(FAILED_RUNS, "", "beyond", FAILED_EFFECT))
+    return [effect for effect in found.values() if effect.amount != "none"]
+
+
+def _stated(tables: Tables) -> list[dict[str, Any]]:
+    return list(tables.campaign.get("requirements") or ())
+
+
+def _is_relative(amount: str) -> bool:
+    return amount.endswith(("%", "percent"))
+
+
+def _amount(effect: Effect, unit: str) -> float:
+    """Return the amount of an effect as a fraction or in a unit; InputError if it is not valid or below zero."""
+    text = effect.amount
+    if _is_relative(text):
+        text, unit = re.sub(r" ?(%|percent)$", r" \1", text), "dimensionless"  # 5% as well as 5 %
+    try:
+        value = units.parse(text, unit)
+    except ValueError as error:
+        raise InputError(f"effect on {effect.metric}: {error}") from None
+    if value < 0.0:
+        raise InputError(f"effect on {effect.metric}: {effect.amount!r} should not be below zero")
+    return value
+
+
+class _Task(NamedTuple):
+    """Data of one row of the comparison."""
+
+    kind: str  # error, requirement or failures
+    pair: Pair
+    effect: Effect
+    event: str
+    first: Errors  # errors of the runs of the base
+    second: Errors  # errors of the runs of the candidate
+    bound: float = np.inf  # bound, if fractions of runs beyond it are compared
+
+    @property
+    def counted(self) -> bool:
+        """Whether fractions of runs beyond a bound are compared, and not errors."""
+        return self.effect.statistic == "beyond"
+
+    @property
+    def relative(self) -> bool:
+        """Whether the change is relative to the error of the base."""
+        return not self.counted and _is_relative(self.effect.amount)
+
+    def row(self, base: Tables, candidate: Tables, alpha_low: float, alpha_high: float) -> dict[str, Any]:
+        """Return the row of the comparison."""
+        n = min(len(self.first.size), len(self.second.size))
+        if not n:
+            sides = [_by_covariance(base, self.pair.base, self), _by_covariance(candidate, self.pair.candidate, self)]
+            moved = sides[1] / sides[0] - 1.0 if self.relative and sides[0] else sides[1] - sides[0]
+            change = paired.Change(sides[0], sides[1], moved, moved, moved, float("nan"))
+            return self._filled(change, 0, "by linear covariance")
+        is_fitted = False
+        first, second = self.first.size[:n], self.second.size[:n]
+        both = np.isfinite(first) & np.isfinite(second)
+        if self.counted:
+            change = paired.beyond_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
+        elif not both.any():
+            return self._filled(paired.Change(*[float("nan")] * 6), 0, "no run is good in both")
+        elif self.effect.statistic == "rms":
+            change = paired.rms_change(first[both], second[both], self.relative, alpha_low, alpha_high)
+        else:
+            part = float(self.effect.statistic[1:]) / 100.0
+            is_fitted = not paired.supports(int(both.sum()), part)
+            of_quantile = paired.fitted_quantile_change if is_fitted else paired.quantile_change
+            change = of_quantile(first[both], second[both], part, self.relative, alpha_low, alpha_high)
+        if np.array_equal(first, second):
+            same = change._replace(change=0.0, low=0.0, high=0.0, effective_runs=float("inf"))
+            return self._filled(same, n, "the same in every run") | {"verdict": "not worse"}
+        return self._filled(change, n, self._remark(change, is_fitted))
+
+    def _remark(self, change: paired.Change, is_fitted: bool) -> str:
+        if not np.isfinite(change.low + change.high):
+            return "too few runs for a bound"
+        remarks = [FITTED] * is_fitted + ["better"] * (change.high < 0.0)
+        return "; ".join(remarks)
+
+    def _filled(self, change: paired.Change, runs: int, remark: str) -> dict[str, Any]:
+        size, unit = (1.0, "") if self.counted else (self.first.label_factor, self.first.label_unit)
+        factor = 1.0 if self.relative else size
+        amount = _amount(self.effect, self.first.unit)
+        return {
+            "case": self.pair.label,
+            "kind": self.kind,
+            "metric": self.effect.metric,
+            "event": self.event,
+            "statistic": "fraction beyond" if self.counted else self.effect.statistic,
+            "unit": unit,
+            "base": change.base * size,
+            "candidate": change.candidate * size,
+            "scale": "fraction of runs" if self.counted else ("ratio" if self.relative else unit),
+            "change": change.change * factor,
+            "low": change.low * factor,
+            "high": change.high * factor,
+            "effect": amount * factor,
+            "verdict": paired.verdict(change.low, change.high, amount),
+            "runs": runs,
+            "effective_runs": change.effective_runs,
+            "remark": remark,
+        }
+
+
+def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect]) -> list[_Task]:
+    requirements = {str(stated["name"]): stated for stated in _stated(base)}
+    sides = ((base, pair.base), (candidate, pair.candidate))
+    found = []
+    for effect in effects:
+        first: Errors | None
+        second: Errors | None
+        kind, bound, event, known = "error", np.inf, "", True
+        if effect.metric == FAILED_RUNS:
+            kind = "failures"
+            first, second = failures = [_failures(tables, case) for tables, case in sides]
+            bound, known = 0.5, any(side.size.any() for side in failures)
+        elif effect.metric in requirements:
+            kind, stated = "requirement", requirements[effect.metric]
+            first, second = (errors_of(tables, case, stated) for tables, case in sides)
+            event, bound = where(stated), number_in(stated["below"], first.unit) if first is not None else bound
+        else:
+            event = effect.at or final_event(base, pair.base)
+            first, second = (errors_at(tables, case, event, effect.metric) for tables, case in sides)
+            known = event in set(flight_events(base, pair.base).event)
+            missing = first is None or second is None or not known
+            if missing and (effect.at or effect.metric not in DEFAULT_METRICS):
+                raise InputError(_unknown(base, pair, effect, event))
+        if first is not None and second is not None and known:
+            one = _of_requirement(effect, requirements, min(len(first.size), len(second.size)))
+            found.append(_Task(kind, pair, one, event, first, second, bound))
+    return found
+
+
+def _of_requirement(effect: Effect, requirements: Mapping[str, Mapping[str, Any]], runs: int) -> Effect:
+    """Return the statistic of a requirement without a given effect.
+
+    It is the fraction of runs beyond the limit. If there are so few runs that hardly any may be beyond, no change of
+    this fraction can be shown to be small; then it is the quantile at the required probability.
+    """
+    if effect.statistic != BY_RUNS:
+        return effect
+    probability = float(requirements[effect.metric]["probability"])
+    if runs and not paired.supports(runs, probability):
+        return effect._replace(statistic=f"q{100.0 * probability:.12g}", amount=DEFAULT)
+    return effect._replace(statistic="beyond")
+
+
+def _unknown(base: Tables, pair: Pair, effect: Effect, event: str) -> str:
+    if errors_at(base, pair.base, event, effect.metric) is not None:
+        events = ", ".join(flight_events(base, pair.base).event)
+        return f"effect on {effect.metric}: {event!r} is not an event of {pair.label} (it has {events})"
+    names = [f"{row.quantity}_error_{row.axis}" for row in pick(base.outputs, case=pair.base).itertuples()]
+    near = difflib.get_close_matches(effect.metric, [*names, *(r["name"] for r in _stated(base))], 1)
+    hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
+    return f"effect on {effect.metric!r}: no such metric or requirement in both cases of {pair.label} ({hint})"
+
+
+def _failures(tables: Tables, case: str) -> Errors:
+    """Return 1 for each failed run of a case, and 0 for the others."""
+    rows = pick(tables.runs, case=case).drop_duplicates("run_number")
+    return Errors((rows.failure != "").to_numpy(dtype=float), "", "", 1.0)
+
+
+def _by_covariance(tables: Tables, case: str, task: _Task) -> float:
+    """Return the number of one side by linear covariance, which has no sampling error."""
+    if task.counted:
+        rows = pick(expected(tables), requirement=task.effect.metric, case=tables.labels[case])
+        return 1.0 - float(rows.expected_probability.iloc[0]) if len(rows) else float("nan")
+    rows = history_of(tables, case, *split_metric(task.effect.metric))
+    if rows.empty or task.effect.statistic != "rms":
+        return float("nan")
+    t = float(flight_events(tables, case).set_index("event").t_s[task.event])
+    return float(at_time(rows.assign(expected=lincov_rms(rows)), t).expected)
+
+
+def _notes(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> tuple[str, ...]:
+    notes = left_out(base, candidate, pairs)
+    first, second = (tables.manifest.get("code_digest") for tables in (base, candidate))
+    if first != second:
+        notes.append(f"Computed by two versions of the code ({first} and {second}).")
+    if _stated(base) != _stated(candidate):
+        notes.append("The two campaigns state different requirements; both are tested against the base's.")
+    return tuple(notes)

@@ -1,0 +1,74 @@
+"""Values of metrics in cases, and of the difference between two cases."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.quantities.state_layout import split_metric
+from lvnav_trade.results.metric import Metric, MetricValue, SingleValue, event_of, no_fit, scale_of
+from lvnav_trade.results.registry import metric_of
+from lvnav_trade.results.statistics.case import Errors
+from lvnav_trade.results.statistics.case_tables import CaseTables
+from lvnav_trade.results.statistics.select import errors_by_axis, pick
+from lvnav_trade.results.tables.read import Tables
+
+
+def metric_in(stated: Mapping[str, Any]) -> Metric:
+    """Return the metric named by a statement or requirement."""
+    return metric_of(str(stated["metric"]))
+
+
+def name_of(stated: Mapping[str, Any]) -> str:
+    """Return the label of a statement: statistic, metric, and event or phase; see `Metric.label`."""
+    return metric_in(stated).label(stated)
+
+
+def evaluate(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    """Return the value of a metric in a case by formal sigma, by linear covariance and by the runs.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    case : str
+        Digest of the case.
+    stated : mapping
+        Statement: metric, event or phase, statistic and further settings of the metric.
+    unit : str
+        Unit of the value; "-" for the SI unit.
+    """
+    return metric_in(stated).value(tables, case, stated, unit)
+
+
+def evaluate_single(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+    """Return the number to compare with a published number; NaN with the reason if it is not available.
+
+    The arguments are those of `evaluate`.
+    """
+    return metric_in(stated).single(tables, case, stated, unit)
+
+
+def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | None:
+    """Return the magnitude of an error at an event in every run, in the order of the runs; None if not available."""
+    return metric_of(metric).errors(CaseTables(tables, case), {"metric": metric, "at": event})
+
+
+def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+    """Return the root mean square of the difference between the errors of two cases at an event.
+
+    The difference is taken run by run and axis by axis, since both cases have the same random draws. The arguments are
+    those of `evaluate`; a run that failed in either case has an infinite difference and is not averaged.
+    """
+    quantity, axis = split_metric(str(stated["metric"]))
+    both = [errors_by_axis(tables, each, event_of(stated), quantity) for each in (case, other)]
+    failed = (both[0].failure != "") | (both[1].failure != "")
+    first, second = (errors.drop(columns="failure") for errors in both)
+    chosen = [name for name in first.columns if axis == "3d" or f"_{axis}_" in name]
+    si = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0]) if chosen else ""
+    scale = scale_of(unit, si)
+    if scale is None or not chosen or first.empty:
+        return MetricValue(remark="no runs" if scale else no_fit(unit))
+    squares = ((first[chosen] - second[chosen]) ** 2).sum(axis=1).mask(failed, np.inf).to_numpy() / scale**2
+    sound = squares[np.isfinite(squares)]
+    return MetricValue(monte_carlo=float(np.sqrt(sound.mean())) if len(sound) else np.nan, runs=squares)

@@ -1,0 +1,112 @@
+"""Coverage: fraction of the runs with errors within three formal sigmas."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.quantities import units
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.results.statistics.gaussian import formal_covariance, gaussian
+from lvnav_trade.results.statistics.probability import box_probability, success_bounds
+from lvnav_trade.results.statistics.select import NAVIGATION, at_time, errors_by_axis, flight_events, history_of, pick
+from lvnav_trade.results.tables.read import Tables
+
+COLUMNS = [
+    "case",
+    "event",
+    "t_s",
+    "quantity",
+    "run_count",
+    "inside_ratio",
+    "all_inside_ratio",
+    "low_ratio",
+    "high_ratio",
+    "honest",
+]
+SIGMAS = 3.0
+# Probability of a Gaussian within three sigmas
+GAUSSIAN = 0.9973
+_TAIL = 0.025  # probability of each tail of the interval
+
+
+class Covered(NamedTuple):
+    """Probability that all three axes are within three formal sigmas."""
+
+    formal: float  # for errors with the formal covariance; NaN if not known
+    true: float  # for errors by linear covariance; NaN if not known
+    runs: Floats  # (n_run,) one if all axes of the run are within, else zero; empty without runs
+
+
+def covered(tables: Tables, case: str, event: str, quantity: str) -> Covered:
+    """Return the coverage of a quantity at an event by formal covariance, by linear covariance and by the runs.
+
+    The first two use the formal sigmas of the nominal flight, the last the RMS over the runs of their formal sigmas.
+    """
+    assumed, law = formal_covariance(tables, case, event, quantity), gaussian(tables, case, event, quantity, "3d")
+    formal, true = np.nan, np.nan
+    if assumed is not None and law is not None:
+        limits = SIGMAS * np.sqrt(np.diagonal(assumed))
+        formal, true = box_probability(np.zeros(3), assumed, limits), box_probability(*law[:2], limits)
+    return Covered(formal, true, _within(tables, case, event, quantity).all(axis=1).astype(float))
+
+
+def below(tables: Tables, case: str, event: str, quantity: str, limit: str) -> Covered:
+    """Return the runs whose 3-D error at an event is below a limit; the numbers of linear covariance are NaN."""
+    outputs, errors = pick(tables.outputs, case=case, quantity=quantity), errors_by_axis(tables, case, event, quantity)
+    if errors.empty or outputs.empty:
+        return Covered(np.nan, np.nan, np.empty(0))
+    size = np.linalg.norm(errors.drop(columns="failure").to_numpy(dtype=float), axis=1)
+    small = (size < units.parse(limit, str(outputs.unit.iloc[0]))) & (errors.failure == "").to_numpy()
+    return Covered(np.nan, np.nan, small.astype(float))
+
+
+def coverage(tables: Tables) -> pd.DataFrame:
+    """Return the fraction of runs within three formal sigmas of attitude, velocity and position at the events.
+
+    Columns: case, event, t_s, quantity, run_count; inside_ratio: fraction within, of all runs and axes;
+    all_inside_ratio: fraction of runs with all axes within; low_ratio, high_ratio: its 95 % interval (Clopper and
+    Pearson); honest: whether the interval reaches 0.9919, the probability of three independent Gaussian axes. Sigma is
+    the RMS over the runs of their formal sigmas.
+    """
+    rows = [
+        {"case": label, "event": event} | inside
+        for case, label in tables.labels.items()
+        for event in flight_events(tables, case).event
+        for quantity in NAVIGATION
+        if (inside := _inside(tables, case, event, quantity))
+    ]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _within(tables: Tables, case: str, event: str, quantity: str) -> Bools:
+    """Return whether each error of the runs at an event is within three formal sigmas, (n_run, 3); failed runs are not.
+
+    The array is empty (0, 3) if the results do not have the errors.
+    """
+    runs = errors_by_axis(tables, case, event, quantity)
+    axes = [row.axis for row in pick(tables.outputs, case=case, quantity=quantity).itertuples() if row.axis != "3d"]
+    if runs.empty or not axes:
+        return np.zeros((0, 3), dtype=bool)
+    t = float(pick(tables.runs, case=case, event=event).t_s.iloc[0])
+    sigma = [at_time(history_of(tables, case, quantity, axis), t).filter_sigma_si for axis in axes]
+    small = runs.drop(columns="failure").abs() <= SIGMAS * np.array(sigma)
+    return np.asarray(small.to_numpy() & (runs.failure == "").to_numpy()[:, None])
+
+
+def _inside(tables: Tables, case: str, event: str, quantity: str) -> dict[str, Any]:
+    within = _within(tables, case, event, quantity)
+    if not len(within):
+        return {}
+    whole, n = within.all(axis=1), len(within)
+    low, high = success_bounds(n, int(n - whole.sum()), 1.0 - _TAIL)
+    return {
+        "t_s": float(pick(tables.runs, case=case, event=event).t_s.iloc[0]),
+        "quantity": quantity,
+        "run_count": n,
+        "inside_ratio": float(within.mean()),
+        "all_inside_ratio": float(whole.mean()),
+        "low_ratio": low,
+        "high_ratio": high,
+        "honest": bool(high >= GAUSSIAN**3),
+    }

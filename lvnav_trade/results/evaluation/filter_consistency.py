@@ -1,0 +1,270 @@
+"""Behaviour of a filter: consistency with its errors and innovations, whiteness, mode logic."""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from lvnav_trade.quantities.records import MODES, Floats
+from lvnav_trade.results.statistics.probability import holm, mean_square_interval
+from lvnav_trade.results.statistics.select import NAVIGATION, flight_events, history_of, pick
+from lvnav_trade.results.tables.read import Tables
+
+ALPHA = 0.05
+WHITE_ALPHA = 0.01
+_LEAST_PAIRS = 100  # smallest number of pairs for a test; a satellite may be in view for a few epochs only
+STEPS = 400  # number of times at which the modes of all runs are reported
+VERDICT_ALPHA = 0.01
+CONSISTENT, OVERCONFIDENT, CONSERVATIVE, UNKNOWN = "consistent", "overconfident", "conservative", "unknown"
+# Relative deviation of sigma up to which a filter counts as consistent, for any number of runs
+TOLERANCE = 0.25
+FILTER_VERDICTS = [
+    "case",
+    "verdict",
+    "sigma_ratio",
+    "nees_ratio",
+    "low_ratio",
+    "high_ratio",
+    "moment",
+    "by",
+    "largest_ratio",
+    "largest_s",
+]
+
+
+def nees(tables: Tables) -> pd.DataFrame:
+    """Return the mean normalised estimation error squared per degree of freedom over time, with 95 % bounds.
+
+    Columns: case, t_s, run_count, anees_ratio (1 for a matched filter), low_ratio, high_ratio, expected_ratio (LinCov),
+    inside.
+    """
+    rows = tables.consistency
+    low, high = mean_square_interval(rows.run_count * rows.nees_dof_count, ALPHA)
+    mean = rows.nees_mean_ratio / rows.nees_dof_count
+    return rows[["case", "t_s", "run_count"]].assign(
+        case=rows.case.map(tables.labels),
+        anees_ratio=mean,
+        low_ratio=low,
+        high_ratio=high,
+        expected_ratio=rows.expected_nees_ratio / rows.nees_dof_count,
+        inside=mean.between(low, high),
+    )
+
+
+def nis(tables: Tables) -> pd.DataFrame:
+    """Return the mean normalised innovation squared of accepted rows over time, with 95 % bounds for that many rows.
+
+    Columns: case, t_s, row_count, reject_count, raw_ratio (mean of the accepted rows), anis_ratio (the same over what a
+    gate leaves of a matched filter's rows: 1 for a matched filter), low_ratio, high_ratio, expected_ratio (LinCov, with
+    the same gate and correction), rejected_ratio (part of rows that the gate rejected), false_rejection_ratio (LinCov),
+    inside. Epochs without a row are left out.
+    """
+    rows = tables.innovations
+    rows = rows[(rows.row_count > 0) | (rows.lincov_row_count > 0)]
+    gate = rows.case.map(tables.cases.set_index("case").gate_ratio).to_numpy(dtype=float)
+    mean, variance = accepted_moments(gate)
+    low, high = mean_square_interval(rows.row_count * 2.0 * mean**2 / variance, ALPHA)
+    raw = rows.nis_sum_ratio / rows.row_count.where(rows.row_count > 0)
+    spread = rows.expected_nis_ratio / rows.lincov_row_count.where(rows.lincov_row_count > 0)
+    offered = rows.row_count + rows.reject_count
+    return rows[["case", "t_s", "row_count", "reject_count"]].assign(
+        case=rows.case.map(tables.labels),
+        raw_ratio=raw,
+        anis_ratio=raw / mean,
+        low_ratio=low,
+        high_ratio=high,
+        expected_ratio=spread * accepted_moments(gate / np.sqrt(spread))[0] / mean,
+        rejected_ratio=rows.reject_count / offered.where(offered > 0),
+        false_rejection_ratio=rows.false_rejection_ratio,
+        inside=(raw / mean).between(low, high),
+    )
+
+
+def accepted_moments(gate: ArrayLike) -> tuple[Floats, Floats]:
+    """Return mean and variance of the square of a standard normal that lies within +- gate (NaN: no gate): 1 and 2.
+
+    With F(x; n) the chi-square distribution: the mean is F(g^2; 3) / F(g^2; 1), the mean square 3 F(g^2; 5) / F(g^2;
+    1). The filter's gate works row by row.
+    """
+    square = np.where(np.isnan(gate), np.inf, np.square(gate))
+    inside = stats.chi2.cdf(square, 1)
+    mean = stats.chi2.cdf(square, 3) / inside
+    return mean, 3.0 * stats.chi2.cdf(square, 5) / inside - mean**2
+
+
+def consistency(tables: Tables) -> pd.DataFrame:
+    """Return for each case and test (ANEES, ANIS) the time mean, what LinCov expects, and how much lies inside.
+
+    Columns: case, test, mean_ratio, expected_ratio, inside_ratio (0.95 is expected of a matched filter), time_count.
+    """
+    found = []
+    for test, rows, value in (("ANEES", nees(tables), "anees_ratio"), ("ANIS", nis(tables), "anis_ratio")):
+        for case, group in rows.groupby("case", sort=False):
+            inside = group.inside[group[value].notna()]
+            part = inside.mean() if len(inside) else float("nan")
+            found.append((case, test, group[value].mean(), group.expected_ratio.mean(), part, len(inside)))
+    return pd.DataFrame(found, columns=["case", "test", "mean_ratio", "expected_ratio", "inside_ratio", "time_count"])
+
+
+def filter_verdicts(tables: Tables) -> pd.DataFrame:
+    """Return for each case whether the filter's covariance matches its errors.
+
+    verdict: "consistent", "overconfident", "conservative", or "unknown" without a finite NEES. nees_ratio: NEES per
+    degree of freedom, mean over the run; low_ratio, high_ratio: its limits. sigma_ratio: true over assumed sigma, the
+    square root of nees_ratio. moment: "run", or the event of a requirement at which NEES is outside its limits although
+    the mean over the run is inside. by: "runs", or "LinCov" without runs. largest_ratio, largest_s: largest NEES per
+    degree of freedom and its time.
+
+    The limits are the 99 % chi-square limits for the runs at one time, since the times of a run are correlated, and
+    they include the relative deviation `TOLERANCE` of sigma. Without runs the expectation by linear covariance is
+    compared with this tolerance alone. If the covariance of all states is singular, NEES is replaced by the mean over
+    the nine navigation errors of the squared error over the formal variance.
+    """
+    by_case_label = nees(tables).groupby("case", sort=False)
+    rows = []
+    for case, label in tables.labels.items():
+        over_time = _nees_over_time(tables, case, by_case_label.get_group(label))
+        rows.append((label, *_filter_verdict(tables, case, over_time)))
+    return pd.DataFrame(rows, columns=FILTER_VERDICTS)
+
+
+def _nees_over_time(tables: Tables, case: str, known: pd.DataFrame) -> pd.DataFrame:
+    """Return NEES per degree of freedom of a case over time: t_s, value, low, high, by; without missing values."""
+    has_runs = bool((known.run_count > 0).any())
+    value = known.anees_ratio if has_runs else known.expected_ratio
+    states = pick(tables.consistency, case=case).nees_dof_count.to_numpy()
+    low, high = mean_square_interval(known.run_count.to_numpy() * states, VERDICT_ALPHA)
+    frame = known[["t_s"]].assign(value=value, low=low, high=high)
+    if not np.isfinite(value).any():
+        frame = _of_navigation(tables, case, has_runs)
+    return frame[np.isfinite(frame.value)].assign(by="runs" if has_runs else "LinCov")
+
+
+def _of_navigation(tables: Tables, case: str, has_runs: bool) -> pd.DataFrame:
+    """Return t_s, value, low and high from the mean over the nine navigation errors of mean square over variance."""
+    axes = [(quantity, axis) for quantity, axis in tables.people if quantity in NAVIGATION and axis != "3d"]
+    series = [history_of(tables, case, *error) for error in axes]
+    if has_runs:
+        ratios = [(rows.rms_si / rows.filter_sigma_si).to_numpy() ** 2 for rows in series]
+    else:
+        squares = [(rows.lincov_true_si**2 + rows.lincov_mean_si**2).to_numpy() for rows in series]
+        ratios = [square / rows.lincov_formal_si.to_numpy() ** 2 for square, rows in zip(squares, series, strict=True)]
+    low, high = mean_square_interval(series[0].run_count * len(axes), VERDICT_ALPHA)
+    return series[0][["t_s"]].assign(value=np.mean(ratios, axis=0), low=low, high=high)
+
+
+def _filter_verdict(tables: Tables, case: str, rows: pd.DataFrame) -> tuple[str | float, ...]:
+    """Return the values of `FILTER_VERDICTS`, beginning with the verdict."""
+    if rows.empty:
+        return UNKNOWN, *[np.nan] * 4, "run", "", np.nan, np.nan
+    least, most = (1.0 + TOLERANCE) ** -2, (1.0 + TOLERANCE) ** 2
+    low = float(np.fmin(rows.low.mean(), least))
+    high = float(np.fmax(rows.high.mean(), most))
+    requirements = tables.campaign.get("requirements") or ()
+    required = {str(requirement.get("at")) for requirement in requirements if requirement.get("at")}
+    nees_ratio, at = float(rows.value.mean()), "run"
+    for event in flight_events(tables, case).itertuples():
+        if low <= nees_ratio <= high and event.event in required:
+            nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - event.t_s)))
+            nees_ratio, at = float(rows.value.iloc[nearest]), event.event
+    if low <= nees_ratio <= high:
+        nees_ratio, at = float(rows.value.mean()), "run"
+    verdict = OVERCONFIDENT if nees_ratio > high else CONSERVATIVE if nees_ratio < low else CONSISTENT
+    largest = rows.loc[rows.value.idxmax()]
+    ends = (at, str(rows.by.iloc[0]), float(largest.value), float(largest.t_s))
+    return verdict, float(np.sqrt(nees_ratio)), nees_ratio, low, high, *ends
+
+
+def autocorrelation(tables: Tables) -> pd.DataFrame:
+    """Return the autocorrelation of each channel: case, channel, lag_number, pair_count, autocorrelation_ratio."""
+    rows = tables.whiteness
+    mean = rows.product_sum_ratio / rows.pair_count.where(rows.pair_count > 0)
+    zero = mean.where(rows.lag_number == 0).groupby([rows.case, rows.channel], sort=False).transform("max")
+    found = rows[["case", "channel", "lag_number", "pair_count"]].assign(autocorrelation_ratio=mean / zero)
+    return found.assign(case=found.case.map(tables.labels))
+
+
+def whiteness(tables: Tables) -> pd.DataFrame:
+    """Return the test of whiteness of the innovations, one row per case and channel.
+
+    pair_count: smallest number of pairs over the lags. largest_ratio, largest_lag_number: autocorrelation of largest
+    magnitude and its lag. portmanteau_ratio: sum of n r^2 over lags 1 to 10, chi-square with 10 degrees of freedom for
+    white innovations. p_ratio: p-value; p_holm_ratio: adjusted for all channels of the case. white: whether the latter
+    is at least 0.01.
+    """
+    found = []
+    for (case, channel), group in autocorrelation(tables).groupby(["case", "channel"], sort=False):
+        lags = group[group.lag_number > 0]
+        pairs, r = lags.pair_count.to_numpy(), lags.autocorrelation_ratio.to_numpy()
+        if lags.pair_count.min() < _LEAST_PAIRS or np.isnan(r).any():
+            continue
+        worst = int(np.argmax(np.abs(r)))
+        statistic = float(np.sum(pairs * r**2))
+        largest = (float(r[worst]), int(lags.lag_number.iloc[worst]))
+        found.append((case, channel, int(pairs.min()), *largest, statistic, float(stats.chi2.sf(statistic, len(r)))))
+    names = ["case", "channel", "pair_count", "largest_ratio", "largest_lag_number", "portmanteau_ratio", "p_ratio"]
+    frame = pd.DataFrame(found, columns=names)
+    adjusted = frame.groupby("case", sort=False).p_ratio.transform(holm) if len(frame) else frame.p_ratio
+    return frame.assign(p_holm_ratio=adjusted, white=adjusted >= WHITE_ALPHA)
+
+
+def logic(tables: Tables) -> pd.DataFrame:
+    """Return the changes of the filter's mode with their reasons: number of changes and of runs, and their times.
+
+    change_count: number of changes. run_count, run_ratio: number and fraction of runs with at least one. first_s,
+    median_s, last_s: first, median and last time. The table is empty without a mode logic.
+    """
+    found = (
+        tables.logic.groupby(["case", "from_mode", "to_mode", "reason"], sort=False)
+        .agg(
+            change_count=("t_s", "size"),
+            run_count=("run_number", "nunique"),
+            first_s=("t_s", "min"),
+            median_s=("t_s", "median"),
+            last_s=("t_s", "max"),
+        )
+        .reset_index()
+    )
+    runs = found.case.map(tables.cases.set_index("case").run_count).astype(float)
+    found.insert(6, "run_ratio", found.run_count.astype(float) / runs)
+    return found.assign(case=found.case.map(tables.labels))
+
+
+def _with_logic(tables: Tables) -> pd.DataFrame:
+    return tables.cases[tables.cases.logic.eq(True)]
+
+
+def modes(tables: Tables) -> pd.DataFrame:
+    """Return the fraction of runs in each mode over time, for cases with a mode logic."""
+    found = [pd.DataFrame(columns=["case", "t_s", "filter_mode", "run_ratio"])]
+    for case in _with_logic(tables).itertuples():
+        rows, ends = pick(tables.logic, case=case.case), pick(tables.history, case=case.case).t_s
+        t = np.linspace(float(ends.min()), float(ends.max()), STEPS)
+        for mode in MODES:
+            entered = np.searchsorted(np.sort(rows.t_s[rows.to_mode == mode]), t, side="right")
+            exited = np.searchsorted(np.sort(rows.t_s[rows.from_mode == mode]), t, side="right")
+            # all runs begin in the first mode
+            part = (entered - exited + (case.run_count if mode == MODES[0] else 0)) / max(1, case.run_count)
+            found.append(
+                pd.DataFrame({"case": tables.labels[case.case], "t_s": t, "filter_mode": mode, "run_ratio": part})
+            )
+    return pd.concat(found[1:] or found)
+
+
+def stops(tables: Tables) -> pd.DataFrame:
+    """Return starts and stops of the filter for each case with a mode logic.
+
+    started_ratio, corrected_ratio: fraction of runs in which the filter ever starts, and ever corrects the outputs.
+    stop_count, restart_count: number of stops and restarts. ended_ratio: fraction of runs that correct at the end.
+    """
+    rows = []
+    for case in _with_logic(tables).itertuples():
+        changes, runs = pick(tables.logic, case=case.case), max(1, int(case.run_count))
+        last = changes.sort_values("t_s", kind="stable").groupby("run_number").to_mode.last()
+        starts, aided = pick(changes, to_mode="converging"), pick(changes, to_mode="aiding")
+        started, corrected = (into_mode.run_number.nunique() / runs for into_mode in (starts, aided))
+        stopped, restarted = len(pick(changes, to_mode="stopped")), len(pick(starts, from_mode="stopped"))
+        ended = float(last.isin(["aiding", "predicting"]).sum()) / runs
+        rows.append((case.label, int(case.run_count), started, corrected, stopped, restarted, ended))
+    columns = ["case", "run_count", "started_ratio", "corrected_ratio", "stop_count", "restart_count", "ended_ratio"]
+    return pd.DataFrame(rows, columns=columns)

@@ -1,0 +1,4 @@
+"""Orbital mechanics of navigation errors: orbits, impact points, correction impulses.
+
+Read `mission.py` first.
+"""

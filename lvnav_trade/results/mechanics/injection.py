@@ -1,0 +1,78 @@
+"""Injection of a guided ascent by linear covariance: its Gaussian, where that holds, and the share of empty stages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import special
+
+from lvnav_trade.quantities.records import INJECTION, Floats, InjectionLaw
+from lvnav_trade.results.mechanics.mission import QUANTILE_DRAWS, draws
+
+DEPLETED_AT_MOST = 1e-3
+"""Share of flights with an empty last stage up to which linear covariance, which knows no such end, holds."""
+SECOND_ORDER_AT_MOST = 0.3
+"""Share of sigma up to which the second order of the vehicle's spreads is left out."""
+_CIRCULAR_SIGMAS = 3.0
+_CURVED = 0.1  # share of sigma, of the second order of perigee or apogee, from which both are drawn
+_LEFT = INJECTION.index("propellant_left")
+_BASE = [INJECTION.index(name) for name in ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node")]
+APSIDES = {"perigee": -1.0, "apogee": 1.0}
+"""Numbers that are no linear function near a circle, with the sign of the eccentricity in them."""
+
+
+def share_depleted(law: InjectionLaw) -> float:
+    """Return the probability that the last stage is empty before its cut-off."""
+    sigma = float(np.sqrt(law.covariance[:, _LEFT, _LEFT].sum()))
+    left = float(law.mean[_LEFT])
+    return float(left < 0.0) if sigma == 0.0 else float(special.ndtr(-left / sigma))
+
+
+def why_no_law(law: InjectionLaw, quantities: Sequence[str]) -> str:
+    """Say why linear covariance does not hold numbers of an injection; empty where it does."""
+    if law.why:
+        return law.why
+    empty = share_depleted(law)
+    if empty > DEPLETED_AT_MOST:
+        return f"linear covariance expects {100.0 * empty:.2g} % of the flights to end with an empty stage"
+    at = [INJECTION.index(name) for name in quantities if name not in APSIDES] or _BASE
+    sigma = np.sqrt(law.covariance[:, at, at].sum(axis=0))
+    if np.all(law.second_order[at] <= SECOND_ORDER_AT_MOST * sigma):
+        return ""
+    share = float(np.max(law.second_order[at] / np.where(sigma > 0.0, sigma, 1e-300)))
+    return f"spreads of the vehicle act to second order, {share:.2g} times their sigma to the first"
+
+
+def is_curved(law: InjectionLaw, quantity: str) -> bool:
+    """Whether perigee or apogee is no linear function of axis and eccentricity vector.
+
+    An error of the vector across its direction lengthens it to second order alone. That counts where the orbit is
+    nearly circular, and where the first order nearly vanishes, as of the perigee of an injection at perigee.
+    """
+    vector = _BASE[1:]
+    reached = law.target[vector] + law.mean[vector]
+    e, spread = float(np.linalg.norm(reached)), law.covariance[:, vector][:, :, vector].sum(axis=0)
+    if e < _CIRCULAR_SIGMAS * np.sqrt(max(0.0, float(np.linalg.eigvalsh(spread)[-1]))):
+        return True
+    across = np.array([-reached[1], reached[0]]) / e
+    second = law.target[_BASE[0]] * float(across @ spread @ across) / (np.sqrt(2.0) * e)
+    place = INJECTION.index(quantity)
+    first = np.sqrt(law.covariance[:, place, place].sum())
+    return not second <= _CURVED * first  # the first order of a circle is not a number
+
+
+def apsis_errors(law: InjectionLaw, quantity: str, count: int = QUANTILE_DRAWS) -> Floats:
+    """Return errors (count,) of perigee or apogee (m) of draws of axis and eccentricity vector through the map itself.
+
+    count : A power of two.
+    """
+    total = law.covariance[:, _BASE][:, :, _BASE].sum(axis=0)
+    drawn = draws(law.mean[_BASE], total, count, np.sqrt(np.diag(total)))
+    reached, target = law.target[_BASE] + drawn, law.target[_BASE]
+    sign = APSIDES[quantity]
+
+    def radius(orbit: Floats) -> Floats:
+        return np.asarray(orbit[..., 0] * (1.0 + sign * np.hypot(orbit[..., 1], orbit[..., 2])))
+
+    return radius(reached) - radius(target)

@@ -1,0 +1,153 @@
+"""The orbit of a state: osculating, and averaged over the oblateness of the Earth; its lowest and highest point.
+
+J2 makes osculating elements swing by some 10 km along a low orbit, so perigee and apogee are those of the mean orbit:
+the average over one revolution of energy, angular momentum and eccentricity vector, to first order in J2, with the
+drift over the revolution taken out. Vectors stay regular where the orbit is circular or equatorial; angles are formed
+last. (Kozai, Astronomical Journal 64, 1959, has the classical elements, singular at both.)
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
+from lvnav_trade.quantities.frames import unit
+from lvnav_trade.quantities.records import Bools, Floats
+
+# Beyond it the quadrature over a revolution loses digits, and so near to a fall no revolution is flown.
+MOST_ECCENTRIC = 0.9
+# Nodes of the quadrature up to an eccentricity: the next larger number changes an offset by less than 1e-12 of it
+_NODES = {most: np.polynomial.legendre.leggauss(n) for most, n in ((0.1, 24), (0.5, 40), (1.0, 64))}
+
+
+class Orbit(NamedTuple):
+    """Orbits: energy (...,) J/kg, angular momentum h_i (..., 3) m^2/s, eccentricity vector e_i (..., 3)."""
+
+    energy: Floats
+    h_i: Floats
+    e_i: Floats
+
+    @property
+    def semi_major_axis(self) -> Floats:
+        """Semi-major axis in m; negative for a hyperbola."""
+        return np.asarray(-0.5 * GM / self.energy)
+
+    @property
+    def eccentricity(self) -> Floats:
+        """Length of the eccentricity vector."""
+        return np.asarray(np.linalg.norm(self.e_i, axis=-1))
+
+    @property
+    def perigee(self) -> Floats:
+        """Height of the perigee in m above the equatorial radius, a (1 - e) - 6378137."""
+        return np.asarray(self.semi_major_axis * (1.0 - self.eccentricity) - SEMI_MAJOR)
+
+    @property
+    def apogee(self) -> Floats:
+        """Height of the apogee in m above the equatorial radius."""
+        return np.asarray(self.semi_major_axis * (1.0 + self.eccentricity) - SEMI_MAJOR)
+
+    @property
+    def inclination(self) -> Floats:
+        """Inclination in rad."""
+        return np.asarray(np.arctan2(np.hypot(self.h_i[..., 0], self.h_i[..., 1]), self.h_i[..., 2]))
+
+    @property
+    def node(self) -> Floats:
+        """Right ascension of the ascending node in rad, [0, 2 pi), against the inertial x axis."""
+        return np.mod(np.arctan2(self.h_i[..., 0], -self.h_i[..., 1]), 2.0 * np.pi)
+
+    @property
+    def elliptic(self) -> Bools:
+        """Whether the orbit is an ellipse that is not too eccentric to be averaged."""
+        return np.asarray((self.energy < 0.0) & (self.eccentricity < MOST_ECCENTRIC))
+
+
+def osculating(r_i: ArrayLike, v_i: ArrayLike) -> Orbit:
+    """Return the orbits that states r_i (m), v_i (m/s), each (..., 3), would follow about a point mass."""
+    r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
+    h_i = np.cross(r_i, v_i)
+    r = np.linalg.norm(r_i, axis=-1)
+    return Orbit(0.5 * np.sum(v_i * v_i, axis=-1) - GM / r, h_i, np.cross(v_i, h_i) / GM - r_i / r[..., None])
+
+
+def mean(r_i: ArrayLike, v_i: ArrayLike) -> Orbit:
+    """Return the orbits of states r_i, v_i (..., 3) averaged over J2; NaN where the orbit is no fit ellipse."""
+    found = osculating(r_i, v_i)
+    return Orbit(*(a - b for a, b in zip(found, _offset(found, np.asarray(r_i, dtype=float)), strict=True)))
+
+
+def extremes(r_i: ArrayLike, v_i: ArrayLike, points: int = 180) -> tuple[Floats, Floats]:
+    """Return the lowest and the highest height (...,) over the revolution that begins at states r_i, v_i (..., 3).
+
+    In m above the equatorial radius, of the mean orbit with its short-periodic swing put back at `points` points
+    (an even number, so that perigee and apogee are among them).
+    """
+    average = mean(r_i, v_i)
+    spread = Orbit(average.energy[..., None], average.h_i[..., None, :], average.e_i[..., None, :])
+    towards, ahead = _plane(spread.h_i, np.asarray(r_i, dtype=float)[..., None, :])
+    perigee = np.arctan2(np.sum(spread.e_i * ahead, axis=-1), np.sum(spread.e_i * towards, axis=-1))
+    angles = (perigee + np.linspace(0.0, 2.0 * np.pi, points, endpoint=False))[..., None]
+    line = np.cos(angles) * towards + np.sin(angles) * ahead
+    radius = np.sum(spread.h_i**2, axis=-1) / GM / (1.0 + np.sum(spread.e_i * line, axis=-1))
+    swing = _offset(spread, radius[..., None] * line)
+    h_i, e_i = spread.h_i + swing.h_i, spread.e_i + swing.e_i
+    height = np.sum(h_i**2, axis=-1) / GM / (1.0 + np.sum(e_i * line, axis=-1)) - SEMI_MAJOR
+    return height.min(axis=-1), height.max(axis=-1)
+
+
+def _plane(h_i: Floats, r_i: Floats) -> tuple[Floats, Floats]:
+    """Return unit vectors in the orbit's plane: below the position, and 90 degrees ahead."""
+    normal = unit(h_i)
+    towards = unit(r_i - np.sum(r_i * normal, axis=-1, keepdims=True) * normal)
+    return towards, np.cross(normal, towards)
+
+
+def _offset(orbit: Orbit, r_i: Floats) -> Orbit:
+    """Return what J2 adds at a position to the mean of energy, h_i and e_i: the short-periodic part, first order.
+
+    With the rate g of a quantity along the unperturbed orbit of period T, and time counted from the position, the
+    average over a revolution less half its drift is x + 1/T integral of (T/2 - t) g dt. The integral runs over the
+    angle from the position, where g r^2 is smooth.
+    """
+    fit = orbit.elliptic
+    e_i = np.where(fit[..., None], orbit.e_i, 0.0)
+    towards, ahead = (axis[..., None, :] for axis in _plane(orbit.h_i, r_i))
+    h = np.linalg.norm(orbit.h_i, axis=-1)[..., None]
+    ex, ey = (np.sum(e_i[..., None, :] * axis, axis=-1) for axis in (towards, ahead))
+    largest = np.max(orbit.eccentricity, where=fit, initial=0.0)
+    nodes, weights = next(rule for most, rule in _NODES.items() if largest <= most)
+    angle, weight = np.pi * (nodes + 1.0), np.pi * weights
+    c, s = np.cos(angle), np.sin(angle)
+    r = h**2 / GM / (1.0 + ex * c + ey * s)
+    along_i = r[..., None] * (c[:, None] * towards + s[:, None] * ahead)
+    v_i = (GM / h)[..., None] * (-(s + ey)[..., None] * towards + (c + ex)[..., None] * ahead)
+    e = np.hypot(ex, ey)
+    start = np.arctan2(-ey, ex)  # true anomaly of the position
+    anomaly = mean_anomaly(start + angle, e) - mean_anomaly(start, e)  # gained since
+    share = (0.5 - anomaly / (2.0 * np.pi)) * weight * r**2 / h  # (T/2 - t) / T dt
+    pull = oblateness(along_i)
+    turn = np.cross(along_i, pull)
+    change = (np.cross(pull, orbit.h_i[..., None, :]) + np.cross(v_i, turn)) / GM
+    bad = np.where(fit & np.isfinite(np.sqrt(1.0 - e * e)[..., 0]), 0.0, np.nan)
+    return Orbit(
+        bad - np.sum(share * np.sum(v_i * pull, axis=-1), axis=-1),
+        bad[..., None] - np.sum(share[..., None] * turn, axis=-2),
+        bad[..., None] - np.sum(share[..., None] * change, axis=-2),
+    )
+
+
+def mean_anomaly(true: Floats, e: Floats) -> Floats:
+    """Return the mean anomaly (rad) of a true anomaly (rad, of any turn) on ellipses of eccentricity e."""
+    beta = e / (1.0 + np.sqrt(1.0 - e * e))
+    eccentric = true - 2.0 * np.arctan2(beta * np.sin(true), 1.0 + beta * np.cos(true))
+    return np.asarray(eccentric - e * np.sin(eccentric))
+
+
+def oblateness(r_i: Floats) -> Floats:
+    """Return the part of the gravitation (..., 3) in m/s^2 that is due to J2."""
+    r2 = np.einsum("...i,...i->...", r_i, r_i)[..., None]
+    s2 = r_i[..., 2:] ** 2 / r2
+    k = 1.5 * J2 * GM * SEMI_MAJOR**2 / (r2 * r2 * np.sqrt(r2))
+    return np.asarray(k * r_i * (5.0 * s2 - np.array([1.0, 1.0, 3.0])))

@@ -1,0 +1,60 @@
+"""Time after which an error stays below a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.results.metric import MEDIAN, NAVIGATION_UNITS, Metric, MetricValue, scale_of
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.tables.read import Tables
+
+
+@dataclass(frozen=True)
+class ConvergenceTime(Metric):
+    """The time after the start of a phase from which on the error (3-D) of a run stays below a limit, at the events of
+    the phase; its length where it never does, or where the run fails. The median over the runs.
+    """
+
+    quantity: str = ""
+
+    average: ClassVar[str] = MEDIAN
+    limit_by_sigma: ClassVar[bool] = True
+
+    @property
+    def limit_unit(self) -> str:
+        """SI unit of the error."""
+        return NAVIGATION_UNITS[self.quantity]
+
+    def faults(self, stated: Any) -> Iterator[str]:
+        """Yield that it is of a phase and a limit."""
+        if stated.during is None or stated.statistic != "rms" or stated.below is None:
+            yield f"{self.name} is of a phase and a limit; give during and below, and no statistic"
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the median over the runs; with a limit by another case also the time of linear covariance."""
+        from lvnav_trade.results.evaluation.convergence import convergence
+        from lvnav_trade.results.statistics.select import cases_of
+
+        other = [""]
+        if stated.get("sigma_of") is not None:
+            other = cases_of(tables, {**tables.levels[case], **stated["sigma_of"]})
+        found = convergence(tables, case, stated, other[0]) if other else None
+        if found is None:
+            return MetricValue(remark="no runs, or no events in this phase")
+        scale, median = scale_of(unit, self.unit) or np.nan, float(np.median(found.times))
+        always = ", half the runs are below the limit throughout" if median == 0.0 else ""
+        true = found.expected / scale if other[0] else np.nan
+        return MetricValue(np.nan, true, median / scale, f"median, at {found.n_event} events{always}")
+
+
+METRICS = tuple(
+    ConvergenceTime(
+        f"{quantity}_convergence_time", "s", f"time until the error of {quantity} stays below a limit", quantity
+    )
+    for quantity in NAVIGATION_UNITS
+)

@@ -1,0 +1,55 @@
+"""Share of runs whose error is within three of the filter's sigmas, or below a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.results.metric import MEAN, NAVIGATION_UNITS, Metric, MetricValue, event_of
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.tables.read import Tables
+
+
+@dataclass(frozen=True)
+class Coverage(Metric):
+    """The share of runs with all three axes within three sigmas at an event, or with the error below a limit."""
+
+    quantity: str = ""
+
+    average: ClassVar[str] = MEAN
+
+    @property
+    def limit_unit(self) -> str:
+        """SI unit of the error."""
+        return NAVIGATION_UNITS[self.quantity]
+
+    def faults(self, stated: Any) -> Iterator[str]:
+        """Yield that it is of an event."""
+        if stated.at is None or stated.statistic != "rms":
+            yield f"{self.name} is of an event; give at, and no statistic"
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return it three times; below a limit of the runs alone."""
+        from lvnav_trade.results.evaluation.coverage import below, covered
+
+        about, limit = (tables, case, event_of(stated), self.quantity), stated.get("below")
+        formal, true, runs = covered(*about) if limit is None else below(*about, str(limit))
+        remark, drawn = ("", float(runs.mean())) if len(runs) else ("no runs at that event", np.nan)
+        return MetricValue(formal, true, drawn, remark, runs, is_root=False, is_share=True)
+
+    def label(self, stated: Mapping[str, Any]) -> str:
+        """Return the metric, its limit, and the event."""
+        limit = f" below {stated['below']}" if stated.get("below") else ""
+        return f"{self.name}{limit} at {event_of(stated)}"
+
+
+METRICS = tuple(
+    Coverage(
+        f"{quantity}_coverage", "-", f"share of runs with {quantity} within three of the filter's sigmas", quantity
+    )
+    for quantity in NAVIGATION_UNITS
+)

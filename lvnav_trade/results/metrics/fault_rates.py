@@ -1,0 +1,44 @@
+"""Shares of runs by what a filter that tests for faults decides during a phase."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.results.metric import MEAN, Metric, MetricValue
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.tables.read import Tables
+
+
+@dataclass(frozen=True)
+class FaultRate(Metric):
+    """The share of runs with an outcome of the tests for faults; linear covariance decides once, on the mean."""
+
+    average: ClassVar[str] = MEAN
+
+    def faults(self, stated: Any) -> Iterator[str]:
+        """Yield that it is of a phase."""
+        if stated.during is None or stated.statistic != "rms":
+            yield f"{self.name} is of a phase; give during, and no statistic"
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the share."""
+        from lvnav_trade.results.evaluation.integrity import rate
+        from lvnav_trade.results.statistics.select import phase, pick
+
+        if pick(tables.runs, case=case).empty:
+            return MetricValue(remark="no runs")
+        each, nominal = rate(tables, case, self.name, phase(tables, case, str(stated["during"])))
+        return MetricValue(np.nan, nominal, float(each.mean()), runs=each, is_root=False, is_share=True)
+
+
+METRICS = (
+    FaultRate("false_alarm_rate", "-", "share of runs with a decision for a fault, of a flight without one"),
+    FaultRate("detection_rate", "-", "share of runs in which a fault is detected"),
+    FaultRate("isolation_rate", "-", "share of runs in which the faulty channel is isolated"),
+    FaultRate("wrong_isolation_rate", "-", "share of runs in which another channel is isolated"),
+)

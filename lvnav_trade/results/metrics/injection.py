@@ -1,0 +1,280 @@
+"""Injection accuracy of guided ascents: the achieved orbit against the target, depletion, propellant, cut-off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from scipy import special
+
+from lvnav_trade.quantities.records import INJECTION, OUTCOMES, Floats, InjectionLaw
+from lvnav_trade.results.mechanics.injection import APSIDES, apsis_errors, is_curved, share_depleted, why_no_law
+from lvnav_trade.results.metric import BOTH, LENGTH, MEAN, ONE_SIDED, TWO_SIDED, Metric, MetricValue, no_fit, scale_of
+from lvnav_trade.results.statistics.case import Distribution, Errors, Gaussian, Injections
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.statistics.case import CaseResults
+    from lvnav_trade.results.tables.read import Tables
+
+UNGUIDED = "no ascent is guided: give trajectory.guidance"
+_AT_CUTOFF = "a number of the injection"
+_LEFT = INJECTION.index("propellant_left")
+_GRID = 2**15  # equally probable values that stand for a distribution
+
+
+@dataclass(frozen=True)
+class _OfInjection(Metric):
+    """A number of the injection of each run."""
+
+    named_by: ClassVar[str] = BOTH
+    at_events_only: ClassVar[str] = _AT_CUTOFF
+    once_a_run: ClassVar[bool] = True
+
+    @property
+    def of_numbers(self) -> tuple[str, ...]:
+        """Numbers of `records.INJECTION` that it is a function of."""
+        return ("propellant_left",)
+
+    def missing_in(self, campaign: Any) -> str:
+        """Say that it is known of a guided ascent alone."""
+        return "" if _may_be_guided(campaign) else UNGUIDED
+
+    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+        """Return its distribution by linear covariance, or why there is none."""
+        law = case.injection_law()
+        return UNGUIDED if law is None else why_no_law(law, self.of_numbers) or self.of_law(law)
+
+    def of_law(self, law: InjectionLaw) -> Distribution:
+        """Return its distribution where linear covariance holds."""
+        raise NotImplementedError
+
+    def single_law(self, size: Floats, unit: str, label_unit: str, label_factor: float) -> Distribution:
+        """Return the distribution of equally probable sizes (n,)."""
+        nothing = Gaussian(np.empty(0), np.empty((0, 0)), {})
+        return Distribution(nothing, unit, label_unit, label_factor, "injection", drawn=np.sort(size))
+
+
+@dataclass(frozen=True)
+class InjectionError(_OfInjection):
+    """What the achieved orbit has more than the target; of several numbers the length of the difference.
+
+    quantities : Numbers of the orbit, as in `records.ORBIT`.
+    label_unit : Unit for people.
+    label_factor : Factor from SI to it.
+    """
+
+    quantities: tuple[str, ...] = ()
+    label_unit: str = "m"
+    label_factor: float = 1.0
+
+    @property
+    def of_numbers(self) -> tuple[str, ...]:
+        """Those of the orbit."""
+        return self.quantities
+
+    @property
+    def bounded_as(self) -> str:
+        """The error of a vector is a length; of another number it has a sign."""
+        return LENGTH if len(self.quantities) > 1 else TWO_SIDED
+
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+        """Return the size of every run; infinite where it does not reach its cut-off."""
+        size = self._sizes(case)
+        return None if size is None else Errors(size, self.unit, self.label_unit, self.label_factor)
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the root mean square over the runs."""
+        from lvnav_trade.results.statistics.case_tables import CaseTables
+
+        scale, results = scale_of(unit, self.unit), CaseTables(tables, case)
+        size, law = self._sizes(results), results.injection_law()
+        if scale is None or (size is None and law is None):
+            return MetricValue(remark=no_fit(unit) if scale is None else UNGUIDED)
+        why = "" if law is None else why_no_law(law, self.of_numbers)
+        true = np.nan if law is None or why else self._root_mean_square(law) / scale
+        if size is None:
+            return MetricValue(true=true, remark=why)
+        runs = (size / scale) ** 2
+        return MetricValue(true=true, monte_carlo=float(np.sqrt(np.mean(runs))), runs=runs)
+
+    def of_law(self, law: InjectionLaw) -> Distribution:
+        """Return its Gaussian with the part of each source; of perigee and apogee near a circle draws through the map
+        itself.
+        """
+        if self._is_drawn(law):
+            size = np.abs(apsis_errors(law, self.quantities[0]))
+            return self.single_law(size, self.unit, self.label_unit, self.label_factor)
+        at = np.array([INJECTION.index(name) for name in self.quantities])
+        parts = law.covariance[:, at][:, :, at]
+        gaussian = Gaussian(law.mean[at], parts.sum(axis=0), dict(zip(law.sources, parts, strict=True)))
+        return Distribution(gaussian, self.unit, self.label_unit, self.label_factor, "injection")
+
+    def _is_drawn(self, law: InjectionLaw) -> bool:
+        return self.quantities[0] in APSIDES and is_curved(law, self.quantities[0])
+
+    def _root_mean_square(self, law: InjectionLaw) -> float:
+        if self._is_drawn(law):
+            return float(np.sqrt(np.mean(apsis_errors(law, self.quantities[0]) ** 2)))
+        found = self.of_law(law).law
+        return float(np.sqrt(np.trace(found.covariance) + found.mean @ found.mean))
+
+    def _sizes(self, case: CaseResults) -> Floats | None:
+        found = [case.injections(quantity) for quantity in self.quantities]
+        known = [one for one in found if one is not None]
+        if len(known) < len(found):
+            return None
+        size = np.sqrt(np.sum([one.error**2 for one in known], axis=0))
+        return np.where(known[0].injected & np.isfinite(size), size, np.inf)
+
+
+@dataclass(frozen=True)
+class Depletion(_OfInjection):
+    """One for a run whose last stage is empty before its cut-off, else zero; a run that ends otherwise is no injection
+    and counts as infinite in a requirement.
+    """
+
+    average: ClassVar[str] = MEAN
+
+    @property
+    def bounded_as(self) -> str:
+        """It has no sign."""
+        return ONE_SIDED
+
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+        """Return zero or one of every run: a requirement asks for less than one half."""
+        found = _any(case)
+        if found is None:
+            return None
+        size = np.where(found.injected, 0.0, np.where(found.outcome == OUTCOMES[1], 1.0, np.inf))
+        return Errors(size, self.unit, "%", 100.0)
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the share of the runs that deplete, and what linear covariance expects of it."""
+        from lvnav_trade.results.statistics.case_tables import CaseTables
+
+        results = CaseTables(tables, case)
+        found, law = _any(results), results.injection_law()
+        if found is None and law is None:
+            return MetricValue(remark=UNGUIDED)
+        why = "" if law is None else why_no_law(law, self.of_numbers)
+        expected = np.nan if law is None or why else share_depleted(law)
+        if found is None:
+            return MetricValue(true=expected, remark=why, is_root=False, is_share=True)
+        empty = (found.outcome == OUTCOMES[1]).astype(float)
+        return MetricValue(true=expected, monte_carlo=float(empty.mean()), runs=empty, is_root=False, is_share=True)
+
+    def of_law(self, law: InjectionLaw) -> Distribution:
+        """Return zeros and ones in the share that linear covariance expects of empty stages."""
+        size = np.zeros(_GRID)
+        size[: round(share_depleted(law) * _GRID)] = 1.0
+        return self.single_law(size, self.unit, "%", 100.0)
+
+
+@dataclass(frozen=True)
+class ExtraPropellant(_OfInjection):
+    """What a flight burns beyond the reference flight; nothing where it burns less, and infinite where the stage is
+    empty before the cut-off.
+    """
+
+    average: ClassVar[str] = MEAN
+
+    @property
+    def bounded_as(self) -> str:
+        """It has no sign."""
+        return ONE_SIDED
+
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+        """Return it of every run."""
+        found, law = _any(case), case.injection_law()
+        if found is None or law is None or law.why:
+            return None
+        extra = np.maximum(0.0, law.reference[_LEFT] - found.left)
+        return Errors(np.where(found.injected & np.isfinite(extra), extra, np.inf), self.unit, "kg", 1.0)
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the mean over the runs, and that of linear covariance."""
+        from lvnav_trade.results.statistics.case_tables import CaseTables
+
+        scale, results = scale_of(unit, self.unit), CaseTables(tables, case)
+        law, found = results.injection_law(), self.errors(results, stated)
+        if scale is None or law is None:
+            return MetricValue(remark=no_fit(unit) if scale is None else UNGUIDED)
+        why = why_no_law(law, self.of_numbers)
+        true = np.nan if why else float(np.mean(self._sizes(law))) / scale
+        if found is None:
+            return MetricValue(true=true, remark=why, is_root=False)
+        size = found.size / scale
+        return MetricValue(true=true, monte_carlo=float(size.mean()), runs=size, is_root=False)
+
+    def of_law(self, law: InjectionLaw) -> Distribution:
+        """Return the Gaussian of what is burnt beyond the reference flight, cut off at nothing."""
+        return self.single_law(self._sizes(law), self.unit, "kg", 1.0)
+
+    def _sizes(self, law: InjectionLaw) -> Floats:
+        spread = np.sqrt(law.covariance[:, _LEFT, _LEFT].sum()) * special.ndtri((np.arange(_GRID) + 0.5) / _GRID)
+        return np.maximum(0.0, law.reference[_LEFT] - law.mean[_LEFT] + spread)
+
+
+@dataclass(frozen=True)
+class AtCutoff(Metric):
+    """The mean of a number at the cut-off, time or propellant left, over the runs that reach theirs."""
+
+    field: str = "t"
+
+    average: ClassVar[str] = MEAN
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the mean over the runs, and that of linear covariance."""
+        from lvnav_trade.results.statistics.case_tables import CaseTables
+
+        scale, results = scale_of(unit, self.unit), CaseTables(tables, case)
+        found, law = _any(results), results.injection_law()
+        if scale is None or (found is None and law is None):
+            return MetricValue(remark=no_fit(unit) if scale is None else UNGUIDED)
+        why = "" if law is None else why_no_law(law, (self.name,))
+        true = np.nan if law is None or why else float(law.mean[INJECTION.index(self.name)]) / scale
+        if found is None or not found.injected.any():
+            return MetricValue(true=true, remark=why, is_root=False)
+        values = getattr(found, self.field)[found.injected] / scale
+        return MetricValue(true=true, monte_carlo=float(values.mean()), runs=values, is_root=False)
+
+
+def _may_be_guided(campaign: Any) -> bool:
+    """Whether the base is guided, or an axis may change that."""
+    guided = getattr(campaign.base.trajectory, "guidance", "nominal") != "nominal"
+    paths = [axis.path.removeprefix("base.").split(".") for axis in campaign.axes]
+    return guided or any(path in (["trajectory"], ["trajectory", "guidance"]) for path in paths)
+
+
+def _any(case: CaseResults) -> Injections | None:
+    return case.injections("semi_major_axis")
+
+
+def _error(name: str, unit: str, label: str, factor: float, meaning: str, *quantities: str) -> InjectionError:
+    meaning = f"achieved orbit of a guided ascent less its target: {meaning}"
+    return InjectionError(f"injection_{name}_error", unit, meaning, quantities or (name,), label, factor)
+
+
+_DEG = 180.0 / np.pi
+METRICS: tuple[Metric, ...] = (
+    _error("semi_major_axis", "m", "km", 1e-3, "semi-major axis, osculating"),
+    _error("perigee", "m", "km", 1e-3, "height of perigee, osculating"),
+    _error("apogee", "m", "km", 1e-3, "height of apogee, osculating"),
+    _error(
+        "eccentricity_vector",
+        "dimensionless",
+        "-",
+        1.0,
+        "eccentricity vector, length of the difference",
+        "eccentricity_along_node",
+        "eccentricity_ahead_of_node",
+    ),
+    _error("inclination", "rad", "deg", _DEG, "inclination"),
+    _error("node", "rad", "deg", _DEG, "right ascension of the ascending node"),
+    Depletion("depletion", "dimensionless", "share of guided ascents whose last stage is empty before its cut-off"),
+    ExtraPropellant("extra_propellant", "kg", "propellant that guided ascents burn beyond their reference flight"),
+    AtCutoff("cutoff_time", "s", "time of the last cut-off of guided ascents, since lift-off", "t"),
+    AtCutoff("propellant_left", "kg", "propellant left in the last stage of guided ascents", "left"),
+)

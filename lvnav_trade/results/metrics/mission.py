@@ -1,0 +1,168 @@
+"""Errors of the mission: mean orbit, point of impact, and the impulses that correct the orbit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.results.metric import (
+    BOTH,
+    LENGTH,
+    MISSING,
+    NO_LAW,
+    TWO_SIDED,
+    Metric,
+    MetricValue,
+    event_of,
+    no_fit,
+    scale_of,
+)
+from lvnav_trade.results.statistics.case import Distribution, Errors, Gaussian, number_in
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.mechanics.mission import Epochs
+    from lvnav_trade.results.statistics.case import CaseResults
+    from lvnav_trade.results.tables.read import Tables
+
+
+# Members that are lengths of vectors
+_LENGTHS = ("eccentricity_vector_error", "correction_delta_v", "impact_error")
+# Members that are no elements of the orbit
+_WITHOUT_ELEMENTS = ("correction_delta_v", "impact_error", "impact_error_down", "impact_error_cross")
+
+
+@dataclass(frozen=True)
+class MissionError(Metric):
+    """The error of a number of the mission: a function of the errors of velocity and position together.
+
+    label_unit : Unit for people.
+    label_factor : Factor from SI to it.
+    """
+
+    label_unit: str = "m"
+    label_factor: float = 1.0
+
+    named_by: ClassVar[str] = BOTH
+    at_events_only: ClassVar[str] = "a number of the orbit"
+
+    @property
+    def has_epoch(self) -> bool:
+        """The errors of elements have one; a correction and a point of impact have none."""
+        return self.name not in _WITHOUT_ELEMENTS
+
+    @property
+    def bounded_as(self) -> str:
+        """The error of a vector, and the size of a correction, are lengths; of another number it has a sign."""
+        return LENGTH if self.name in _LENGTHS else TWO_SIDED
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the root mean square over the runs at an event."""
+        from lvnav_trade.results.statistics.case_tables import CaseTables
+
+        scale = scale_of(unit, self.unit)
+        if scale is None:
+            return MetricValue(remark=no_fit(unit))
+        size = sizes_at(CaseTables(tables, case), event_of(stated), self.name, epochs_of(stated))
+        if size is None or not len(size):
+            return MetricValue(remark=MISSING)
+        return MetricValue(monte_carlo=float(np.sqrt(np.mean(size**2))) / scale, runs=(size / scale) ** 2)
+
+    def label(self, stated: Mapping[str, Any]) -> str:
+        """Return the metric and its event, with kind and epochs of the elements where they are not the usual ones."""
+        epochs = epochs_of(stated)
+        kind = "" if epochs.is_mean else ", osculating"
+        later = f" + {epochs.estimated:g} s" if epochs.estimated else ""
+        apart = f", true elements at + {epochs.true:g} s" if epochs.true != epochs.estimated else ""
+        return f"{super().label(stated)}{later}{kind}{apart}"
+
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+        """Return the size of the error of every run at an event."""
+        size = sizes_at(case, event_of(requirement), self.name)
+        return None if size is None else Errors(size, self.unit, self.label_unit, self.label_factor)
+
+    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+        """Return the Gaussian to first order, or draws through the map itself where the first order does not apply."""
+        at = event_of(requirement)
+        found, drawn = expected_at(case, at, self.name), None
+        if isinstance(found, tuple):
+            law = Gaussian(*found, {})
+        else:
+            drawn = drawn_at(case, at, self.name)
+            law = Gaussian(np.empty(0), np.empty((0, 0)), {})
+            if drawn is None:
+                return found or NO_LAW
+        return Distribution(law, self.unit, self.label_unit, self.label_factor, at, drawn=drawn)
+
+
+def epochs_of(stated: Mapping[str, Any]) -> Epochs:
+    """Return kind and epochs of the elements that a statement is about: mean ones at its event unless it says more."""
+    from lvnav_trade.results.mechanics.mission import Epochs
+
+    estimated = number_in(stated.get("epoch") or 0.0, "s")
+    true = stated.get("reference_epoch")
+    is_mean = stated.get("elements", "mean") == "mean"
+    return Epochs(is_mean, estimated, estimated if true is None else number_in(true, "s"))
+
+
+def sizes_at(case: CaseResults, event: str, metric: str, epochs: Epochs | None = None) -> Floats | None:
+    """Return |error| (n_run,) of a mission metric at an event in every run, SI; infinite where the run failed or the
+    number is not defined. None where the state at the event is not stored.
+
+    epochs : Kind and epochs of the elements of the orbit; None: mean ones at the event.
+    """
+    from lvnav_trade.results.mechanics.mission import Epochs, orbit_errors_at, signed, turned
+
+    state = case.state(event)
+    if state is None:
+        return None
+    error, failed = turned(state, case.errors(event, "velocity"), case.errors(event, "position"), case.failed(event))
+    size = np.full(len(error), np.inf)
+    if not failed.all():
+        good = error[~failed]
+        if epochs is None or epochs == Epochs():
+            found = signed(state, good, metric)
+        else:
+            found = orbit_errors_at(state, good, epochs)[metric]
+        size[~failed] = np.linalg.norm(found, axis=1)
+    return np.where(np.isfinite(size), size, np.inf)
+
+
+def drawn_at(case: CaseResults, event: str, metric: str) -> Floats | None:
+    """Return `mission.drawn_of` at an event; None where the state there is not stored too."""
+    from lvnav_trade.results.mechanics.mission import drawn_of
+
+    state = case.state(event)
+    return None if state is None else drawn_of(state, case.joint(event), metric)
+
+
+def expected_at(case: CaseResults, event: str, metric: str) -> tuple[Floats, Floats] | str | None:
+    """Return `mission.expected_of` at an event; None where the state there is not stored."""
+    from lvnav_trade.results.mechanics.mission import expected_of
+
+    state = case.state(event)
+    return None if state is None else expected_of(state, case.joint(event), metric)
+
+
+def _error(name: str, unit: str, label: str, factor: float, meaning: str) -> MissionError:
+    return MissionError(name, unit, f"error of the mission: {meaning}", label, factor)
+
+
+_DEG = 180.0 / np.pi
+METRICS: tuple[MissionError, ...] = (
+    _error("semi_major_axis_error", "m", "km", 1e-3, "semi-major axis, averaged over a revolution"),
+    _error("eccentricity_error", "dimensionless", "-", 1.0, "eccentricity, averaged"),
+    _error("eccentricity_vector_error", "dimensionless", "-", 1.0, "eccentricity vector, length of the difference"),
+    _error("perigee_error", "m", "km", 1e-3, "height of perigee, averaged"),
+    _error("apogee_error", "m", "km", 1e-3, "height of apogee, averaged"),
+    _error("inclination_error", "rad", "deg", _DEG, "inclination, averaged"),
+    _error("node_error", "rad", "deg", _DEG, "right ascension of the ascending node, averaged"),
+    _error("correction_delta_v", "m/s", "m/s", 1.0, "least sum of impulses that corrects the orbit"),
+    _error("impact_error", "m", "km", 1e-3, "instantaneous point of impact, distance"),
+    _error("impact_error_down", "m", "km", 1e-3, "point of impact along the velocity over the ground"),
+    _error("impact_error_cross", "m", "km", 1e-3, "point of impact across it"),
+)
+MISSION = {metric.name: metric for metric in METRICS}

@@ -1,0 +1,121 @@
+"""What a filter's mode logic does in a phase: time of entry, share of runs, duration, number of changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.quantities.records import MODES, Floats
+from lvnav_trade.results.metric import MEAN, MEDIAN, NOT_IN_FLIGHT, Metric, MetricValue, no_fit, scale_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lvnav_trade.results.tables.read import Tables
+
+ENTRY_TIME, ENTRY_SHARE, DURATION, CHANGES = "mode_entry_time", "mode_entry_share", "mode_duration", "mode_changes"
+_NO_LOGIC = "no runs, or a filter without a logic"
+
+
+@dataclass(frozen=True)
+class ModeNumber(Metric):
+    """A number of every run, whose median counts."""
+
+    average: ClassVar[str] = MEDIAN
+    is_of_modes: ClassVar[bool] = True
+
+    def faults(self, stated: Any) -> Iterator[str]:
+        """Yield that it is of a mode in a phase, and that a duration has no changes to choose."""
+        if stated.during is None or stated.mode is None or stated.statistic != "rms":
+            yield f"{self.name} is of a mode in a phase; give during and mode, and no statistic"
+        if self.name == DURATION and (stated.reason or stated.number > 1):
+            yield "reason and number choose changes; mode_duration is of all of the phase"
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the median over the runs."""
+        if not has_logic(tables, case):
+            return MetricValue(remark=_NO_LOGIC)
+        each = of_modes(tables, case, stated)
+        scale = scale_of(unit, self.unit)
+        if scale is None or not np.all(np.isfinite(each)):
+            return MetricValue(remark=NOT_IN_FLIGHT if scale else no_fit(unit))
+        return MetricValue(monte_carlo=float(np.median(each)) / scale, remark=spread_of(each / scale))
+
+    def label(self, stated: Mapping[str, Any]) -> str:
+        """Return what it is of: ``2. aiding entry_time (data again), liftoff to injection``."""
+        nth = f"{stated['number']}. " if int(stated.get("number") or 1) > 1 else ""
+        why = f" ({stated['reason']})" if stated.get("reason") else ""
+        return f"{self.name.replace('mode', nth + str(stated['mode']), 1)}{why}, {stated['during']}"
+
+
+@dataclass(frozen=True)
+class ModeShare(ModeNumber):
+    """The share of runs that enter a mode."""
+
+    average: ClassVar[str] = MEAN
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the share."""
+        if not has_logic(tables, case):
+            return MetricValue(remark=_NO_LOGIC)
+        each: Floats = of_modes(tables, case, stated)
+        return MetricValue(monte_carlo=float(each.mean()), runs=each, is_root=False, is_share=True)
+
+
+def has_logic(tables: Tables, case: str) -> bool:
+    """Whether the filter of a case has a logic, and runs."""
+    from lvnav_trade.results.tables.lookup import pick
+
+    return bool(pick(tables.cases, case=case).logic.eq(True).any()) and not pick(tables.runs, case=case).empty
+
+
+def of_modes(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats:
+    """Return the number of every run (n_run,) for a metric of modes: time (s after the start of the phase) of the n-th
+    change into the mode, the phase's length where there is none; one where there is one, else zero; seconds in the
+    mode; how many changes. Of changes with the reason alone, where one is stated.
+    """
+    from lvnav_trade.results.statistics.select import SAME_TIME, phase, pick
+
+    first, last = phase(tables, case, str(stated["during"]))
+    changes = pick(tables.logic, case=case).sort_values(["run_number", "t_s"], kind="stable")
+    runs = np.sort(pick(tables.runs, case=case).run_number.unique())
+    mode, metric = str(stated["mode"]), str(stated["metric"])
+    if metric == DURATION:
+        return np.array([_seconds(changes[changes.run_number == run], mode, first, last) for run in runs])
+    into = pick(changes, to_mode=mode)
+    if stated.get("reason"):
+        into = pick(into, reason=str(stated["reason"]))
+    into = into[into.t_s.between(first - SAME_TIME, last + SAME_TIME)]
+    counts = into.groupby("run_number").size().reindex(runs, fill_value=0)
+    if metric == CHANGES:
+        return counts.to_numpy(dtype=float)
+    nth = int(stated.get("number") or 1)
+    if metric == ENTRY_SHARE:
+        return (counts >= nth).to_numpy(dtype=float)
+    at = into[into.groupby("run_number").cumcount() == nth - 1].set_index("run_number").t_s
+    return (at.reindex(runs, fill_value=last) - first).to_numpy(dtype=float)
+
+
+def _seconds(changes: pd.DataFrame, mode: str, first: float, last: float) -> float:
+    """Return for how long a run is in a mode between two times; before its first change it is in the first mode."""
+    edges = np.clip([-np.inf, *changes.t_s, np.inf], first, last)
+    inside = np.array([MODES[0], *changes.to_mode]) == mode
+    return float(np.diff(edges)[inside].sum())
+
+
+def spread_of(each: Floats) -> str:
+    """Say from where to where the numbers of the runs reach."""
+    if np.ptp(each) == 0.0:
+        return f"the same in all {len(each)} runs"
+    return f"median of {len(each)} runs, {min(each):.4g} to {max(each):.4g}"
+
+
+METRICS: tuple[Metric, ...] = (
+    ModeNumber(ENTRY_TIME, "s", "time from the start of a phase until the filter's logic enters a mode"),
+    ModeShare(ENTRY_SHARE, "-", "share of runs in which the filter's logic enters a mode"),
+    ModeNumber(DURATION, "s", "time that the filter's logic is in a mode"),
+    ModeNumber(CHANGES, "-", "how often the filter's logic enters a mode"),
+)

@@ -1,0 +1,60 @@
+"""Normalised estimation error squared of three axes, per degree of freedom."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.results.metric import MEAN, NAVIGATION_UNITS, Metric, MetricValue
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.tables.read import Tables
+
+
+@dataclass(frozen=True)
+class Nees(Metric):
+    """e' P^-1 e / 3, mean over the events of a phase; P is the formal covariance of the nominal flight."""
+
+    quantity: str = ""
+
+    average: ClassVar[str] = MEAN
+
+    def faults(self, stated: Any) -> Iterator[str]:
+        """Yield that it is of a phase."""
+        if stated.during is None or stated.statistic != "rms":
+            yield f"{self.name} is a mean over a phase; give during, and no statistic"
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return it: one by the formal covariance, by linear covariance, and as the mean over the runs."""
+        from lvnav_trade.results.statistics.case import SAME_TIME
+        from lvnav_trade.results.statistics.case_tables import CaseTables
+        from lvnav_trade.results.statistics.select import phase
+
+        results = CaseTables(tables, case)
+        first, last = phase(tables, case, str(stated["during"]))
+        expected, runs = [], []
+        for event, t in results.events().items():
+            if not first - SAME_TIME <= t <= last + SAME_TIME:
+                continue
+            formal, true = results.formal(event, self.quantity), results.gaussian(event, self.quantity, "3d")
+            if formal is None or true is None or not np.all(np.linalg.eigvalsh(formal) > 0.0):
+                continue
+            weight = np.linalg.inv(formal) / len(formal)
+            expected.append(float(np.trace(weight @ (true.covariance + np.outer(true.mean, true.mean)))))
+            errors = results.errors(event, self.quantity)
+            squares = np.einsum("ri,ij,rj->r", errors, weight, errors)
+            runs.append(np.where(results.failed(event), np.inf, squares))
+        if not expected:
+            return MetricValue(remark="no event with a covariance in this phase")
+        each = np.mean(runs, axis=0)
+        drawn = float(np.mean(each)) if len(each) else np.nan
+        return MetricValue(1.0, float(np.mean(expected)), drawn, f"at {len(expected)} events", each, is_root=False)
+
+
+METRICS = tuple(
+    Nees(f"{quantity}_nees", "-", f"normalised error squared of {quantity}, per degree of freedom", quantity)
+    for quantity in NAVIGATION_UNITS
+)

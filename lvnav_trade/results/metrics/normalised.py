@@ -1,0 +1,104 @@
+"""Errors normalised by the filter's own sigmas, for requirements on the consistency of its covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.results.metric import (
+    LENGTH,
+    MISSING,
+    NAVIGATION_UNITS,
+    NO_LAW,
+    REQUIREMENTS,
+    Metric,
+    MetricValue,
+    event_of,
+)
+from lvnav_trade.results.statistics.case import Distribution, Errors, Gaussian
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.statistics.case import CaseResults
+    from lvnav_trade.results.tables.read import Tables
+
+SIGMAS = "sigma"
+
+
+@dataclass(frozen=True)
+class NormalisedError(Metric):
+    """The root of the NEES per axis, sqrt(e' P^-1 e / 3): 1 on average for a consistent filter.
+
+    e (3,) is the error of a run, P (3, 3) the covariance of the nominal run's filter.
+    """
+
+    quantity: str = ""
+
+    named_by: ClassVar[str] = REQUIREMENTS
+    at_events_only: ClassVar[str] = "compared with the filter's covariance"
+
+    @property
+    def bounded_as(self) -> str:
+        """A length, in units of the filter's sigma."""
+        return LENGTH
+
+    @property
+    def has_history(self) -> bool:
+        """Whether it is known between events: the covariance between the axes of attitude is not."""
+        return self.quantity != "attitude"
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the root mean square at an event: one by the filter's own covariance."""
+        from lvnav_trade.results.statistics.case_tables import CaseTables
+
+        results = CaseTables(tables, case)
+        errors, law = self.errors(results, stated), self.law(results, stated)
+        if errors is None or isinstance(law, str):
+            return MetricValue(remark=MISSING)
+        true = float(np.sqrt(np.trace(law.law.covariance) + law.law.mean @ law.law.mean))
+        squares = errors.size**2
+        return MetricValue(1.0, true, float(np.sqrt(squares.mean())) if len(squares) else np.nan, runs=squares)
+
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+        """Return it for every run; None where error or P is unknown, or P has no inverse."""
+        event = event_of(requirement)
+        white, errors = whitening(case.formal(event, self.quantity)), case.errors(event, self.quantity)
+        if white is None or errors.shape[1] != len(white):
+            return None
+        size = np.linalg.norm(errors @ white.T, axis=1)
+        return Errors(np.where(case.failed(event) | ~np.isfinite(size), np.inf, size), SIGMAS, SIGMAS, 1.0)
+
+    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+        """Return the Gaussian of the three components whose norm it is."""
+        event = event_of(requirement)
+        white, law = whitening(case.formal(event, self.quantity)), case.gaussian(event, self.quantity, "3d")
+        if white is None or law is None:
+            return NO_LAW
+        sources = {name: white @ part @ white.T for name, part in law.sources.items()}
+        found = Gaussian(white @ law.mean, white @ law.covariance @ white.T, sources)
+        return Distribution(found, SIGMAS, SIGMAS, 1.0, event)
+
+
+def whitening(assumed: Floats | None) -> Floats | None:
+    """Return W (3, 3) with W' W = P^-1 / 3; None where the filter's covariance P is unknown or has no inverse."""
+    if assumed is None or not np.isfinite(assumed).all():
+        return None
+    try:
+        factor = np.linalg.cholesky(assumed)
+    except np.linalg.LinAlgError:
+        return None
+    return np.asarray(np.linalg.inv(factor) / np.sqrt(len(assumed)))
+
+
+METRICS = tuple(
+    NormalisedError(
+        f"normalised_{quantity}_error",
+        SIGMAS,
+        f"{quantity} error in the filter's own sigmas: root of its NEES per axis, 1 on average if consistent",
+        quantity,
+    )
+    for quantity in NAVIGATION_UNITS
+)

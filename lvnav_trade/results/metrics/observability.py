@@ -1,0 +1,51 @@
+"""Ranks of the observability: numbers of states that the measurements tell something about."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from lvnav_trade.results.metric import MISSING, Metric, MetricValue
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.tables.read import Tables
+
+
+@dataclass(frozen=True)
+class Rank(Metric):
+    """The least rank of any stretch of a flight; the same in every run.
+
+    with_information : Whether a singular value must exceed the tolerance of the results, and not rounding alone.
+    """
+
+    with_information: bool = False
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the rank, and what counts as above zero."""
+        from lvnav_trade.results.evaluation.covariances import NUMERICAL, observed
+        from lvnav_trade.results.statistics.select import pick
+
+        for row in pick(observed(tables), case=tables.labels[case]).itertuples():
+            if not self.with_information:
+                above = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
+                return MetricValue(true=float(row.least_rank), remark=above)
+            tolerance = float(pick(tables.observability, case=case).tolerance_ratio.iloc[0])
+            above = f"{row.stretches} stretches, singular values above {tolerance:g}; least informed: {row.weakest}"
+            return MetricValue(true=float(row.least_rank_with_information), remark=above)
+        return MetricValue(remark=MISSING)
+
+    def label(self, stated: Mapping[str, Any]) -> str:
+        """Return the metric, which is of a whole flight."""
+        return f"{self.name}, least of all stretches"
+
+
+METRICS = (
+    Rank("observable_states", "-", "least number of observable states of any stretch"),
+    Rank(
+        "informed_states",
+        "-",
+        "least number of states about which any stretch has more than the tolerance of information",
+        with_information=True,
+    ),
+)

@@ -1,0 +1,113 @@
+"""Protection levels, and the share of a phase for which one stays below a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.quantities.state_layout import PROTECTED
+from lvnav_trade.quantities.units import parse
+from lvnav_trade.results.metric import BOTH, MEDIAN, Metric, MetricValue, event_of, no_fit, scale_of
+from lvnav_trade.results.statistics.case import Distribution, Errors
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.statistics.case import CaseResults
+    from lvnav_trade.results.tables.read import Tables
+
+_NONE = "no protection levels there"
+
+
+@dataclass(frozen=True)
+class ProtectionLevel(Metric):
+    """The bound on an error that holds with the integrity risk of the campaign; the same in every run."""
+
+    quantity: str = ""
+
+    named_by: ClassVar[str] = BOTH
+
+    def faults(self, stated: Any) -> Iterator[str]:
+        """Yield that a statistic over the runs means nothing."""
+        if stated.statistic != "rms":
+            yield f"{self.name} is the same in every run; give no statistic"
+
+    def missing_in(self, campaign: Any) -> str:
+        """Say that the campaign computes no protection levels."""
+        if campaign.covariance.protection is None:
+            return "the campaign asks for no protection levels (covariance.protection)"
+        return ""
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the level at an event, or the largest of a phase."""
+        from lvnav_trade.results.statistics.case_tables import CaseTables
+
+        scale = scale_of(unit, self.unit)
+        if scale is None:
+            return MetricValue(remark=no_fit(unit))
+        during = str(stated.get("during") or "")
+        level = CaseTables(tables, case).protection_level(self.quantity, event_of(stated), during)
+        return MetricValue(true=level / scale, remark="" if np.isfinite(level) else _NONE)
+
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+        """Return the level as the error of every run: it is the same in all of them, infinite in one that failed."""
+        level = case.protection_level(self.quantity, event_of(requirement), str(requirement.get("during") or ""))
+        output = case.output(self.quantity, "3d")
+        if not np.isfinite(level) or output is None:
+            return None
+        return Errors(np.where(case.failed_runs(), np.inf, level), self.unit, output.label_unit, output.label_factor)
+
+    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+        """Say that a level has no distribution."""
+        return "a protection level is the same in every run"
+
+
+@dataclass(frozen=True)
+class Availability(Metric):
+    """The share of a phase's time for which a protection level stays at or below a limit."""
+
+    quantity: str = ""
+
+    average: ClassVar[str] = MEDIAN
+
+    @property
+    def limit_unit(self) -> str:
+        """SI unit of the level."""
+        return PROTECTED[self.quantity]
+
+    def faults(self, stated: Any) -> Iterator[str]:
+        """Yield that it is of a phase and a limit."""
+        if stated.during is None or stated.statistic != "rms" or stated.below is None:
+            yield f"{self.name} is of a phase and a limit; give during and below, and no statistic"
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the share; it is the same in every run."""
+        from lvnav_trade.results.evaluation.protection import series_of
+        from lvnav_trade.results.statistics.select import phase, rows_between, time_mean
+
+        rows = series_of(tables, case, self.quantity)
+        rows = rows_between(rows, *phase(tables, case, str(stated["during"]))) if len(rows) else rows
+        if rows.empty:
+            return MetricValue(remark=_NONE)
+        inside = rows.level_si <= parse(str(stated["below"]), self.limit_unit)
+        return MetricValue(true=time_mean(rows.t_s.to_numpy(), inside.to_numpy(dtype=float)))
+
+
+METRICS: tuple[Metric, ...] = (
+    *(
+        ProtectionLevel(
+            f"{quantity}_protection_level", unit, f"protection level of {quantity}, the box of three axes", quantity
+        )
+        for quantity, unit in PROTECTED.items()
+    ),
+    *(
+        Availability(
+            f"{quantity}_availability",
+            "-",
+            f"share of time for which the protection level of {quantity} keeps a limit",
+            quantity,
+        )
+        for quantity in PROTECTED
+    ),
+)

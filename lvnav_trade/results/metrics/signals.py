@@ -1,0 +1,109 @@
+"""Numbers of the received signals: satellites, delays of the air, reacquisition. They are the same in every run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.results.metric import MEDIAN, MISSING, NOT_IN_FLIGHT, Metric, MetricValue, event_of, no_fit, scale_of
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.tables.read import Tables
+
+REACQUIRED = "reacquisition_time"
+
+
+@dataclass(frozen=True)
+class SignalNumber(Metric):
+    """A number of the signals at an event or during a phase: root mean square, largest or smallest."""
+
+    has_least: ClassVar[bool] = True
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return it as the true value, which all runs share."""
+        from lvnav_trade.results.evaluation.signals import values_of
+        from lvnav_trade.results.statistics.per_run import within
+        from lvnav_trade.results.statistics.select import pick
+
+        scale = 1.0 if self.unit == "-" else scale_of(unit, self.unit)
+        if scale is None:
+            return MetricValue(remark=no_fit(unit))
+        rows = values_of(tables, case, self.name, stated.get("elevation"), stated.get("altitude"))
+        rows = within(tables, case, rows, stated) if len(rows) else rows
+        value = rows.value.dropna().to_numpy(dtype=float) if len(rows) else np.empty(0)
+        if not len(value):
+            return MetricValue(remark=NOT_IN_FLIGHT if len(pick(tables.satellites, case=case)) else MISSING)
+        return MetricValue(true=self.reduce(rows, value, str(stated.get("statistic", "rms"))) / scale)
+
+    def reduce(self, rows: Any, value: Any, statistic: str) -> float:
+        """Return one number, SI, of the rows of `signals.values_of` and their values (n,)."""
+        return float({"worst": value.max(), "least": value.min()}.get(statistic, np.sqrt(np.mean(value**2))))
+
+
+@dataclass(frozen=True)
+class Delay(SignalNumber):
+    """A delay of the signals, or its change from an epoch to the next; elevation and altitude choose signals."""
+
+    is_of_signals: ClassVar[bool] = True
+
+
+@dataclass(frozen=True)
+class Count(SignalNumber):
+    """How many satellites are tracked."""
+
+    average: ClassVar[str] = MEDIAN
+
+
+@dataclass(frozen=True)
+class Height(SignalNumber):
+    """The altitude at which a number is largest."""
+
+    average: ClassVar[str] = MEDIAN
+
+    def reduce(self, rows: Any, value: Any, statistic: str) -> float:
+        """Return the altitude (m) of the largest value."""
+        return float(rows.height[rows.value.idxmax()])
+
+
+@dataclass(frozen=True)
+class DelayHeight(Height):
+    """The altitude at which the change of a delay is largest; elevation and altitude choose signals."""
+
+    is_of_signals: ClassVar[bool] = True
+
+
+@dataclass(frozen=True)
+class ReacquisitionTime(Metric):
+    """How long after an event lost satellites are tracked again, the median of them."""
+
+    average: ClassVar[str] = MEDIAN
+    has_least: ClassVar[bool] = True
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the median over the satellites."""
+        from lvnav_trade.results.evaluation.signals import reacquisition_times
+
+        scale = scale_of(unit, self.unit)
+        if scale is None:
+            return MetricValue(remark=no_fit(unit))
+        times = reacquisition_times(tables, case, event_of(stated))
+        return MetricValue(true=float(np.median(times)) / scale) if len(times) else MetricValue(remark=NOT_IN_FLIGHT)
+
+
+METRICS: tuple[Metric, ...] = (
+    Count("satellites_tracked", "-", "satellites that are tracked"),
+    Delay("troposphere", "m", "tropospheric delay of the signals"),
+    Delay("troposphere_left", "m", "tropospheric delay after the filter's correction"),
+    Delay("ionosphere", "m", "ionospheric delay of the signals"),
+    Delay("ionosphere_left", "m", "ionospheric delay after the filter's correction"),
+    Delay("troposphere_change", "m", "change of the tropospheric delay from an epoch to the next"),
+    Delay("troposphere_left_change", "m", "change of the corrected tropospheric delay from an epoch to the next"),
+    Delay("ionosphere_change", "m", "change of the ionospheric delay from an epoch to the next"),
+    Delay("ionosphere_left_change", "m", "change of the corrected ionospheric delay from an epoch to the next"),
+    DelayHeight("troposphere_change_height", "m", "altitude at which the change of the tropospheric delay is largest"),
+    Height("air_crossing_height", "m", "altitude at which climb rate times density of the air is largest"),
+    ReacquisitionTime(REACQUIRED, "s", "time until lost satellites are tracked again"),
+)

@@ -1,0 +1,132 @@
+"""Velocity error along and across the track: along the true velocity, and along the normal of the orbit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.results.metric import (
+    BOTH,
+    MISSING,
+    NO_LAW,
+    TWO_SIDED,
+    Metric,
+    MetricValue,
+    SingleValue,
+    event_of,
+    no_fit,
+    scale_of,
+)
+from lvnav_trade.results.statistics.case import Distribution, Errors, Gaussian, finite_sizes
+
+if TYPE_CHECKING:
+    from lvnav_trade.results.statistics.case import CaseResults
+    from lvnav_trade.results.tables.read import Tables
+
+
+@dataclass(frozen=True)
+class TrackError(Metric):
+    """The velocity error along one direction of the flight, whatever the reporting frame; at an event.
+
+    The directions are those of the NTW frame (Vallado, Fundamentals of Astrodynamics, section 3.3.3): T along the true
+    inertial velocity v, W along r x v, with r the true position. The error of a run is a linear function of its errors
+    in the reporting frame, so linear covariance has its Gaussian exactly: mean u'm and variance u'Pu.
+
+    is_along : Whether the direction u is T, and not W.
+    """
+
+    is_along: bool = True
+
+    named_by: ClassVar[str] = BOTH
+    at_events_only: ClassVar[str] = "resolved along the true velocity"
+
+    @property
+    def is_signed(self) -> bool:
+        """It has a sign: positive where the true velocity is larger along the direction."""
+        return True
+
+    @property
+    def bounded_as(self) -> str:
+        """An error along one direction is bounded either way."""
+        return TWO_SIDED
+
+    @property
+    def has_history(self) -> bool:
+        """The directions are known at events only."""
+        return False
+
+    def faults(self, stated: Any) -> Iterator[str]:
+        """Yield that it is of an event."""
+        if stated.at is None:
+            yield f"{self.name} is of an event; give at"
+
+    def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
+        """Return the root mean square, or the mean with its sign."""
+        from lvnav_trade.results.statistics.case_tables import CaseTables
+
+        results, event, scale = CaseTables(tables, case), event_of(stated), scale_of(unit, self.unit)
+        law = self._gaussian(results, event)
+        if scale is None or law is None:
+            return MetricValue(remark=no_fit(unit) if scale is None else MISSING)
+        errors = np.where(results.failed(event), np.inf, self._errors(results, event)) / scale
+        mean, variance = float(law.mean[0]) / scale, float(law.covariance[0, 0]) / scale**2
+        if stated.get("statistic") == "mean":
+            drawn = float(errors.mean()) if len(errors) else np.nan
+            return MetricValue(np.nan, mean, drawn, runs=errors, is_root=False)
+        u, formal = self._direction(results, event), results.formal(event, "velocity")
+        sigma = np.nan if u is None or formal is None else float(np.sqrt(u @ formal @ u)) / scale
+        drawn = float(np.sqrt(np.mean(errors**2))) if len(errors) else np.nan
+        return MetricValue(sigma, float(np.sqrt(variance + mean**2)), drawn, runs=errors**2)
+
+    def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
+        """Return the value of the runs, or of linear covariance without runs; or a sigma."""
+        statistic = stated.get("statistic")
+        if statistic not in ("formal", "lincov"):
+            return super().single(tables, case, stated, unit)
+        found = self.value(tables, case, {**stated, "statistic": "rms"}, unit)
+        mean = self.value(tables, case, {**stated, "statistic": "mean"}, unit).true
+        sigma = found.formal if statistic == "formal" else np.sqrt(found.true**2 - mean**2)
+        return SingleValue(float(sigma), found.remark)
+
+    def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
+        """Return the size of the error of every run; None where the true state at the event is not known."""
+        event = event_of(requirement)
+        if self._direction(case, event) is None:
+            return None
+        return Errors(finite_sizes(self._errors(case, event), case.failed(event)), self.unit, self.unit, 1.0)
+
+    def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
+        """Return the Gaussian of the error, with that of each source."""
+        event = event_of(requirement)
+        found = self._gaussian(case, event)
+        return NO_LAW if found is None else Distribution(found, self.unit, self.unit, 1.0, event)
+
+    def _direction(self, case: CaseResults, event: str) -> Floats | None:
+        """Return the direction u (3,) in the reporting axes; None where the true state is not known."""
+        state = case.state(event)
+        if state is None or len(case.axes("velocity")) != len(state.v_i):
+            return None
+        direction_i = state.v_i if self.is_along else np.cross(state.r_i, state.v_i)
+        return np.asarray(state.turn.T @ (direction_i / np.linalg.norm(direction_i)))
+
+    def _errors(self, case: CaseResults, event: str) -> Floats:
+        """Return the errors (n_run,) with their sign, of failed runs too."""
+        u = self._direction(case, event)
+        return np.empty(0) if u is None else np.asarray(case.errors(event, "velocity") @ u)
+
+    def _gaussian(self, case: CaseResults, event: str) -> Gaussian | None:
+        u, law = self._direction(case, event), case.gaussian(event, "velocity", "3d")
+        if u is None or law is None:
+            return None
+        sources = {name: np.array([[u @ part @ u]]) for name, part in law.sources.items()}
+        return Gaussian(np.array([u @ law.mean]), np.array([[u @ law.covariance @ u]]), sources)
+
+
+METRICS = (
+    TrackError("velocity_along_track_error", "m/s", "velocity error along the true inertial velocity"),
+    TrackError("velocity_across_track_error", "m/s", "velocity error along the normal of the orbit", is_along=False),
+)

@@ -1,0 +1,352 @@
+"""The instantaneous impact point over the flight, the ellipse of its error, and whether it keeps to a corridor."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+from scipy import special
+
+from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.results.evaluation.covariances import why_not_applicable
+from lvnav_trade.results.mechanics import freefall, mission
+from lvnav_trade.results.statistics.case import number_in
+from lvnav_trade.results.statistics.probability import success_verdict
+from lvnav_trade.results.statistics.select import once, pick
+from lvnav_trade.results.tables.read import Tables
+
+COLUMNS = [
+    "case",
+    "event",
+    "t_s",
+    "latitude_deg",
+    "longitude_deg",
+    "heading_deg",
+    "fall_s",
+    "down_sigma_km",
+    "cross_sigma_km",
+    "correlation",
+    "major_3sigma_km",
+    "minor_3sigma_km",
+    "major_heading_deg",
+    "down_filter_sigma_km",
+    "cross_filter_sigma_km",
+    "down_bias_km",
+    "cross_bias_km",
+    "corridor_probability",
+    "corridor_margin_sigma",
+    "runs",
+    "mc_down_sigma_km",
+    "mc_cross_sigma_km",
+    "mc_q99_km",
+    "mc_outside",
+]
+VERDICTS = [
+    "case",
+    "verdict",
+    "probability",
+    "expected_probability",
+    "margin_sigma",
+    "t_s",
+    "mc_verdict",
+    "runs",
+    "outside",
+    "reason",
+]
+
+
+class Corridor(NamedTuple):
+    """corners (m, 2): latitude and longitude in rad, longitudes unwrapped; the probability and confidence asked for."""
+
+    corners: Floats
+    probability: float
+    confidence: float
+
+
+def corridor_of(tables: Tables) -> Corridor | None:
+    """Return the campaign's corridor; None where it names none."""
+    card: dict[str, Any] | None = tables.campaign.get("corridor")
+    if not card:
+        return None
+    corners = np.array([[number_in(value, "rad") for value in corner] for corner in card["polygon"]])
+    corners[:, 1] = np.unwrap(corners[:, 1])  # an edge goes the short way round
+    return Corridor(corners, float(card.get("probability", 0.999)), float(card.get("confidence", 0.9)))
+
+
+def beside(longitude: ArrayLike, corners: Floats) -> Floats:
+    """Return longitudes (...,) in rad in the turn in which the corridor lies."""
+    middle = 0.5 * (corners[:, 1].min() + corners[:, 1].max())
+    return np.asarray(longitude + 2.0 * np.pi * np.round((middle - np.asarray(longitude)) / (2.0 * np.pi)))
+
+
+def metres(latitude: float) -> Floats:
+    """Return metres per radian of latitude and of longitude on the ellipsoid (2,)."""
+    w2 = 1.0 - ECCENTRICITY_2 * np.sin(latitude) ** 2
+    return np.array([SEMI_MAJOR * (1.0 - ECCENTRICITY_2) / w2**1.5, SEMI_MAJOR * np.cos(latitude) / np.sqrt(w2)])
+
+
+def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> tuple[float, float]:
+    """Return the probability that a Gaussian point lies in a polygon (m, 2), and its margin in sigmas.
+
+    mean (2,), covariance (2, 2) in the polygon's unit. The margin is the Mahalanobis distance from the mean to the
+    nearest edge, negative outside. In the whitened plane the probability is the winding number less, edge by edge, two
+    values of Owen's T function (Annals of Mathematical Statistics 27, 1956): exact, far tails too.
+    """
+    root = np.linalg.cholesky(np.asarray(covariance, dtype=float))
+    start = np.linalg.solve(root, (np.asarray(polygon, dtype=float) - np.asarray(mean, dtype=float)).T).T
+    end = np.roll(start, -1, axis=0)
+    length = np.linalg.norm(end - start, axis=1)
+    start, end, length = start[length > 0.0], end[length > 0.0], length[length > 0.0]
+    along = (end - start) / length[:, None]
+    away = start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]  # signed distance of the edge's line
+    first, last = np.sum(start * along, axis=1), np.sum(end * along, axis=1)
+    off = away != 0.0
+    h, sign = np.abs(away[off]), np.sign(away[off])
+    a, b = first[off] / h, last[off] / h
+    winding = float(np.sum(sign * (np.arctan(b) - np.arctan(a)) / (2.0 * np.pi)))
+    outside = float(np.sum(sign * (special.owens_t(h, b) - special.owens_t(h, a))))
+    around = np.sign(np.sum(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]))
+    margin = float(np.hypot(np.clip(0.0, first, last), away).min())
+    return float(np.clip(around * (winding - outside), 0.0, 1.0)), margin if around * winding > 0.5 else -margin
+
+
+def contains(polygon: ArrayLike, points: ArrayLike) -> Bools:
+    """Return which points (n, 2) lie in a polygon (m, 2): a ray from each crosses an odd number of edges."""
+    start, points = np.asarray(polygon, dtype=float), np.asarray(points, dtype=float)
+    end = np.roll(start, -1, axis=0)
+    x, y = points[:, :1], points[:, 1:]
+    crosses = (start[:, 1] > y) != (end[:, 1] > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        where = start[:, 0] + (y - start[:, 1]) / (end[:, 1] - start[:, 1]) * (end[:, 0] - start[:, 0])
+    return np.asarray(np.sum(crosses & (x < where), axis=1) % 2 == 1)
+
+
+def impact(tables: Tables, only: str | None = None) -> pd.DataFrame:
+    """Return each case's point of impact over the flight, with its error; rows only where there is one.
+
+    `only` is the digest of a case that alone is asked for.
+
+    Where the vehicle would come down without thrust and air, on a rotating Earth with J2 (see `freefall`). The error
+    is true point less estimated one, down-range along the velocity over the ground at impact, cross-range to its right;
+    first order for linear covariance. major and minor: semi-axes of its ellipse of three sigma (98.9 % of a Gaussian).
+    corridor_probability: that the estimated point lies in the campaign's corridor while the vehicle flies as planned;
+    corridor_margin_sigma: sigmas to its nearest edge. Runs are reported at events; mc_outside counts estimated points
+    outside.
+    """
+    cases = {case: label for case, label in tables.labels.items() if only in (None, case)}
+    rows = [{"case": label} | row for case, label in cases.items() for row in _case_rows(tables, case)]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+@once
+def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
+    corridor = corridor_of(tables)
+    states, laws = mission.states(tables, case), mission.laws(tables, case)
+    if not states:
+        return []
+    true = [part.tobytes() for part in _arrays(states)]
+    points, slopes = _points(*true), _slopes(*true)
+    falling = [k for k in np.argsort([state.t for state in states], kind="stable") if np.isfinite(points.fall[k])]
+    flown = _runs(tables, case, [states[k] for k in falling], corridor)
+    return [
+        _row(states[k], laws[k], freefall.Impact(*(value[k] for value in points)), slopes[k], corridor) | of_runs
+        for k, of_runs in zip(falling, flown, strict=True)
+    ]
+
+
+@lru_cache(maxsize=64)
+def _points(r_i: bytes, v_i: bytes, earth_angle: bytes) -> freefall.Impact:
+    """Return where states of which the numbers are given come down: once for all cases that fly alike."""
+    return freefall.impact(*_numbers(r_i, v_i, earth_angle))
+
+
+def _numbers(r_i: bytes, v_i: bytes, earth_angle: bytes) -> tuple[Floats, Floats, Floats]:
+    return np.frombuffer(r_i).reshape(-1, 3), np.frombuffer(v_i).reshape(-1, 3), np.frombuffer(earth_angle)
+
+
+def _arrays(states: list[mission.State]) -> tuple[Floats, Floats, Floats]:
+    """Return positions and velocities (n, 3), frame i, and Earth angles (n,) of true states."""
+    position, velocity = np.array([state.r_i for state in states]), np.array([state.v_i for state in states])
+    return position, velocity, np.array([state.earth_angle for state in states])
+
+
+def corridor_verdicts(tables: Tables) -> pd.DataFrame:
+    """Return whether the estimated point of impact keeps to the corridor with the probability asked for.
+
+    By linear covariance at the stored time at which it is least probable (t_s): "met", "violated", or "not applicable"
+    where a gate rejects too much. mc_verdict: by the runs, exact binomial at the confidence asked for, a run outside
+    at any event, or failed, being a failure. No rows where the campaign names no corridor.
+    """
+    corridor = corridor_of(tables)
+    if corridor is None:
+        return pd.DataFrame(columns=VERDICTS)
+    found = impact(tables)
+    rows: list[dict[str, Any]] = []
+    for case, label in tables.labels.items():
+        mine = pick(found, case=label)
+        if not mine.corridor_probability.notna().any():
+            rows.append({"case": label, "verdict": "not applicable", "reason": "no point of impact in the flight"})
+            continue
+        worst = mine.loc[mine.corridor_probability.idxmin()]
+        why_not = why_not_applicable(tables, case)
+        kept = "met" if worst.corridor_probability >= corridor.probability else "violated"
+        outside, runs = outside_runs(tables, case, corridor)
+        rows.append(
+            {
+                "case": label,
+                "verdict": "not applicable" if why_not else kept,
+                "probability": corridor.probability,
+                "expected_probability": worst.corridor_probability,
+                "margin_sigma": worst.corridor_margin_sigma,
+                "t_s": worst.t_s,
+                "mc_verdict": success_verdict(runs, outside, corridor.probability, corridor.confidence),
+                "runs": runs,
+                "outside": outside,
+                "reason": why_not,
+            }
+        )
+    return pd.DataFrame(rows, columns=VERDICTS)
+
+
+def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, int]:
+    """Return how many runs were outside the corridor at some event, or failed, and how many there are."""
+    errors = [
+        (state, *mission.run_errors(tables, case, state)) for state in mission.states(tables, case) if state.event
+    ]
+    bad = [failed | _outside(state, error, corridor) for state, error, failed in errors]
+    return (int(np.any(bad, axis=0).sum()), len(bad[0])) if bad else (0, 0)
+
+
+def _outside(state: mission.State, error: Floats, corridor: Corridor) -> Bools:
+    """Return which estimated points are outside; none where the true state has no point of impact."""
+    out = np.zeros(len(error), dtype=bool)
+    good = np.isfinite(error).all(axis=1)
+    if not good.any() or not np.isfinite(freefall.impact(*_arrays([state])).fall[0]):
+        return out
+    estimated = freefall.impact(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
+    points = np.stack([estimated.latitude, beside(estimated.longitude, corridor.corners)], axis=1)
+    out[good] = ~contains(corridor.corners, points)
+    return out
+
+
+def _row(
+    state: mission.State, law: mission.Law, point: freefall.Impact, slope: Floats, corridor: Corridor | None
+) -> dict[str, Any]:
+    """Return what linear covariance says of the point of impact at one time, kilometres and degrees; slope: `_slopes`.
+
+    Where the fall only just grazes the ground, and neighbours have none, no error is reported.
+    """
+    row: dict[str, Any] = {
+        "event": state.event,
+        "t_s": state.t,
+        "latitude_deg": np.degrees(point.latitude),
+        "longitude_deg": np.degrees(point.longitude),
+        "heading_deg": np.degrees(point.heading) % 360.0,
+        "fall_s": float(point.fall),
+    }
+    if not np.isfinite(slope).all():
+        return row
+    covariance, formal, bias = slope @ law.true @ slope.T, slope @ law.formal @ slope.T, slope @ law.mean
+    sigma, filter_sigma = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(formal))
+    shown = mission.resolved(bias, sigma)
+    variance, axes = np.linalg.eigh(covariance)
+    major = float(np.arctan2(axes[1, 1], axes[0, 1])) + float(point.heading)
+    row |= {
+        "down_sigma_km": sigma[0],
+        "cross_sigma_km": sigma[1],
+        "correlation": covariance[0, 1] / (sigma[0] * sigma[1]) if sigma.all() else float("nan"),
+        "major_3sigma_km": 3.0 * np.sqrt(variance[1]),
+        "minor_3sigma_km": 3.0 * np.sqrt(max(0.0, variance[0])),
+        "major_heading_deg": np.degrees(major) % 180.0,
+        "down_filter_sigma_km": filter_sigma[0],
+        "cross_filter_sigma_km": filter_sigma[1],
+        "down_bias_km": shown[0],
+        "cross_bias_km": shown[1],
+    }
+    if corridor is not None:
+        chance, margin = _inside(corridor, point, covariance, bias)
+        row |= {"corridor_probability": chance, "corridor_margin_sigma": margin}
+    return row
+
+
+@lru_cache(maxsize=64)
+def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
+    """Return the derivatives (n, 2, 6) of the error at impact, km, by that of velocity and position, at states of which
+    the numbers are given: once for all cases that fly alike, and of all states together, for a fall alone takes as
+    long.
+    """
+    r, v, theta = _numbers(r_i, v_i, earth_angle)
+    true = _points(r_i, v_i, earth_angle)
+
+    def errors(error: Floats) -> Floats:
+        """Return the errors at impact (m, n * 2) of errors (m, 6) at every state."""
+        m, n = len(error), len(r)
+        off = np.repeat(error, n, axis=0)
+        estimated = freefall.impact(
+            np.tile(r, (m, 1)) - off[:, 3:], np.tile(v, (m, 1)) - off[:, :3], np.tile(theta, m), lowest=0.0
+        )
+        found = -freefall.offsets(np.tile(true.r_e, (m, 1)), estimated.r_e, np.tile(true.heading, m))
+        return np.asarray(found.reshape(m, n * 2))
+
+    slopes = mission.derivative(errors).reshape(len(r), 2, 6) * 1e-3
+    slopes.flags.writeable = False
+    return slopes
+
+
+def _inside(corridor: Corridor, point: freefall.Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
+    """Return probability and margin of the estimated point, true less error; edges are straight in the angles."""
+    c, s = np.cos(point.heading), np.sin(point.heading)
+    north_east = np.array([[c, -s], [s, c]])
+    here = np.array([point.latitude, beside(point.longitude, corridor.corners)])
+    spread = north_east @ covariance @ north_east.T + 1e-12 * np.eye(2)  # a millimetre, so that nothing is singular
+    return probability((corridor.corners - here) * metres(float(point.latitude)) * 1e-3, -north_east @ bias, spread)
+
+
+def _runs(
+    tables: Tables, case: str, states: Sequence[mission.State], corridor: Corridor | None
+) -> list[dict[str, Any]]:
+    """Return what the runs say at each state that is one of an event; no runs between events."""
+    off = run_impacts(tables, case)
+    return [
+        _of_runs(tables, case, state, off[state.event], corridor) if state.event else {"runs": 0} for state in states
+    ]
+
+
+@once
+def run_impacts(tables: Tables, case: str) -> dict[str, Floats]:
+    """Return how far the true point of impact lies from the estimated one in the runs that did not fail, by event.
+
+    Down-range and cross-range (n, 2), m; NaN where the true state has no point of impact.
+    """
+    states = [state for state in mission.states(tables, case) if state.event]
+    good = [mission.good_errors(tables, case, state) for state in states]
+    off = mission.impacts_errors(states, good) if states else []
+    return {state.event: errors for state, errors in zip(states, off, strict=True)}
+
+
+def _of_runs(tables: Tables, case: str, state: mission.State, off: Floats, corridor: Corridor | None) -> dict[str, Any]:
+    """Return what runs say at an event; off: their errors (n, 2) at impact, m."""
+    if len(off) < 2:
+        return {"runs": len(off)}
+    off = off * 1e-3
+    spread = off.std(axis=0, ddof=1)
+    far = float(np.quantile(np.linalg.norm(off, axis=1), 0.99))
+    found = {"runs": len(off), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1], "mc_q99_km": far}
+    if corridor is None:
+        return found
+    return found | {"mc_outside": int(_outside(state, mission.good_errors(tables, case, state), corridor).sum())}
+
+
+def ellipse(row: Any, sigmas: float = 3.0, points: int = 73) -> tuple[Floats, Floats]:
+    """Return latitude and longitude (deg) of the error ellipse of a row of `impact`, about the true point."""
+    latitude, longitude = np.radians(row.latitude_deg), np.radians(row.longitude_deg)
+    angle = np.linspace(0.0, 2.0 * np.pi, points)
+    heading = np.radians(row.major_heading_deg)
+    a, b = (value * 1e3 * sigmas / 3.0 for value in (row.major_3sigma_km, row.minor_3sigma_km))
+    north = a * np.cos(angle) * np.cos(heading) - b * np.sin(angle) * np.sin(heading)
+    east = a * np.cos(angle) * np.sin(heading) + b * np.sin(angle) * np.cos(heading)
+    per = metres(float(latitude))
+    return np.degrees(latitude + north / per[0]), np.degrees(longitude + east / per[1])

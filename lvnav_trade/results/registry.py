@@ -1,0 +1,62 @@
+"""Registry of the metrics that can be named, collected from the modules of `families`.
+
+A module of `families` lists its metrics in ``METRICS``. No other place lists metrics: requirements, references, the
+list of metrics, tables and the report use this registry.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+
+from lvnav_trade.results import metrics as families
+from lvnav_trade.results.metric import STATEMENTS, Metric
+from lvnav_trade.results.metrics.errors import StateError, error_named
+
+
+@lru_cache(maxsize=1)
+def registry() -> dict[str, Metric]:
+    """Return all metrics by name, family by family; metrics that a requirement can name come first."""
+    names = sorted(module.name for module in pkgutil.iter_modules(families.__path__))
+    modules = [importlib.import_module(f"{families.__name__}.{name}") for name in names]
+    metrics: list[Metric] = [metric for module in modules for metric in module.METRICS]
+    by_name = {metric.name: metric for metric in sorted(metrics, key=lambda metric: metric.named_by == STATEMENTS)}
+    if len(by_name) < len(metrics):
+        raise ValueError("two metrics have the same name")
+    return by_name
+
+
+def add_metrics(metrics: Iterable[Metric]) -> None:
+    """Register metrics of a script, so that published numbers and statements read afterwards can name them.
+
+    Parameters
+    ----------
+    metrics : iterable of Metric
+        Metrics to register; registering a metric again has no effect.
+
+    Raises
+    ------
+    ValueError
+        A name is already used by another metric.
+    """
+    known = registry()
+    for metric in metrics:
+        if known.setdefault(metric.name, metric) != metric:
+            raise ValueError(f"another metric has the name {metric.name}")
+
+
+def find(name: str) -> Metric | None:
+    """Return the metric with a name, including errors of known states on every axis; None if there is none."""
+    return registry().get(name) or error_named(name)
+
+
+def metric_of(name: str) -> Metric:
+    """Return the metric with a name found in results; a name that is not registered is the error of a filter state."""
+    return find(name) or StateError.of(name, "")
+
+
+def names(wanted: Callable[[Metric], bool]) -> tuple[str, ...]:
+    """Return the names of the metrics that satisfy a condition."""
+    return tuple(name for name, metric in registry().items() if wanted(metric))

@@ -1,0 +1,198 @@
+"""Verdicts by linear covariance on requirements, and the improvement of an error source that would meet them."""
+
+from collections.abc import Mapping
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy import optimize
+
+from lvnav_trade.results.evaluate import metric_in
+from lvnav_trade.results.evaluation.covariances import why_not_applicable
+from lvnav_trade.results.requirements.requirements import verdicts
+from lvnav_trade.results.statistics.case import CaseResults, Distribution, number_in
+from lvnav_trade.results.statistics.case_tables import CaseTables
+from lvnav_trade.results.statistics.probability import norm_probability, norm_quantile
+from lvnav_trade.results.statistics.select import once
+from lvnav_trade.results.tables.read import Tables
+
+ABOVE_ONLY = "the worst of a phase: linear covariance bounds its probability from above only"
+EXPECTED = [
+    "requirement",
+    "case",
+    "verdict",
+    "probability",
+    "expected_probability",
+    "estimate",
+    "limit",
+    "unit",
+    "reason",
+]
+IMPROVEMENTS = ["requirement", "case", "verdict", "source", "factor_ratio", "share_ratio", "remark"]
+# Smallest factor on a sigma that is advised: a sensor twenty times better is not realistic
+LEAST = 0.05
+
+
+class Asked(NamedTuple):
+    """A requirement in one case, by linear covariance.
+
+    distribution : Distribution of its metric.
+    bound : Bound on the metric, SI.
+    probability : Required probability of keeping the bound.
+    """
+
+    distribution: Distribution
+    bound: float
+    probability: float
+
+    @property
+    def unit(self) -> str:
+        """Display unit."""
+        return self.distribution.label_unit
+
+    @property
+    def factor(self) -> float:
+        """Factor from SI to the display unit."""
+        return self.distribution.label_factor
+
+    def quantile(self, probability: float) -> float:
+        """Return the quantile (SI) of the magnitude of the metric at a probability."""
+        if self.distribution.drawn is not None:
+            return float(np.quantile(self.distribution.drawn, probability))
+        return norm_quantile(self.distribution.law.mean, self.distribution.law.covariance, probability)
+
+    def kept(self, sources: tuple[str, ...] = (), factor: float = 1.0) -> float:
+        """Return the probability of keeping the bound, with the sigmas of sources scaled by a factor and gains frozen.
+
+        The covariance is linear in the variances of the sources: P + (factor^2 - 1) sum_s P_s.
+        """
+        drawn, law = self.distribution.drawn, self.distribution.law
+        if drawn is not None:
+            return float(np.searchsorted(drawn, self.bound) / drawn.size)
+        part = np.sum([law.sources[name] for name in sources], axis=0)
+        return norm_probability(law.mean, law.covariance + (factor**2 - 1.0) * part, self.bound)
+
+
+def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Asked | str:
+    """Return a requirement in a case (digest) by linear covariance, or the reason why it cannot be evaluated."""
+    return asked_of(CaseTables(tables, case), requirement)
+
+
+def asked_of(case: CaseResults, requirement: Mapping[str, Any]) -> Asked | str:
+    """As `asked`, for results of a case that need not be stored."""
+    law = metric_in(requirement).law(case, requirement)
+    if isinstance(law, str):
+        return law
+    return Asked(law, number_in(requirement["below"], law.unit), float(requirement["probability"]))
+
+
+@once
+def expected(tables: Tables) -> pd.DataFrame:
+    """Return the verdict by linear covariance on every requirement in every case.
+
+    expected_probability: probability that the error, Gaussian with mean and covariance of linear covariance, is below
+    the bound (exact, see `norm_probability`). verdict: "met" or "violated" by this probability; "not applicable", with
+    the reason, for example if a gate rejects too many good measurements. estimate: P-quantile of the error with the
+    required probability P, in `unit`.
+
+    For a phase, the probability is that at its worst time. It is an upper limit of the probability for the whole phase,
+    and can therefore show a violation only.
+    """
+    return pd.DataFrame([_expected(tables, *pair) for pair in _pairs(tables)], columns=EXPECTED)
+
+
+def _expected(tables: Tables, requirement: Mapping[str, Any], case: str, found: Asked | str) -> dict[str, Any]:
+    row = {"requirement": requirement["name"], "case": tables.labels[case]}
+    row["probability"] = float(requirement["probability"])
+    if isinstance(found, str):
+        return row | {"verdict": "not applicable", "reason": found}
+    limit = found.quantile(found.probability)
+    why_not, kept = why_not_applicable(tables, case), found.kept()
+    verdict, reason = ("met" if kept >= found.probability else "violated"), why_not
+    if found.distribution.above_only:
+        reason = reason or (f"already at {found.distribution.moment}" if verdict == "violated" else ABOVE_ONLY)
+    shown = not why_not and (verdict == "violated" or not found.distribution.above_only)
+    return row | {
+        "verdict": verdict if shown else "not applicable",
+        "reason": reason,
+        "expected_probability": kept,
+        "estimate": limit * found.factor,
+        "limit": found.bound * found.factor,
+        "unit": found.unit,
+    }
+
+
+def improvements(tables: Tables) -> pd.DataFrame:
+    """Return the improvement of error sources that would meet each violated or undecided requirement.
+
+    source: the single error source that needs the smallest improvement, or else the smallest number of the largest
+    sources together. factor_ratio: required factor on its sigma; share_ratio: its present share of the mean square.
+    remark: says that no improvement is needed, or that none is sufficient.
+
+    The factor is found by bisection of the probability that the Gaussian error is below the bound, with frozen gains. A
+    filter re-tuned to the better source may perform better or, if it neglects other errors, worse.
+    """
+    by_runs = verdicts(tables).set_index(["requirement", "case"]).verdict
+    rows = []
+    for requirement, case, found in _pairs(tables):
+        name, label = requirement["name"], tables.labels[case]
+        verdict = str(by_runs[name, label])
+        undone = verdict in ("violated", "undecided") and not why_not_applicable(tables, case)
+        if undone and not isinstance(found, str) and found.distribution.law.sources:
+            rows.append((name, label, verdict, *_improvement(found)))
+    return pd.DataFrame(rows, columns=IMPROVEMENTS)
+
+
+@once
+def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, Asked | str]]:
+    return [
+        (requirement, case, asked(tables, requirement, case))
+        for requirement in tables.campaign.get("requirements") or ()
+        for case in tables.labels
+    ]
+
+
+def _factor(found: Asked, names: tuple[str, ...]) -> float:
+    """Return the largest factor on the sigmas of sources that meets the requirement; NaN if even `LEAST` does not."""
+
+    def missing(factor: float) -> float:
+        return found.kept(names, factor) - found.probability
+
+    return float(optimize.bisect(missing, LEAST, 1.0, xtol=1e-4)) if missing(LEAST) >= 0.0 else float("nan")
+
+
+def _improvement(found: Asked) -> tuple[str, float, float, str]:
+    """Return source, factor_ratio, share_ratio and remark."""
+    if found.kept() >= found.probability:
+        return (
+            "",
+            np.nan,
+            np.nan,
+            ABOVE_ONLY if found.distribution.above_only else "linear covariance expects it to be met as it is",
+        )
+    source, factor, share, remark = _turning(found)
+    alone = (
+        f"to keep it at {found.distribution.moment}; the whole phase may take more"
+        if found.distribution.above_only
+        else ""
+    )
+    return source, factor, share, "; ".join(filter(None, [remark, alone]))
+
+
+def _turning(found: Asked) -> tuple[str, float, float, str]:
+    """Return `_improvement` for a violated requirement: a single source, or the fewest of the largest sources."""
+    total = float(
+        np.trace(found.distribution.law.covariance) + found.distribution.law.mean @ found.distribution.law.mean
+    )
+    share = {name: float(np.trace(part)) / total for name, part in found.distribution.law.sources.items()}
+    order = sorted(share, key=lambda name: -share[name])
+    able = [(factor, name) for name in order if not np.isnan(factor := _factor(found, (name,)))]
+    if able:
+        factor, name = max(able)
+        return name, factor, share[name], ""
+    for names in accumulate((name,) for name in order):
+        factor = _factor(found, names)
+        if not np.isnan(factor):
+            return ", ".join(names), factor, sum(share[name] for name in names), "together"
+    return "", float("nan"), float("nan"), f"not even all error sources together, each times {LEAST:g}, would do"

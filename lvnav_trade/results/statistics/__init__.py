@@ -1,0 +1,4 @@
+"""What all metrics use: selection from the tables, values of a case, intervals and probabilities.
+
+Read `select.py` first.
+"""

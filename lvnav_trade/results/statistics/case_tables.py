@@ -1,0 +1,133 @@
+"""Results of one case for the metrics, from the stored tables."""
+
+import numpy as np
+
+from lvnav_trade.quantities.records import Bools, Floats, InjectionLaw, Output
+from lvnav_trade.results.mechanics import mission
+from lvnav_trade.results.statistics.case import CaseResults, Gaussian, History, Injections, finite_sizes
+from lvnav_trade.results.statistics.gaussian import formal_covariance, gaussian
+from lvnav_trade.results.statistics.injection_law import law_in
+from lvnav_trade.results.statistics.select import ends_of, flight_events, history_columns, instant, phase, rows_between
+from lvnav_trade.results.tables.lookup import pick
+from lvnav_trade.results.tables.read import Tables
+from lvnav_trade.results.tables.schema import error_column
+
+
+class CaseTables(CaseResults):
+    """Stored results of one case; see `CaseResults` for the methods.
+
+    tables : Tables of the results.
+    case : Digest of the case.
+    """
+
+    def __init__(self, tables: Tables, case: str) -> None:
+        self.tables, self.case = tables, case
+
+    def output(self, quantity: str, axis: str) -> Output | None:
+        """Return unit and label of an error."""
+        for row in pick(self.tables.outputs, case=self.case, quantity=quantity, axis=axis).itertuples():
+            return Output(quantity, axis, row.unit, row.label_unit, float(row.label_factor_ratio))
+        return None
+
+    def axes(self, quantity: str) -> list[str]:
+        """Return the axes of a quantity."""
+        rows = pick(self.tables.outputs, case=self.case, quantity=quantity)
+        return [str(axis) for axis in rows.axis if axis != "3d"]
+
+    def events(self) -> dict[str, float]:
+        """Return the times (s) of the events."""
+        rows = flight_events(self.tables, self.case)
+        return dict(zip(rows.event.tolist(), rows.t_s.tolist(), strict=True))
+
+    def phase(self, text: str) -> tuple[float, float]:
+        """Return first and last time (s) of a phase."""
+        worst = pick(self.tables.worst, case=self.case)
+        spans = (float(worst.t_s.min()), float(worst.t_end_s.max())) if len(worst) else None
+        return phase(self.tables, self.case, text, spans or ends_of(self.tables, self.case))
+
+    def failed(self, event: str) -> Bools:
+        """Return which runs failed, at an event."""
+        return np.asarray(pick(self.tables.runs, case=self.case, event=event).failure.to_numpy() != "")
+
+    def failed_runs(self) -> Bools:
+        """Return which runs failed."""
+        rows = pick(self.tables.runs, case=self.case).drop_duplicates("run_number")
+        return np.asarray(rows.failure.to_numpy() != "")
+
+    def errors(self, event: str, quantity: str) -> Floats:
+        """Return the errors (n_run, n_axis) at an event."""
+        rows = pick(self.tables.runs, case=self.case, event=event)
+        outputs = [self.output(quantity, axis) for axis in self.axes(quantity)]
+        columns = [error_column(quantity, output.axis, output.unit) for output in outputs if output is not None]
+        return rows[columns].to_numpy(dtype=float)
+
+    def sizes(self, event: str, quantity: str, axis: str) -> Floats:
+        """Return |error| (n_run,) at an event."""
+        output = self.output(quantity, axis)
+        if output is None:
+            return np.empty(0)
+        rows, column = pick(self.tables.runs, case=self.case, event=event), error_column(quantity, axis, output.unit)
+        if column not in rows.columns:
+            return np.empty(0)
+        return finite_sizes(rows[column].to_numpy(dtype=float), rows.failure.to_numpy() != "")
+
+    def largest(self, quantity: str, axis: str, first: float, last: float) -> Floats:
+        """Return the largest |error| (n_run,) of a phase."""
+        inside = rows_between(pick(self.tables.worst, case=self.case), first, last, "t_end_s")
+        output = self.output(quantity, axis)
+        if inside.empty or output is None:
+            return np.empty(0)
+        values = inside[error_column(quantity, axis, output.unit)].to_numpy(dtype=float)
+        size, runs = finite_sizes(values, inside.failure.to_numpy() != ""), inside.run_number.to_numpy()
+        _, of_run = np.unique(runs, return_inverse=True)
+        found = np.full(int(of_run.max()) + 1, -np.inf)
+        np.maximum.at(found, of_run, size)
+        return found
+
+    def history(self, quantity: str, axis: str) -> History:
+        """Return an error over the flight by linear covariance."""
+        return History(
+            *history_columns(self.tables, self.case, quantity, axis, "t_s", "lincov_true_si", "lincov_mean_si")
+        )
+
+    def gaussian(self, event: str, quantity: str, axis: str) -> Gaussian | None:
+        """Return the Gaussian of an error at an event."""
+        return gaussian(self.tables, self.case, event, quantity, axis)
+
+    def formal(self, event: str, quantity: str) -> Floats | None:
+        """Return the filter's own covariance (3, 3) at an event."""
+        return formal_covariance(self.tables, self.case, event, quantity)
+
+    def state(self, event: str) -> mission.State | None:
+        """Return the true state at an event."""
+        return mission.state_at(self.tables, self.case, event)
+
+    def joint(self, event: str) -> mission.Law:
+        """Return linear covariance of velocity and position at an event."""
+        return mission.law_at(self.tables, self.case, event)
+
+    def injections(self, quantity: str) -> Injections | None:
+        """Return what guided ascents achieve of a number of the orbit."""
+        rows = pick(self.tables.injections, case=self.case, quantity=quantity)
+        if rows.empty:
+            return None
+        names = ("t_s", "propellant_left_kg", "error_si", "knowledge_si")
+        t, left, error, knowledge = (rows[name].to_numpy(dtype=float) for name in names)
+        return Injections(rows.outcome.to_numpy(dtype=str), t, left, error, knowledge)
+
+    def injection_law(self) -> InjectionLaw | None:
+        """Return linear covariance of the injection of a guided ascent."""
+        return law_in(self.tables, self.case)
+
+    def protection_level(self, quantity: str, at: str, during: str) -> float:
+        """Return the protection level at an event or of a phase."""
+        rows = pick(self.tables.protection, case=self.case, quantity=quantity, axis="3d")
+        rows = rows.sort_values("t_s", kind="stable")
+        if during:
+            first, last = phase(self.tables, self.case, during)
+            rows = rows_between(rows, first, last)
+            return float(rows.level_si.max()) if len(rows) else float("nan")
+        t = instant(self.tables, self.case, at)
+        if rows.empty or not np.isfinite(t):
+            return float("nan")
+        return float(rows.level_si.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))])

@@ -1,0 +1,244 @@
+"""Confidence intervals of mean squares and fractions, multiple tests, Gaussian probabilities of sphere and box."""
+
+from bisect import bisect_left
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import optimize, special, stats
+
+from lvnav_trade.quantities.records import Floats
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)
+_LEAST_PROBABILITY = 1e-15  # keeps a normal quantile finite
+_REACH = 9.0  # sigmas; the probability of a Gaussian beyond is 2e-19
+
+
+def rms_interval(rms: ArrayLike, freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
+    """Return the confidence interval of a true root mean square.
+
+    Parameters
+    ----------
+    rms : (n,) array
+        Sample root mean squares, any unit.
+    freedom : (n,) array
+        Degrees of freedom of each.
+    alpha : float
+        One minus the confidence.
+
+    Returns
+    -------
+    (n,) array, (n,) array
+        Lower and upper limits in the unit of `rms`; NaN without degrees of freedom.
+    """
+    low, high = ratio_interval(freedom, alpha)
+    return np.asarray(rms) / high, np.asarray(rms) / low
+
+
+def ratio_interval(freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
+    """Return the limits of the ratio of sample to true RMS, exceeded with probability alpha / 2 each."""
+    low, high = mean_square_interval(freedom, alpha)
+    return np.sqrt(low), np.sqrt(high)
+
+
+def mean_square_interval(freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
+    """Return the limits of chi-square divided by its degrees of freedom, exceeded with probability alpha / 2 each."""
+    degrees = np.asarray(freedom, dtype=float)
+    usable = np.where(degrees > 0, degrees, np.nan)
+    return stats.chi2.ppf(alpha / 2.0, usable) / usable, stats.chi2.ppf(1.0 - alpha / 2.0, usable) / usable
+
+
+def success_bounds(runs: int, failures: int, confidence: float) -> tuple[float, float]:
+    """Return the one-sided Clopper-Pearson bounds on a probability of success.
+
+    Parameters
+    ----------
+    runs, failures : int
+        Number of runs, and of failures among them.
+    confidence : float
+        Confidence of each bound.
+
+    Returns
+    -------
+    float, float
+        Lower and upper bound.
+    """
+    good = runs - failures
+    low = float(stats.beta.ppf(1.0 - confidence, good, failures + 1)) if good else 0.0
+    return low, (float(stats.beta.ppf(confidence, good + 1, failures)) if failures else 1.0)
+
+
+def success_verdict(runs: int, failures: int, probability: float, confidence: float) -> str:
+    """Return the verdict on a required probability of success.
+
+    "met" if the lower bound of `success_bounds` reaches the probability, "violated" if the upper bound is below it,
+    otherwise "undecided".
+    """
+    low, high = success_bounds(runs, failures, confidence)
+    return "met" if runs and low >= probability else "violated" if high < probability else "undecided"
+
+
+def shows(runs: int, failures: int, probability: float, confidence: float) -> bool:
+    """Whether a number of failures is small enough to demonstrate a probability of success at a confidence."""
+    return runs > failures and float(stats.binom.cdf(failures, runs, 1.0 - probability)) <= 1.0 - confidence
+
+
+def runs_needed(failures: int, probability: float, confidence: float) -> int:
+    """Return the smallest number of runs that demonstrates a probability of success in spite of some failures."""
+    high = max(2, 2 * (failures + 1))
+    while not shows(high, failures, probability, confidence):
+        high *= 2
+    first = high // 2 + 1 if high > 2 else 1
+    return bisect_left(range(high), True, first, key=lambda runs: shows(runs, failures, probability, confidence))
+
+
+def holm(p_values: ArrayLike) -> Floats:
+    """Return p-values (n,) adjusted by Holm's step-down method.
+
+    With true null hypotheses, the probability that any adjusted p-value of the family is below alpha is at most alpha.
+    """
+    p = np.asarray(p_values, dtype=float)
+    order = np.argsort(p, kind="stable")
+    adjusted = np.empty_like(p)
+    adjusted[order] = np.minimum(np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p)))), 1.0)
+    return adjusted
+
+
+def norm_probability(mean: ArrayLike, covariance: ArrayLike, limit: float) -> float:
+    """Return the probability that the norm of a Gaussian vector is below a limit.
+
+    Parameters
+    ----------
+    mean : (k,) array
+        Mean, k at most 3.
+    covariance : (k, k) array
+        Covariance.
+    limit : float
+        Limit of the norm.
+
+    Returns
+    -------
+    float
+        P(|x| < limit), accurate to about 1e-9.
+
+    Notes
+    -----
+    In the principal axes the squared norm is a weighted sum of non-central chi-squares. The axis of largest sigma is
+    integrated in closed form. The others are integrated by Gauss-Legendre quadrature over the sphere, with
+    x = x_mid + h sin(angle), which makes the integrand smooth at the edge of the sphere.
+    """
+    if not limit > 0.0:
+        return 0.0
+    variance, axes = np.linalg.eigh(np.atleast_2d(np.asarray(covariance, dtype=float)))
+    sigma = np.sqrt(np.maximum(0.0, variance))  # ascending
+    centre = axes.T @ np.atleast_1d(np.asarray(mean, dtype=float))
+    radius_squared, weight = np.array([limit**2]), np.array([1.0])
+    for k in range(len(sigma) - 1):
+        radius_squared, weight = _slice(radius_squared, weight, float(centre[k]), float(sigma[k]))
+    inside = _between(np.sqrt(radius_squared), float(centre[-1]), float(sigma[-1]))
+    return float(np.clip(np.sum(weight * inside), 0.0, 1.0))
+
+
+def box_probability(mean: ArrayLike, covariance: ArrayLike, limits: ArrayLike) -> float:
+    """Return the probability that every component of a Gaussian vector is below its limit in magnitude.
+
+    Parameters
+    ----------
+    mean : (3,) array
+        Mean.
+    covariance : (3, 3) array
+        Covariance.
+    limits : (3,) array
+        Limit of each component.
+
+    Returns
+    -------
+    float
+        P(|x_k| < limit_k for all k), accurate to about 1e-9 for correlations up to 0.9.
+
+    Notes
+    -----
+    Genz (1992): with the Cholesky factor the components are integrated one after the other, each conditional on those
+    before. Two are integrated by Gauss-Legendre quadrature, the last in closed form.
+    """
+    mu, half = (np.asarray(vector, dtype=float) for vector in (mean, limits))
+    variance = np.asarray(covariance, dtype=float)
+    if not np.all(half > 0.0):
+        return 0.0
+    scaled = variance / np.outer(half, half)
+    factor = np.linalg.cholesky(scaled + 1e-14 * max(float(np.trace(scaled)), 1e-300) * np.eye(3))
+    centre, weight, drawn = mu / half, np.array([1.0]), np.zeros((1, 0))
+    for k in range(2):
+        conditional = (centre[k] + drawn @ factor[k, :k])[:, None]  # mean of component k given those before
+        low = np.clip((-1.0 - conditional) / factor[k, k], -_REACH, _REACH)
+        high = np.clip((1.0 - conditional) / factor[k, k], -_REACH, _REACH)
+        x = 0.5 * (high + low) + 0.5 * (high - low) * _NODES
+        density = np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi) * 0.5 * (high - low) * _WEIGHTS
+        weight = (weight[:, None] * density).ravel()
+        drawn = np.column_stack([np.repeat(drawn, len(_NODES), axis=0), x.ravel()])
+    conditional = centre[2] + drawn @ factor[2, :2]
+    last = special.ndtr((1.0 - conditional) / factor[2, 2]) - special.ndtr((-1.0 - conditional) / factor[2, 2])
+    return float(np.clip(np.sum(weight * last), 0.0, 1.0))
+
+
+def _slice(radius_squared: Floats, weight: Floats, centre: float, sigma: float) -> tuple[Floats, Floats]:
+    """Integrate over one axis: return at each node the squared radius for the remaining axes, and the weight."""
+    radius = np.sqrt(radius_squared)
+    if sigma == 0.0:
+        inside = np.abs(centre) < radius
+        return np.maximum(radius_squared - centre**2, 0.0)[inside], weight[inside]
+    low = np.maximum(-radius, centre - _REACH * sigma)
+    high = np.minimum(radius, centre + _REACH * sigma)
+    is_wide = high > low
+    low, high, radius_squared, weight = low[is_wide], high[is_wide], radius_squared[is_wide], weight[is_wide]
+    angle = 0.5 * np.pi * _NODES
+    half = 0.5 * (high - low)[:, None]
+    x = 0.5 * (high + low)[:, None] + half * np.sin(angle)
+    density = np.exp(-0.5 * ((x - centre) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
+    step = half * np.cos(angle) * (0.5 * np.pi * _WEIGHTS)
+    return np.maximum(radius_squared[:, None] - x**2, 0.0).ravel(), (weight[:, None] * density * step).ravel()
+
+
+def _between(radius: Floats, centre: float, sigma: float) -> Floats:
+    """Return the probability (n,) that the last component lies within plus or minus each radius (n,)."""
+    if sigma == 0.0:
+        return (np.abs(centre) < radius).astype(float)
+    probability: Floats = special.ndtr((radius - centre) / sigma) - special.ndtr((-radius - centre) / sigma)
+    return probability
+
+
+def outline_of(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Floats:
+    """Return the points (points, 2) of the error ellipse of a covariance (2, 2) for a number of sigmas."""
+    variance, axes = np.linalg.eigh(covariance)
+    angle = np.linspace(0.0, 2.0 * np.pi, points)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    return np.asarray((axes * (sigmas * np.sqrt(np.maximum(variance, 0.0))) @ circle).T)
+
+
+def norm_quantile(mean: ArrayLike, covariance: ArrayLike, probability: float) -> float:
+    """Return the P-quantile of |x| for x Gaussian with mean (k,) and covariance (k, k), k at most 3, to 1e-9.
+
+    The search starts at the quantile of the scaled chi-square of equal mean and variance (Satterthwaite 1946), and its
+    residual is a normal quantile, in which the distribution is close to a straight line. A vector without size gives 0.
+    """
+    centre = np.atleast_1d(np.asarray(mean, dtype=float))
+    variance = np.atleast_2d(np.asarray(covariance, dtype=float))
+    expected = float(centre @ centre + np.trace(variance))  # of the squared norm, as is its variance below
+    if expected == 0.0:
+        return 0.0
+    spread = float(2.0 * np.sum(variance * variance) + 4.0 * centre @ variance @ centre)
+    start = np.sqrt(expected)
+    if spread > 0.0:
+        scale = spread / (2.0 * expected)
+        start = np.sqrt(scale * special.chdtri(expected / scale, 1.0 - probability)) or start
+    required = special.ndtri(probability)
+
+    def excess(limit: float) -> float:
+        reached = np.clip(norm_probability(centre, variance, limit), _LEAST_PROBABILITY, 1.0 - _LEAST_PROBABILITY)
+        return float(special.ndtri(reached) - required)
+
+    low, high = 0.99 * start, 1.01 * start
+    while excess(low) > 0.0:
+        low, high = 0.8 * low, low
+    while excess(high) < 0.0:
+        low, high = high, 1.25 * high
+    return float(optimize.brentq(excess, low, high, xtol=1e-9 * low, rtol=1e-9))

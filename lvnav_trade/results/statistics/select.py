@@ -1,0 +1,159 @@
+"""Selection of data from the tables for metrics: time series, events, instants and phases, errors of runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.units import parse
+from lvnav_trade.results.statistics.case import SAME_TIME as SAME_TIME
+from lvnav_trade.results.statistics.case import instant_in, phase_in
+from lvnav_trade.results.tables.lookup import once as once
+from lvnav_trade.results.tables.lookup import pick as pick
+from lvnav_trade.results.tables.lookup import pick_columns as pick_columns
+from lvnav_trade.results.tables.read import Tables
+from lvnav_trade.results.tables.schema import error_column
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAVIGATION = ("attitude", "velocity", "position")
+
+
+def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame:
+    """Return the time history of one error of a case: rows of the table `history`."""
+    return pick(tables.history, case=case, quantity=quantity, axis=axis)
+
+
+def in_units(tables: Tables, units: Mapping[str, str]) -> Tables:
+    """Return the results with other display units (unit by quantity)."""
+    if not units:
+        return tables
+    outputs = tables.outputs.copy()
+    for row in outputs[outputs.quantity.isin(units)].itertuples():
+        unit = units[row.quantity]
+        outputs.loc[row.Index, ["label_unit", "label_factor_ratio"]] = unit, 1.0 / parse(f"1 {unit}", row.unit)
+    return tables.with_frames(outputs=outputs)
+
+
+def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
+    """Return the digests of the cases whose axes have the levels wanted."""
+    return [
+        case
+        for case, levels in tables.levels.items()
+        if all(levels.get(axis) == str(level) for axis, level in wanted.items())
+    ]
+
+
+def errors_by_axis(tables: Tables, case: str, event: str, quantity: str) -> pd.DataFrame:
+    """Return the errors of every run at an event, SI: a column per axis, and the column `failure`."""
+    outputs = pick(tables.outputs, case=case, quantity=quantity)
+    columns = [error_column(quantity, row.axis, row.unit) for row in outputs[outputs.axis != "3d"].itertuples()]
+    return pick(tables.runs, case=case, event=event).set_index("run_number")[["failure", *columns]]
+
+
+@once
+def flight_events(tables: Tables, case: str) -> pd.DataFrame:
+    """Return the events of a case in order of time, without faults."""
+    chosen = pick(tables.events, case=case, kind="event")
+    return chosen.sort_values(["t_s", "event"], kind="stable").reset_index(drop=True)
+
+
+def faults(tables: Tables, case: str) -> pd.DataFrame:
+    """Return the faults of a case in order of time."""
+    return pick(tables.events, case=case, kind="fault").sort_values("t_s", kind="stable")
+
+
+def ends_of(tables: Tables, case: str) -> tuple[float, float]:
+    """Return the first and last time (s) of the history of a case."""
+    t = pick(tables.consistency, case=case).t_s
+    return float(t.min()), float(t.max())
+
+
+def phases(tables: Tables, case: str) -> list[tuple[str, float, float]]:
+    """Return name, start and end (s since lift-off) of the flight, of each interval between events, of each event."""
+    start, end = ends_of(tables, case)
+    events = [(row.event, row.t_s) for row in flight_events(tables, case).itertuples() if start <= row.t_s <= end]
+    between = [
+        (f"{first} to {second}", t_first, t_second)
+        for (first, t_first), (second, t_second) in pairwise([("start", start), *events, ("end", end)])
+        if t_second - t_first > SAME_TIME
+    ]
+    return [("flight", max(start, 0.0), end), *between, *((name, at, at) for name, at in events)]
+
+
+def series(tables: Tables) -> Iterator[tuple[str, str, str, pd.DataFrame]]:
+    """Yield case, quantity, axis and rows (in order of time) of every error of the history, in the plan's order."""
+    for case, quantity, axis in names_of_series(tables):
+        yield case, quantity, axis, history_of(tables, case, quantity, axis)
+
+
+@once
+def names_of_series(tables: Tables) -> list[tuple[str, str, str]]:
+    """Return case, quantity and axis of every error in the history, in the order of the plan."""
+    columns = ["case", "quantity", "axis"]
+    return list(tables.history.drop_duplicates(columns)[columns].itertuples(index=False, name=None))
+
+
+def history_columns(tables: Tables, case: str, quantity: str, axis: str, *names: str) -> list[Floats]:
+    """Return columns of the history of one error of a case, each (n_time,)."""
+    columns = pick_columns(tables.history, names, case=case, quantity=quantity, axis=axis)
+    return [values.astype(float, copy=False) for values in columns]
+
+
+def final_event(tables: Tables, case: str) -> str:
+    """Return "injection" if the flight has this event, otherwise its last event."""
+    names = list(flight_events(tables, case).event)
+    return "injection" if "injection" in names else (names[-1] if names else "")
+
+
+def lincov_rms(rows: pd.DataFrame) -> pd.Series:
+    """Return the RMS error by linear covariance, sqrt(sigma^2 + mean^2)."""
+    return np.hypot(rows.lincov_true_si, rows.lincov_mean_si)
+
+
+def mean_at(tables: Tables, case: str, event: str, quantity: str) -> float:
+    """Return the norm of the mean error at an event by linear covariance, in the display unit."""
+    t = float(pick(tables.events, case=case, event=event).t_s.iloc[0])
+    mean = at_time(history_of(tables, case, quantity, "3d"), t).lincov_mean_si
+    return float(mean) * float(tables.people[quantity, "3d"][1])
+
+
+def at_time(rows: pd.DataFrame, t: float) -> pd.Series:
+    """Return the row of a time series closest to a time (s)."""
+    return rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))]
+
+
+def instant(tables: Tables, case: str, text: str, ends: tuple[float, float] | None = None) -> float:
+    """Return the time (s) of an instant such as ``stage1_cutoff`` or ``stage1_cutoff + 30 s``; NaN if it has no event.
+
+    ends: times (s) of ``start`` and ``end``; by default the ends of the history.
+    """
+    return instant_in(text, _events(tables, case), ends or ends_of(tables, case))
+
+
+def phase(tables: Tables, case: str, text: str, ends: tuple[float, float] | None = None) -> tuple[float, float]:
+    """Return the first and last time (s) of ``INSTANT to INSTANT``, or of ``flight``, from lift-off to the end.
+
+    The times are NaN if an event does not occur.
+    """
+    return phase_in(text, _events(tables, case), ends or ends_of(tables, case))
+
+
+def _events(tables: Tables, case: str) -> dict[str, float]:
+    times: dict[str, float] = flight_events(tables, case).set_index("event").t_s.to_dict()
+    return times
+
+
+def rows_between(rows: pd.DataFrame, first: float, last: float, end: str = "t_s") -> pd.DataFrame:
+    """Return the rows between two times (s), both included; `end` is the column with the end of a row."""
+    return rows[(rows.t_s >= first - SAME_TIME) & (rows[end] <= last + SAME_TIME)]
+
+
+def time_mean(t: np.ndarray, value: np.ndarray) -> float:
+    """Return the mean over time by the trapezoidal rule, so that additional times of events add no weight."""
+    return float(np.trapezoid(value, t) / (t[-1] - t[0])) if t[-1] > t[0] else float(value[0])

@@ -1,0 +1,8 @@
+"""Parquet tables: their dictionary, how they are written while a campaign runs, and read back.
+
+While a campaign runs: ``results = write.open_results(folder, name, resolved_yaml, manifest, "resume")``; each worker
+calls ``results.write_part(case_id, summary)`` (or ``parts.write`` where the object is not at hand); at the end, in the
+order of the plan, ``results.write_case(case, prepared, cov, results.parts(case_id))`` and ``results.finish({...})``.
+Afterwards: ``tables = read.load(folder)``; ``tables.history`` is a pandas frame. Modules that only write do not import
+`read`: a worker need not hold pandas in memory.
+"""

@@ -1,0 +1,190 @@
+"""Files of blocks of runs, one per block: written atomically; content and origin are verified when read."""
+
+import hashlib
+import logging
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from lvnav_trade.results.tables.columns import binaries, integers, texts
+from lvnav_trade.results.tables.files import replace_table
+from lvnav_trade.simulation.statistics import BlockSummary
+
+_LOG = logging.getLogger("lvnav_trade.results.tables")
+_CHECKSUM, _IDENTITY = b"lvnav_trade.checksum", b"lvnav_trade.identity"
+_NAME = re.compile(r"(\d+)-(\d+)\.parquet")
+_SCHEMA = pa.schema(
+    [
+        pa.field("name", pa.string()),
+        pa.field("dtype", pa.string()),
+        pa.field("shape", pa.list_(pa.int64())),
+        pa.field("bytes", pa.large_binary()),
+    ]
+)
+_Array = np.ndarray[Any, Any]
+
+
+def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
+    """Write the statistics of a block of runs atomically as ``FIRST-N.parquet``.
+
+    A shorter part with the same first run, such as the incomplete last block of an earlier campaign, is replaced.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the case.
+    summary : BlockSummary
+        Statistics of the block.
+    identity : str
+        Campaign, case and code, which are written into the file.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{summary.first_run}-{summary.n_run}.parquet"
+    table = _pack(summary)
+    identity = _with_runs(identity, summary)
+    table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: _checksum(_rows(table), identity.encode())})
+    # compression halves the size, but takes as long as three runs; a dictionary is useless for few large values
+    replace_table(table, path, use_dictionary=False, write_statistics=False, compression="none")
+    for other in paths(folder):
+        if span(other)[0] == summary.first_run and other != path:
+            other.unlink(missing_ok=True)
+    return path
+
+
+def read(path: Path, identity: str | None = None) -> BlockSummary:
+    """Read a part; ValueError if the file is damaged, or of another campaign, case or code than `identity`.
+
+    Errors of the operating system, such as missing permission, are not damage and are raised unchanged.
+    """
+    try:
+        with pq.ParquetFile(path) as file:
+            table = file.read(use_threads=False)
+        metadata = table.schema.metadata or {}
+        written_by = metadata.get(_IDENTITY, b"")
+        if table.schema.names != _SCHEMA.names or _checksum(_rows(table), written_by) != metadata.get(_CHECKSUM):
+            raise ValueError("its checksum does not fit")
+        summary = _unpack(_rows(table))
+    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        raise ValueError(f"{path}: damaged part: {error}") from error
+    if (summary.first_run, summary.n_run) != span(path):
+        raise ValueError(f"{path}: damaged part: it holds other runs than its name says")
+    if identity is not None and written_by.decode(errors="replace") != _with_runs(identity, summary):
+        raise ValueError(f"{path}: a part of another campaign, case or code")
+    return summary
+
+
+def drop_damaged(folder: Path, identity: str | None = None) -> None:
+    """Delete the parts of a case that `read` refuses, with a warning; their runs will be computed again.
+
+    If two parts have the same first run, the longer is kept. This happens when a process is killed after writing a part
+    and before deleting the shorter one.
+    """
+    for path in paths(folder):
+        try:
+            read(path, identity)
+        except ValueError as error:
+            _LOG.warning("%s; dropped, its runs will be computed again", error)
+            path.unlink(missing_ok=True)
+    kept = {span(path)[0]: path for path in paths(folder)}  # parts with the same first run are in order of length
+    for path in paths(folder):
+        if path != kept[span(path)[0]]:
+            path.unlink(missing_ok=True)
+
+
+def is_name(name: str) -> bool:
+    """Whether a file name is that of a part."""
+    return _NAME.fullmatch(name) is not None
+
+
+def paths(folder: Path) -> list[Path]:
+    """Return the part files of a case in run order."""
+    return sorted((path for path in folder.glob("*-*.parquet") if is_name(path.name)), key=span)
+
+
+def span(path: Path) -> tuple[int, int]:
+    """Return (first run, number of runs) of a part file, from its name."""
+    first, _, count = path.stem.partition("-")
+    return int(first), int(count)
+
+
+def stream(folder: Path, identity: str | None = None, n_run: int | None = None) -> Iterator[BlockSummary]:
+    """Return an iterator over the parts in the order of the runs, with one part in memory at a time.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the case.
+    identity : str, optional
+        Expected campaign, case and code.
+    n_run : int, optional
+        Only the first `n_run` runs; all runs if None.
+
+    Raises
+    ------
+    ValueError
+        At once if one of the first `n_run` runs is missing; during the iteration if a part is damaged.
+    """
+    chosen = [path for path in paths(folder) if n_run is None or sum(span(path)) <= n_run]
+    if n_run is not None:
+        end = 0
+        for first, count in [*map(span, chosen), (n_run, 0)]:
+            if first != end:
+                raise ValueError(f"{folder}: runs {end} to {first - 1} are in no part")
+            end = first + count
+    return (read(path, identity) for path in chosen)
+
+
+def _with_runs(identity: str, summary: BlockSummary) -> str:
+    return f"{identity} runs={summary.first_run}+{summary.n_run}"
+
+
+def _pack(summary: BlockSummary) -> pa.Table:
+    arrays = {name: _array(value) for name, value in zip(summary._fields, summary, strict=True)}
+    columns = (
+        texts(list(arrays)),
+        texts([str(array.dtype) for array in arrays.values()]),
+        integers([array.shape for array in arrays.values()]),
+        binaries(list(arrays.values())),
+    )
+    return pa.table(dict(zip(_SCHEMA.names, columns, strict=True)), schema=_SCHEMA)
+
+
+def _array(value: Any) -> _Array:
+    """Return a value as contiguous array; the names of events become the bytes of one text."""
+    if isinstance(value, np.ndarray):
+        return np.ascontiguousarray(value)
+    return np.frombuffer("\n".join(value).encode(), dtype=np.uint8)
+
+
+def _rows(table: pa.Table) -> Iterator[tuple[str, str, list[int], Any]]:
+    """Yield name, type, shape and bytes of each array of a part, without copying the bytes."""
+    names, dtypes, shapes = (table[name].to_pylist() for name in ("name", "dtype", "shape"))
+    yield from zip(names, dtypes, shapes, (value.as_buffer() for value in table["bytes"]), strict=True)
+
+
+def _unpack(rows: Iterable[tuple[str, str, list[int], Any]]) -> BlockSummary:
+    arrays: dict[str, Any] = {
+        name: np.frombuffer(content, dtype=dtype).reshape(shape).copy() for name, dtype, shape, content in rows
+    }
+    text = arrays["events"].tobytes().decode()
+    return BlockSummary(**{**arrays, "events": tuple(text.split("\n")) if text else ()})
+
+
+def _checksum(rows: Iterable[tuple[str, str, list[int], Any]], identity: bytes) -> bytes:
+    digest = hashlib.sha256(identity)
+    for name, dtype, shape, content in rows:
+        digest.update(f"{name} {dtype} {shape}\n".encode())
+        digest.update(content)
+    return digest.hexdigest().encode()

@@ -1,0 +1,207 @@
+"""Reading of results: tables as pandas frames, the manifest, the resolved campaign."""
+
+from __future__ import annotations
+
+import json
+import os
+import weakref
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from ruamel.yaml.error import YAMLError
+
+from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.quantities.input_files import read_bytes, refuse_irregular
+from lvnav_trade.results.tables.contents import is_without_rows
+from lvnav_trade.results.tables.manifest import damaged, read_manifest, refuse_changed
+from lvnav_trade.results.tables.schema import OF_OUTPUTS, TABLES, arrow_schema
+from lvnav_trade.results.tables.versions import parsed
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PLACES: dict[int, dict[tuple[str, ...], dict[Any, Any]]] = {}
+"""Index of stored tables: by identity of the frame and by columns, the positions of the rows with given values."""
+_RESOLVED_BYTES = 2**26  # limit, far above the size of the largest resolved campaign
+
+
+class Tables:
+    """Results of one campaign; each table of `schema.TABLES` is an attribute, which is read on first use.
+
+    Attributes
+    ----------
+    folder : Path
+        Folder of the results.
+    cache : dict
+        Results of metrics computed from the tables.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.cache: dict[tuple[str, ...], Any] = {}
+        self._read: dict[str, pd.DataFrame] = {}
+
+    @classmethod
+    def of(cls, tables: Mapping[str, pa.Table], campaign: Mapping[str, Any] | None = None) -> Tables:
+        """Return tables in memory, without a folder; campaign: the resolved campaign, if known."""
+        in_memory = cls(Path())
+        if campaign is not None:
+            in_memory.__dict__["campaign"] = dict(campaign)
+        in_memory._read = {name: table.to_pandas() for name, table in tables.items()}
+        return in_memory
+
+    def with_frames(self, **frames: pd.DataFrame) -> Tables:
+        """Return the results with some tables replaced by other frames."""
+        changed = Tables(self.folder)
+        changed._read = self._read | frames
+        changed.__dict__ |= {name: self.__dict__[name] for name in ("campaign", "manifest") if name in self.__dict__}
+        return changed
+
+    def __getattr__(self, name: str) -> pd.DataFrame:
+        if name not in TABLES:
+            raise AttributeError(name)
+        if name not in self._read:
+            table = _whole(name, stored_table(self.folder, name))
+            self._read[name] = table.combine_chunks().to_pandas()  # one chunk, since lookups are not case by case
+        frame = self._read[name]
+        if id(frame) not in PLACES:
+            PLACES[id(frame)] = {}
+            weakref.finalize(frame, PLACES.pop, id(frame), None).atexit = False
+        return frame
+
+    @property
+    def has_designs(self) -> bool:
+        """Whether the results are those of a design space, with one row per design."""
+        return "designs" in self._read or (self.folder / "designs.parquet").is_file()
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether the designs were drawn at random, so that they represent all designs within the limits."""
+        return self.campaign.get("design") in ("latin_hypercube", "sobol")
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """Manifest: request, versions and machine of the results."""
+        return read_manifest(self.folder / "manifest.json")
+
+    @cached_property
+    def campaign(self) -> dict[str, Any]:
+        """The resolved campaign, all defaults filled in."""
+        path = self.folder / "campaign.resolved.yaml"
+        refuse_changed(path)
+        try:
+            tree = dict(parsed(read_bytes(path, _RESOLVED_BYTES).decode()))
+        except (YAMLError, ValueError, TypeError, AttributeError, RecursionError) as error:
+            raise damaged(path, error) from None
+        return tree
+
+    @cached_property
+    def labels(self) -> dict[str, str]:
+        """Label by digest of the case, in the order of the plan; equal labels are extended by the digest."""
+        cases = self.cases
+        twice = set(cases.label[cases.label.duplicated()])
+        return {
+            case: f"{label} [{case}]" if label in twice else label
+            for case, label in zip(cases.case, cases.label, strict=True)
+        }
+
+    @cached_property
+    def levels(self) -> dict[str, dict[str, str]]:
+        """Level of every axis by digest of the case, in the order of the plan."""
+        return {case: json.loads(axes) for case, axes in zip(self.cases.case, self.cases["axes"], strict=True)}
+
+    @cached_property
+    def people(self) -> dict[tuple[str, str], tuple[str, float]]:
+        """Display unit and factor from SI to it, by quantity and axis."""
+        rows = self.outputs.drop_duplicates(["quantity", "axis"])
+        return {
+            (row.quantity, row.axis): (row.label_unit, row.label_factor_ratio) for row in rows.itertuples(index=False)
+        }
+
+
+def _whole(name: str, table: pa.Table) -> pa.Table:
+    """Return a table with every column of its schema; columns that an earlier version did not write are empty."""
+    for field in arrow_schema(name):
+        if field.name not in table.column_names:
+            table = table.append_column(field, pa.nulls(table.num_rows, field.type))
+    return table
+
+
+def _is_of_kind(stored: pa.DataType, wanted: pa.DataType) -> bool:
+    """Whether two types are both numbers, texts or truth values; their widths may differ."""
+    if pa.types.is_dictionary(stored):
+        stored = stored.value_type
+    kinds = (pa.types.is_floating, pa.types.is_integer, pa.types.is_boolean)
+    is_text = [pa.types.is_string(kind) or pa.types.is_large_string(kind) for kind in (stored, wanted)]
+    return pa.types.is_null(stored) or (is_text[0] == is_text[1] and all(of(stored) == of(wanted) for of in kinds))
+
+
+def load(results: Path | str | Tables) -> Tables:
+    """Load the tables of a folder of results.
+
+    Parameters
+    ----------
+    results : Path, str or Tables
+        Folder of results; tables are returned unchanged.
+
+    Returns
+    -------
+    Tables
+        Tables, read on first use.
+
+    Raises
+    ------
+    InputError
+        The folder has no results, or the campaign has not finished.
+    """
+    if isinstance(results, Tables):
+        return results
+    folder = Path(results)
+    if not (folder / "manifest.json").exists():
+        raise InputError(f"{folder}: no results here (no manifest.json)")
+    refuse_irregular(folder)
+    tables = Tables(folder)
+    if "created" in tables.manifest and "finished" not in tables.manifest:  # a kept base has neither
+        raise InputError(f"{folder}: the campaign has not finished; the same lvnav-trade run goes on with it")
+    return tables
+
+
+def stored_table(folder: Path, name: str) -> pa.Table:
+    """Read a table of a folder of results; a table without rows is not on disk and returned empty.
+
+    Raises an InputError if the table is missing or damaged, or a column has values of another type.
+    """
+    if not is_without_rows(folder, name):
+        path = folder / f"{name}.parquet"
+        table = read_table(path)
+        for field in arrow_schema(name):
+            stored = table.schema.field(field.name).type if field.name in table.column_names else field.type
+            if not _is_of_kind(stored, field.type):
+                raise damaged(path, f"the column {quoted(field.name)} has values of type {stored}, not {field.type}")
+        return table
+    kinds = OF_OUTPUTS.get(name, ())
+    outputs = stored_table(folder, "outputs").to_pylist() if kinds else []  # empty as well if every case failed
+    columns = {kind(row["quantity"], row["axis"], row["unit"]): None for kind in kinds for row in outputs}
+    return arrow_schema(name, tuple(columns)).empty_table()
+
+
+def read_table(path: Path) -> pa.Table:
+    """Read a table of results, verifying its digest and the checksum of every page.
+
+    Raises an InputError if the table is missing or damaged.
+    """
+    refuse_changed(path)
+    try:
+        return pq.read_table(path, page_checksum_verification=True)
+    except FileNotFoundError:
+        why = "a kept base has none, and of other results the same lvnav-trade run makes it again"
+        raise InputError(f"{path}: this table is missing; {why}") from None
+    except (OSError, pa.ArrowException, ValueError, MemoryError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise InputError(f"{path}: cannot be read: {os.strerror(error.errno)}") from None
+        why = str(error).strip().partition("\n")[0] or type(error).__name__
+        raise damaged(path, why) from None

@@ -1,0 +1,96 @@
+"""The data dictionary, `tables.toml`: which tables there are and of which feature, which columns, in which unit."""
+
+import re
+import tomllib
+from functools import lru_cache
+from importlib import resources
+
+import pyarrow as pa
+
+from lvnav_trade.quantities.units import EXAMPLES
+
+_STATED = tomllib.loads((resources.files("lvnav_trade.results.tables") / "tables.toml").read_text(encoding="utf-8"))
+# The last part of the name of every column of numbers is one of these
+SUFFIXES: dict[str, str] = _STATED["units"]
+# Meaning of every column by table, in order, after the column `case` that all of them begin with
+TABLES: dict[str, dict[str, str]] = {
+    table: {name: meaning or _STATED["shared"][name] for name, meaning in columns.items()}
+    for table, columns in _STATED["tables"].items()
+}
+# Feature of a campaign that each table belongs to; a table without rows is not written
+FEATURES: dict[str, str] = {table: _STATED["features"][table] for table in TABLES}
+# The same of the CSV tables beside a report
+REPORTED: dict[str, str] = _STATED["reported"]
+# Suffix of a column of errors in the table `runs`, by the SI unit of the output
+SI_SUFFIX = {
+    "m": "m",
+    "s": "s",
+    "m/s": "m_per_s",
+    "m/s**2": "m_per_s2",
+    "m/s^2": "m_per_s2",
+    "rad": "rad",
+    "rad/s": "rad_per_s",
+    "rad*s/m": "rad_s_per_m",
+    "s/rad": "s_per_rad",
+    "s^2/m": "s2_per_m",
+    "T": "tesla",
+    "dimensionless": "ratio",
+    "": "ratio",
+    "1": "ratio",
+}
+
+
+def unit_suffix(unit: str) -> str:
+    """Return the end of a column's name for numbers in an SI unit, such as rad_per_sqrt_s for ``rad/s**0.5``."""
+    if unit in SI_SUFFIX:
+        return SI_SUFFIX[unit]
+    text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)0\.5", r"sqrt_\1", unit)
+    text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)1\.5", r"\1_sqrt_\1", text)
+    text = re.sub(r"([A-Za-z]+)(?:\*\*|\^)2\.5", r"\1_\1_sqrt_\1", text)
+    return re.sub(r"\W", "_", text.replace("**", "").replace("^", "").replace("/", "_per_").replace("*", "_")).lower()
+
+
+@lru_cache(maxsize=1)
+def _units_by_end() -> dict[str, str]:
+    found = {unit_suffix(unit): unit for unit in (*EXAMPLES, *SI_SUFFIX) if unit}
+    return found | {"ratio": "dimensionless"}
+
+
+def unit_at_end(column: str) -> tuple[str, str]:
+    """Return what a column's name is without its unit, and that SI unit; no unit where it ends with none."""
+    ends = [end for end in _units_by_end() if column.endswith(f"_{end}")]
+    if not ends:
+        return column, ""
+    longest = max(ends, key=len)
+    return column.removesuffix(f"_{longest}"), _units_by_end()[longest]
+
+
+def error_column(quantity: str, axis: str, unit: str) -> str:
+    """Return the column of the table `runs` that holds one error, such as ``velocity_3d_error_m_per_s``."""
+    return f"{quantity}_{axis}_error_{SI_SUFFIX[unit]}"
+
+
+def rms_column(quantity: str, axis: str, unit: str) -> str:
+    """Return the column of the table `worst` with one error's root mean square over a span."""
+    return f"{quantity}_{axis}_rms_{SI_SUFFIX[unit]}"
+
+
+# Columns of errors that tables have further, one for each output
+OF_OUTPUTS = {"runs": (error_column,), "spot_runs": (error_column,), "worst": (error_column, rms_column)}
+
+
+def kind_of(column: str) -> pa.DataType:
+    """Return the type of a column, which its name says: numbers end with their unit, counts and numbers are whole."""
+    if column in ("logic", "integrity", "tracked"):
+        return pa.bool_()
+    if column.endswith(("_count", "_number")):
+        return pa.int64()
+    return pa.float64() if column.endswith(tuple(f"_{suffix}" for suffix in SUFFIXES)) else pa.string()
+
+
+@lru_cache(maxsize=128)
+def arrow_schema(table: str, extra: tuple[str, ...] = ()) -> pa.Schema:
+    """Return the Arrow schema of a table; `extra` names more columns of real numbers at its end."""
+    meanings = {"case": _STATED["shared"]["case"], **TABLES[table]}
+    fields = [pa.field(name, kind_of(name), metadata={"meaning": meaning}) for name, meaning in meanings.items()]
+    return pa.schema(fields + [pa.field(name, pa.float64()) for name in extra])

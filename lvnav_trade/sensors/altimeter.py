@@ -1,0 +1,120 @@
+"""Radar altimeter: height above ground; the mean height of the ground over the ellipsoid is known."""
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from lvnav_trade.kernels.earth import height_and_up
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.strapdown import R
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.quantities.units import Fraction, Length, LengthSigma, TimeConstant
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.evidence import Check, Evidence
+from lvnav_trade.sensors.jacobian_row import H_POS, clear
+from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit
+
+
+class AltimeterModel(SensorModel):
+    """Radar altimeter as the filter models it: white noise, constant and proportional to height; bias as a state."""
+
+    states: ClassVar[Mapping[str, StateUnit]] = {"bias": StateUnit("altitude_bias", "m", "m", 1.0)}
+
+    sigma: LengthSigma = Field(gt=0.0)
+    share: Fraction = 0.0
+    bias: LengthSigma = Field(0.0, description="of the extra state altitude_bias: its initial one-sigma")
+    bias_time: TimeConstant | None = None
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance (n_epoch, 1) in m^2."""
+        return np.asarray(self.sigma**2 + (self.share * flight.height[:, None]) ** 2)
+
+
+class AltimeterCard(SensorCard):
+    """A radar altimeter: height above ground, near the ground.
+
+    It points down independently of attitude, from the position of the IMU. The mean height of the ground over the
+    ellipsoid is known and subtracted.
+    """
+
+    measurement: ClassVar[str] = "altitude"
+    model: ClassVar[type[SensorModel]] = AltimeterModel
+    unit: ClassVar[str] = "m"
+    jacobian: ClassVar[tuple[str, ...]] = ("position",)
+    noise: ClassVar[str] = "altimeter noise"
+    noise_fields: ClassVar[tuple[str, ...]] = ("sigma", "share")
+    able: ClassVar[str] = "the height is within its range"
+
+    kind: Literal["altimeter"] = "altimeter"
+    sigma: LengthSigma = Field(gt=0.0, description="white noise of a measurement")
+    share: Fraction = Field(0.0, description="white noise in proportion to the height, added in quadrature")
+    bias: LengthSigma = Field(0.0, description="lasting error of the instrument, and of ground or waves below")
+    bias_time: TimeConstant | None = Field(None, description="time constant of this error; none: constant during a run")
+    lowest: Length = Field(0.0, ge=0.0, description="height below which it does not measure")
+    highest: Annotated[Length, Field(gt=0.0)] = Field(description="height above which it does not measure")
+
+    @model_validator(mode="after")
+    def _spans(self) -> Self:
+        if self.lowest >= self.highest:
+            raise ValueError("lowest should be below highest")
+        return self
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the height (n_epoch, 1) in m."""
+        return flight.height[:, None]
+
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return the one-sigma (n_epoch, 1) in m."""
+        return np.hypot(self.sigma, self.share * flight.height)[:, None]
+
+    def available(self, flight: FlightView) -> Bools:
+        """Return whether the height is within its range, (n_epoch,)."""
+        return np.asarray((flight.height >= self.lowest) & (flight.height <= self.highest))
+
+    @property
+    def limiting(self) -> str:
+        """Its greatest height."""
+        return "highest"
+
+    def lasting(self) -> tuple[CorrelatedError, ...]:
+        """Return its bias."""
+        return (CorrelatedError("altimeter bias", "height_bias", self.bias, "bias", self.bias_time or math.inf),)
+
+
+@jit
+def fill(H, z, at, observed, nav):
+    """Set a Jacobian row at `at`, and the innovation (m); nav (10,): navigation state, frame i."""
+    height, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
+    h = H[at]
+    clear(h)
+    h[H_POS], h[H_POS + 1], h[H_POS + 2] = ux, uy, uz
+    z[at] = observed[0] - height
+
+
+SENSORS = (
+    Registration(
+        AltimeterCard,
+        Evidence(
+            "Radar altimeter",
+            checks=(
+                Check(
+                    "closed form",
+                    "geodetic height to 1e-6 m",
+                    "tests/sensors/test_altimeter.py::test_the_prediction_is_the_ellipsoidal_height",
+                ),
+                Check(
+                    "both engines",
+                    "bias and noise in 400 runs, loose and tight",
+                    "tests/simulation/preparation/test_sensors.py"
+                    "::test_both_engines_agree_on_what_an_altimeter_does_bias_and_all",
+                ),
+            ),
+            omits="Terrain and sea state: the ground is the ellipsoid. It points down whatever the attitude.",
+        ),
+        fill=fill,
+        order=0,
+    ),
+)

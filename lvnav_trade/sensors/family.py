@@ -1,0 +1,100 @@
+"""The family of sensors: all sensors that the modules of this folder register in `SENSORS`.
+
+A new sensor is a module here, a card in `configs/` and a test. Its number in the kernels is its index in `FAMILY`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+
+from pydantic import Field, create_model
+
+from lvnav_trade.kernels.choice import choosing
+from lvnav_trade.kernels.jit import inlined
+from lvnav_trade.quantities.units import Card
+from lvnav_trade.sensors.receiver_observables import FURTHER
+from lvnav_trade.sensors.sensor import Registration, SensorCard
+
+
+def kind_of(card: type[SensorCard]) -> str:
+    """Return the kind of a sensor card, as a scenario names it."""
+    return str(card.model_fields["kind"].default)
+
+
+def _family() -> tuple[Registration, ...]:
+    """Return the registrations of the modules of this folder, in the order of their numbers."""
+    room = __name__.rpartition(".")[0]
+    modules = pkgutil.walk_packages([str(Path(__file__).parent)], f"{room}.")
+    names = [module.name for module in modules if module.name != __name__]
+    members = [member for name in names for member in getattr(importlib.import_module(name), "SENSORS", ())]
+    return tuple(sorted(members, key=lambda member: (member.order, kind_of(member.card))))
+
+
+FAMILY = _family()
+SENSORS: tuple[type[SensorCard], ...] = tuple(member.card for member in FAMILY)
+
+RECEIVER_SOLUTION = ("position", "velocity")
+RANGES = ("pseudorange", "range_rate")
+OBSERVABLES = (*RANGES, *FURTHER)
+SENSOR_MEASUREMENTS = tuple(dict.fromkeys(card.measurement for card in SENSORS))
+MEASUREMENTS = (*RECEIVER_SOLUTION, *OBSERVABLES, *SENSOR_MEASUREMENTS, "imu")
+"""Names of all measurements, in the order of a filter card."""
+
+SENSOR_STATES = {state.name: state for card in SENSORS for state in card.model.states.values()}
+"""Extra states of a filter for lasting errors of sensors, by name."""
+
+if TYPE_CHECKING:
+    Sensor = SensorCard
+    Measurement = str
+    SensorModels = Card
+else:
+    Sensor = Annotated[Union[SENSORS], Field(discriminator="kind")]  # noqa: UP007
+    Measurement = Literal[MEASUREMENTS]
+    SensorModels = create_model(
+        "SensorModels",
+        __base__=Card,
+        __doc__="Filter models of the sensors, by measurement; `matched` takes each number from the sensor's card.",
+        **{
+            name: (
+                Literal["matched"] | Union[tuple(card.model for card in SENSORS if card.measurement == name)],  # noqa: UP007
+                "matched",
+            )
+            for name in SENSOR_MEASUREMENTS
+        },
+    )
+
+
+def model_of(models: SensorModels, sensor: SensorCard) -> Any:
+    """Return the filter model of a sensor: that of the filter card, or for `matched` the numbers of the sensor."""
+    stated = getattr(models, sensor.measurement)
+    return sensor.matched() if isinstance(stated, str) else stated
+
+
+@inlined
+@choosing([member.measure for member in FAMILY])
+def measure(out, code, truth, e0, e1, e2):
+    """Set the measured values of a sensor.
+
+    out : (4,) output.
+    code : Index of the sensor in `FAMILY`.
+    truth : (4,) error-free values at the epoch, SI.
+    e0, e1, e2 : Errors of the scalars, SI.
+    """
+
+
+@inlined
+@choosing([member.fill for member in FAMILY])
+def fill(H, z, at, code, observed, nav, theta, known):
+    """Set the Jacobian rows of a sensor, from row `at` on, and its innovations (measured minus predicted).
+
+    H : (n, n_entry) Jacobian, updated.
+    z : (n,) innovations, updated.
+    code : Index of the sensor in `FAMILY`.
+    observed : (4,) measured values, as from `measure`.
+    nav : (10,) navigation state, frame i.
+    theta : rad. Earth angle at the epoch.
+    known : (N_KNOWN,) parameters of the sensor that the filter knows, at the epoch.
+    """

@@ -1,0 +1,133 @@
+"""The Earth's magnetic field by IGRF-14: spherical harmonics to degree 13, coefficients in `igrf14.txt`.
+
+Alken et al., International Geomagnetic Reference Field: the thirteenth generation, Earth Planets Space 73:49 (2021),
+equations 1 and 2; coefficients of the fourteenth: IAGA Division V-MOD, doi:10.5281/zenodo.14012302.
+"""
+
+import math
+from datetime import UTC, datetime
+from functools import lru_cache
+from importlib.resources import files
+
+import numpy as np
+
+from lvnav_trade.quantities.records import Floats
+
+DEGREE = 13
+RADIUS = 6371.2e3
+"""Reference radius of the expansion, m."""
+TESLA = 1e-9
+"""The coefficients are in nT."""
+
+
+@lru_cache(maxsize=1)
+def _table() -> tuple[Floats, Floats, Floats]:
+    """Return years (n_year,) and coefficients g, h (14, 14, n_year) nT, by degree and order."""
+    lines = [line for line in (files(__package__) / "igrf14.txt").read_text("utf-8").splitlines() if line[:1] != "#"]
+    years = np.array(lines[0].split(), dtype=float)
+    g, h = np.zeros((2, DEGREE + 1, DEGREE + 1, years.size))
+    for line in lines[1:]:
+        n, m, *values = line.split()
+        (g if int(m) >= 0 else h)[int(n), abs(int(m))] = np.array(values, dtype=float)
+    return years, g, h
+
+
+def year_of(epoch: str) -> float:
+    """Return the decimal year of an ISO 8601 time (UTC)."""
+    moment = datetime.fromisoformat(epoch)
+    moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+    start, end = (datetime(moment.year + k, 1, 1, tzinfo=UTC) for k in (0, 1))
+    return moment.year + (moment - start) / (end - start)
+
+
+def covered() -> tuple[float, float]:
+    """Return the first and the last year of the model."""
+    years = _table()[0]
+    return float(years[0]), float(years[-1])
+
+
+def coefficients(year: float) -> tuple[Floats, Floats]:
+    """Return the coefficients g, h (14, 14) nT at a decimal year, by degree and order.
+
+    They are linear between the five-year epochs of the model. ValueError outside the years of the model.
+    """
+    years, g, h = _table()
+    if not years[0] <= year <= years[-1]:
+        raise ValueError(f"IGRF-14 is of {years[0]:g} to {years[-1]:g}, not of {year:.1f}")
+    after = min(max(int(np.searchsorted(years, year)), 1), years.size - 1)
+    share = (year - years[after - 1]) / (years[after] - years[after - 1])
+    g_now, h_now = ((1.0 - share) * c[..., after - 1] + share * c[..., after] for c in (g, h))
+    return g_now, h_now
+
+
+def field(r_e: Floats, year: float, degree: int = DEGREE) -> Floats:
+    """Return the magnetic field (..., 3) T in frame e.
+
+    Parameters
+    ----------
+    r_e : (..., 3) m, frame e
+        Positions, not on the polar axis.
+    year : float
+        Decimal year.
+    degree : int
+        Largest degree of the expansion.
+
+    Notes
+    -----
+    The field is -grad V with the potential V = a sum (a / r)^(n + 1) (g cos m lon + h sin m lon) P_n^m(cos colatitude).
+    """
+    g, h = coefficients(year)
+    r_e = np.asarray(r_e, dtype=float)
+    distance, across = np.linalg.norm(r_e, axis=-1), np.hypot(r_e[..., 0], r_e[..., 1])
+    cosine, sine = r_e[..., 2] / distance, across / distance
+    east = np.stack([-r_e[..., 1], r_e[..., 0], np.zeros_like(across)], axis=-1) / across[..., None]
+    up = r_e / distance[..., None]
+    south = np.cross(east, up)
+    longitude = np.arctan2(r_e[..., 1].copy(), r_e[..., 0].copy())  # contiguous, as in `frames.geodetic_from_ecef`
+    P, dP = legendre(cosine, sine, degree)
+    radial, southward, eastward = (np.zeros_like(distance) for _ in range(3))
+    for n in range(1, degree + 1):
+        shrink = (RADIUS / distance) ** (n + 2)
+        for m in range(n + 1):
+            c, s = np.cos(m * longitude), np.sin(m * longitude)
+            along, turned = g[n, m] * c + h[n, m] * s, m * (g[n, m] * s - h[n, m] * c)
+            radial += shrink * (n + 1) * along * P[n][m]
+            southward -= shrink * along * dP[n][m]
+            eastward += shrink * turned * P[n][m] / sine
+    return TESLA * (radial[..., None] * up + southward[..., None] * south + eastward[..., None] * east)
+
+
+def legendre(cosine: Floats, sine: Floats, degree: int) -> tuple[list[list[Floats]], list[list[Floats]]]:
+    """Return Schmidt semi-normalised associated Legendre functions, by degree and order, and their derivatives.
+
+    cosine, sine : (...,). Cosine and sine of the colatitude. Derivatives are with respect to the colatitude (rad).
+    """
+    ones, zeros = np.ones_like(cosine), np.zeros_like(cosine)
+    P, dP = [[ones]], [[zeros]]
+    for n in range(1, degree + 1):
+        row, slope = [], []
+        for m in range(n):
+            a, b = (2 * n - 1) / math.sqrt(n * n - m * m), math.sqrt(((n - 1) ** 2 - m * m) / (n * n - m * m))
+            before = P[n - 2][m] if m <= n - 2 else zeros
+            d_before = dP[n - 2][m] if m <= n - 2 else zeros
+            row.append(a * cosine * P[n - 1][m] - (b * before if m <= n - 2 else zeros))
+            falling = a * (cosine * dP[n - 1][m] - sine * P[n - 1][m])
+            slope.append(falling - (b * d_before if m <= n - 2 else zeros))
+        c = math.sqrt(1.0 - 1.0 / (2.0 * n)) if n > 1 else 1.0
+        row.append(c * sine * P[n - 1][n - 1])
+        slope.append(c * (sine * dP[n - 1][n - 1] + cosine * P[n - 1][n - 1]))
+        P.append(row)
+        dP.append(slope)
+    return P, dP
+
+
+def gradient(r_e: Floats, year: float, degree: int = DEGREE, step: float = 1e3) -> Floats:
+    """Return the gradient (..., 3, 3) T/m of the field (rows) by position (columns) in frame e.
+
+    Central differences over `step` (m), accurate to 1e-6 of the gradient. Parameters are those of `field`.
+    """
+    columns = []
+    for axis in range(3):
+        offset = step * np.eye(3)[axis]
+        columns.append((field(r_e + offset, year, degree) - field(r_e - offset, year, degree)) / (2.0 * step))
+    return np.stack(columns, axis=-1)

@@ -1,0 +1,304 @@
+"""Ground radar or ranging station: range, azimuth and elevation of the vehicle from a station, or some of them.
+
+With the line d = r - s from the station s to the vehicle, and the station's north, east and up,
+
+    range = |d|,  azimuth = atan2(d.east, d.north),  elevation = asin(d.up / |d|)
+
+z = h(r) + b_range + b_angle - dh/dd e_s + c (excess, 0, bending) + v, with biases, the survey error e_s of the station,
+the fraction c of the refraction (`kernels/media/sight.py`) after the station's correction, and white noise v. The
+filter knows position and axes of the station, and a reference direction from which angles count, so that the azimuth
+does not jump at north.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from lvnav_trade.kernels.attitude import cross
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import sqrt, where
+from lvnav_trade.kernels.media.refractivity import exponential_refractivity
+from lvnav_trade.kernels.media.sight import along_line
+from lvnav_trade.kernels.strapdown import R
+from lvnav_trade.quantities.conditions import ELEVATIONS, SightConditions
+from lvnav_trade.quantities.frames import ecef_from_geodetic, eci_from_ecef, rotation_e_n
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.quantities.units import Angle, AngleSigma, Fraction, Length, LengthSigma, TimeConstant, distinct
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.evidence import Check, Evidence
+from lvnav_trade.sensors.jacobian_row import H_POS, angle_of, clear
+from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit
+
+Scalar = Literal["range", "azimuth", "elevation"]
+SCALARS: tuple[Scalar, ...] = ("range", "azimuth", "elevation")
+# Indices of the known parameters: station position, horizontal reference direction and up (3 each, frame i); azimuth,
+# elevation, and cosine and sine of the elevation of the reference; scalars as a bit mask: 1 + 2 + 4 for all.
+PLACE, AHEAD, UP, AZIMUTH, ELEVATION, COSINE, SINE, WHICH = 0, 3, 6, 9, 10, 11, 12, 13
+
+
+class StationModel(SensorModel):
+    """A ground station as the filter models it: white noise of ranges and angles; biases as states."""
+
+    states: ClassVar[Mapping[str, StateUnit]] = {
+        "range_bias": StateUnit("station_range_bias", "m", "m", 1.0),
+        "angle_bias": StateUnit("station_angle_bias", "rad", "mrad", 1e3),
+    }
+
+    range_sigma: LengthSigma = Field(gt=0.0)
+    angle_sigma: AngleSigma = Field(gt=0.0)
+    range_bias: LengthSigma = Field(0.0, description="of the extra state station_range_bias: its initial one-sigma")
+    angle_bias: AngleSigma = Field(0.0, description="of the extra state station_angle_bias: its initial one-sigma")
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance (1, 3) of range (m^2), azimuth and elevation (rad^2)."""
+        return np.square([[self.range_sigma, self.angle_sigma, self.angle_sigma]])
+
+
+class Look(NamedTuple):
+    """Lines of sight from a station, frame i.
+
+    values : (n, 3) m, rad, rad. Range, azimuth, elevation.
+    partials : (n, 3, 3). Their derivatives by the vehicle's position.
+    place : (n, 3) m. Position of the station.
+    north, east, up : (n, 3). Axes of the station.
+    """
+
+    values: Floats
+    partials: Floats
+    place: Floats
+    north: Floats
+    east: Floats
+    up: Floats
+
+
+class StationCard(SensorCard, SightConditions):
+    """A radar or ranging station on the ground that tracks the IMU and sends its measurements to the filter.
+
+    It measures above its elevation mask (elevation_above) and within its longest range.
+    """
+
+    measurement: ClassVar[str] = "ground_tracking"
+    model: ClassVar[type[SensorModel]] = StationModel
+    labels: ClassVar[tuple[str, ...]] = SCALARS
+    unit: ClassVar[str] = "m or rad"
+    jacobian: ClassVar[tuple[str, ...]] = ("position",)
+    noise: ClassVar[str] = "ground tracking noise"
+    noise_fields: ClassVar[tuple[str, ...]] = ("range_sigma", "angle_sigma")
+    able: ClassVar[str] = "the station sees the vehicle"
+
+    kind: Literal["ground_station"] = "ground_station"
+    latitude: Angle = Field(description="geodetic, of the station as surveyed")
+    longitude: Angle = Field(description="surveyed longitude of the station")
+    height: Length = Field(0.0, description="height of the station above the ellipsoid")
+    measures: Annotated[tuple[Scalar, ...], AfterValidator(distinct)] = Field(
+        SCALARS, min_length=1, description="measurements of the station"
+    )
+    range_sigma: LengthSigma = Field(0.0, description="white noise of a range; required if the station measures range")
+    angle_sigma: AngleSigma = Field(
+        0.0, description="white noise of azimuth and elevation; required if the station measures one of them"
+    )
+    range_bias: LengthSigma = Field(
+        0.0, description="lasting error of the ranges, from the delay of transponder and receiver"
+    )
+    angle_bias: AngleSigma = Field(0.0, description="lasting error of azimuth and of elevation: orientation, levelling")
+    survey: LengthSigma = Field(0.0, description="survey error of the station, for each of north, east, up")
+    refraction: Fraction = Field(
+        0.0,
+        description="residual refraction after the station's correction, as a fraction of the refraction, equal for "
+        "all scalars",
+    )
+    refraction_time: TimeConstant | None = Field(None, description="time constant of that fraction; none: constant")
+    longest_range: Annotated[Length, Field(gt=0.0)] = Field(description="largest range at which the station measures")
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if abs(self.latitude) > 0.5 * math.pi:
+            yield "latitude: is between -90 deg and 90 deg"
+        for name, measured in (("range", "range" in self.measures), ("angle", set(self.measures) != {"range"})):
+            if measured and getattr(self, f"{name}_sigma") == 0.0:
+                yield f"{name}_sigma: is missing, or zero; the station measures {name}s"
+            for field in () if measured else (f"{name}_sigma", f"{name}_bias"):
+                if getattr(self, field) > 0.0:
+                    yield f"{field}: no effect: the station measures no {name}"
+
+    @property
+    def scalars(self) -> tuple[str, ...]:
+        """Measured scalars, in the order range, azimuth, elevation."""
+        return tuple(name for name in SCALARS if name in self.measures)
+
+    @property
+    def _own(self) -> list[int]:
+        return [SCALARS.index(name) for name in self.scalars]
+
+    def look(self, flight: FlightView) -> Look:
+        """Return the lines of sight to the vehicle at the epochs."""
+        shape, C_e_n = (flight.t.size, 3), rotation_e_n(self.latitude, self.longitude)
+        site = ecef_from_geodetic(self.latitude, self.longitude, self.height)
+        place, north, east, up = (
+            eci_from_ecef(np.broadcast_to(v, shape), flight.theta) for v in (site, C_e_n[0], C_e_n[1], -C_e_n[2])
+        )
+        line = flight.r_i - place
+        n, e, u = (np.sum(line * axis, axis=1) for axis in (north, east, up))
+        level, distance = np.hypot(n, e), np.linalg.norm(line, axis=1)
+        across = (n[:, None] * east - e[:, None] * north) / level[:, None] ** 2
+        ahead = (n[:, None] * north + e[:, None] * east) / level[:, None]
+        rising = (level[:, None] * up - u[:, None] * ahead) / distance[:, None] ** 2
+        values = np.stack([distance, np.mod(np.arctan2(e, n), 2.0 * np.pi), np.arctan2(u, level)], axis=1)
+        partials = np.stack([line / distance[:, None], across, rising], axis=1)
+        return Look(values, partials, place, north, east, up)
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the measured scalars among range (m), azimuth and elevation (rad), (n_epoch, n_scalar)."""
+        return self.look(flight).values[:, self._own]
+
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return the one-sigma (1, n_scalar) in m or rad."""
+        return np.array([[self.range_sigma, self.angle_sigma, self.angle_sigma]])[:, self._own]
+
+    def assumed_variance(self, model: SensorModel, flight: FlightView) -> Floats:
+        """Return the variance (1, n_scalar) that a filter assumes for the measured scalars."""
+        return model.variance(flight)[:, self._own]
+
+    def available(self, flight: FlightView) -> Bools:
+        """Return whether the vehicle is above the mask and near enough, (n_epoch,)."""
+        distance, _, elevation = self.look(flight).values.T
+        return np.asarray((distance <= self.longest_range) & (elevation >= 0.0) & self.sights(elevation))
+
+    @property
+    def limiting(self) -> str:
+        """Its elevation mask, or else its longest range."""
+        return next((name for name in ELEVATIONS if name in self.stated), "longest_range")
+
+    def known(self, model: SensorModel, flight: FlightView) -> Floats:
+        """Return the parameters of the station and the reference of its angles, (n_epoch, 14): `PLACE` to `WHICH`."""
+        look, n = self.look(flight), flight.t.size
+        _, azimuth, elevation = look.values.T
+        ahead = np.cos(azimuth)[:, None] * look.north + np.sin(azimuth)[:, None] * look.east
+        angles = np.stack([azimuth, elevation, np.cos(elevation), np.sin(elevation)], axis=1)
+        return np.hstack([look.place, ahead, look.up, angles, np.full((n, 1), sum(2**k for k in self._own))])
+
+    def lasting(self) -> tuple[CorrelatedError, ...]:
+        """Return biases, survey error and residual refraction."""
+        time_constant = self.refraction_time or math.inf
+        errors = []
+        if 0 in self._own:
+            errors.append(
+                CorrelatedError(
+                    "station range bias",
+                    "range",
+                    self.range_bias,
+                    "range_bias",
+                    math.inf,
+                    ("",),
+                    lambda flight: self._picked(np.eye(3)[None, :, :1]),
+                )
+            )
+        angles = [k for k in self._own if k > 0]
+        if angles:
+            names = tuple(SCALARS[k] for k in angles)
+            errors.append(
+                CorrelatedError(
+                    "station angle bias",
+                    "angle",
+                    self.angle_bias,
+                    "angle_bias",
+                    math.inf,
+                    names,
+                    lambda flight: self._picked(np.eye(3)[None, :, angles]),
+                )
+            )
+        axes = ("north", "east", "up")
+        return (
+            *errors,
+            CorrelatedError("station survey", "survey", self.survey, "survey", math.inf, axes, self._by_place),
+            CorrelatedError(
+                "refraction", "refraction", self.refraction, "refraction", time_constant, ("",), self._bent
+            ),
+        )
+
+    def _picked(self, partials: Floats) -> Floats:
+        """Return partials (n_epoch, 3, n_label) of the scalars that it measures."""
+        return partials[:, self._own]
+
+    def _by_place(self, flight: FlightView) -> Floats:
+        look = self.look(flight)
+        axes = np.stack([look.north, look.east, look.up], axis=2)
+        return self._picked(-look.partials @ axes)
+
+    def _bent(self, flight: FlightView) -> Floats:
+        """Return the refraction (n_epoch, n_scalar, 1): excess of the range (m), bending of the elevation (rad)."""
+        distance, _, elevation = self.look(flight).values.T
+        air = along_line(exponential_refractivity, self.height, np.maximum(elevation, 0.0), distance)
+        return self._picked(np.stack([air.excess, 0.0 * distance, air.bending], axis=1)[:, :, None])
+
+
+@jit
+def fill(H, z, at, observed, nav, known):
+    """Set the Jacobian rows of the measured scalars from `at` on, and the innovations (m, rad).
+
+    known : (14,) parameters by the indices above.
+    """
+    x, y, w = nav[R] - known[PLACE], nav[R + 1] - known[PLACE + 1], nav[R + 2] - known[PLACE + 2]
+    fx, fy, fz, ux, uy, uz = known[AHEAD], known[AHEAD + 1], known[AHEAD + 2], known[UP], known[UP + 1], known[UP + 2]
+    gx, gy, gz = cross(fx, fy, fz, ux, uy, uz)  # to the right
+    a, b, u = x * fx + y * fy + w * fz, x * gx + y * gy + w * gz, x * ux + y * uy + w * uz
+    level2 = a * a + b * b
+    level, distance2 = sqrt(level2), level2 + u * u
+    distance, which, row, k = sqrt(distance2), int(known[WHICH]), at, 0
+    if which % 2 == 1:
+        clear(H[row])
+        H[row, H_POS], H[row, H_POS + 1], H[row, H_POS + 2] = x / distance, y / distance, w / distance
+        z[row] = observed[k] - distance
+        row, k = row + 1, k + 1
+    if which // 2 % 2 == 1:
+        clear(H[row])
+        p, q = a / level2, b / level2
+        H[row, H_POS], H[row, H_POS + 1], H[row, H_POS + 2] = p * gx - q * fx, p * gy - q * fy, p * gz - q * fz
+        off = observed[k] - known[AZIMUTH]
+        off = where(off > math.pi, off - 2.0 * math.pi, where(off < -math.pi, off + 2.0 * math.pi, off))
+        z[row] = off - angle_of(b, a)
+        row, k = row + 1, k + 1
+    if which >= 4:
+        clear(H[row])
+        p, q = level / distance2, u / (level * distance2)
+        H[row, H_POS] = p * ux - q * (a * fx + b * gx)
+        H[row, H_POS + 1] = p * uy - q * (a * fy + b * gy)
+        H[row, H_POS + 2] = p * uz - q * (a * fz + b * gz)
+        c, s = known[COSINE], known[SINE]
+        z[row] = observed[k] - known[ELEVATION] - angle_of(u * c - level * s, level * c + u * s)
+
+
+SENSORS = (
+    Registration(
+        StationCard,
+        Evidence(
+            "Ground radar or ranging station",
+            checks=(
+                Check(
+                    "closed form",
+                    "one range leaves the closed form along the line of sight to 0.2 %",
+                    "tests/both_engines/test_ground.py::test_one_range_leaves_the_closed_form_along_the_line_of_sight",
+                ),
+                Check(
+                    "closed form",
+                    "residual refraction of a steep line in a flat atmosphere to 0.5 %",
+                    "tests/sensors/test_ground_station.py"
+                    "::test_the_residual_refraction_of_a_high_line_is_that_of_a_flat_atmosphere",
+                ),
+                Check(
+                    "both engines",
+                    "a station with every error",
+                    "tests/both_engines/test_ground.py"
+                    "::test_both_engines_agree_on_a_station_with_every_error_and_name_each_in_the_budget",
+                ),
+            ),
+            omits="The link to the vehicle, servo lag, glint, range rate; refraction is that of one "
+            "exponential atmosphere.",
+        ),
+        fill=fill,
+        order=10,
+    ),
+)

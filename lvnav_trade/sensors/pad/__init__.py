@@ -1,0 +1,1 @@
+"""Sensors of a vehicle that stands on its pad."""

@@ -1,0 +1,120 @@
+"""Optical azimuth: a theodolite measures the azimuth of a mirror on the vehicle, whose normal is the body y axis.
+
+Azimuth from north to east in the plane of the local horizon; with m the normal, d down and m_h its part in that plane,
+z - z_hat = (d - (m . d / |m_h|^2) m_h) . att + v. The horizon is that of the estimated position; its rotation with a
+position error (1e-5 rad for 100 m) is neglected.
+"""
+
+import math
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.kernels.attitude import matrix
+from lvnav_trade.kernels.earth import height_and_up
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import sqrt
+from lvnav_trade.kernels.strapdown import Q, R
+from lvnav_trade.quantities.frames import matrices, rotation_i_n
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.quantities.units import AngleSigma
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.evidence import Check, Evidence
+from lvnav_trade.sensors.jacobian_row import H_ATT, clear, turned
+from lvnav_trade.sensors.pad.standing import StandingCard
+from lvnav_trade.sensors.sensor import FlightView, Registration, SensorModel
+
+_STEEPEST = 0.5  # smallest horizontal component of the mirror's normal for a measurement
+
+
+class AzimuthModel(SensorModel):
+    """Optical azimuth as the filter models it: white noise."""
+
+    sigma: AngleSigma = Field(gt=0.0)
+
+
+class AzimuthCard(StandingCard):
+    """Azimuth of a mirror on the vehicle (its normal is the body's y axis), seen from the ground."""
+
+    measurement: ClassVar[str] = "azimuth"
+    model: ClassVar[type[SensorModel]] = AzimuthModel
+    unit: ClassVar[str] = "rad"
+    jacobian: ClassVar[tuple[str, ...]] = ("attitude",)
+    noise: ClassVar[str] = "azimuth noise"
+
+    kind: Literal["azimuth"] = "azimuth"
+    sigma: AngleSigma = Field(gt=0.0, description="white noise of a measurement")
+    bias: AngleSigma = Field(0.0, description="constant error of the surveyed line and of the mirror")
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the azimuth of the mirror's normal (n_epoch, 1) in rad."""
+        normal = self._normal(flight)
+        return np.arctan2(normal[:, 1].copy(), normal[:, 0].copy())[:, None]
+
+    def available(self, flight: FlightView) -> Bools:
+        """Return whether the vehicle is at rest and the mirror's normal near enough to the horizon, (n_epoch,) bool."""
+        return flight.standing & (np.linalg.norm(self._normal(flight)[:, :2], axis=1) > _STEEPEST)
+
+    def lasting(self) -> tuple[CorrelatedError, ...]:
+        """Return its bias."""
+        return (CorrelatedError("azimuth bias", "azimuth_bias", self.bias, "bias", math.inf),)
+
+    @staticmethod
+    def _normal(flight: FlightView) -> Floats:
+        """Return the mirror's normal (n_epoch, 3), north-east-down axes."""
+        return np.asarray(
+            np.einsum("nij,nj->ni", rotation_i_n(flight.r_i, flight.theta), matrices(flight.q_b_i)[:, :, 1])
+        )
+
+
+@jit
+def measure(out, truth, e0):
+    """Set out[:2] to cosine and sine of the measured azimuth: true azimuth truth[0] (rad) plus an error (rad)."""
+    out[0], out[1] = turned(math.cos(truth[0]), math.sin(truth[0]), e0)
+
+
+@jit
+def fill(H, z, at, observed, nav):
+    """Set a Jacobian row at `at`, and the innovation (rad)."""
+    _, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
+    scale = 1.0 / sqrt(ux * ux + uy * uy)
+    ex, ey = -uy * scale, ux * scale
+    nx, ny, nz = -uz * ey, uz * ex, ux * ey - uy * ex
+    c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    north, east = nx * c[1] + ny * c[4] + nz * c[7], ex * c[1] + ey * c[4]
+    up = ux * c[1] + uy * c[4] + uz * c[7]
+    square = 1.0 / (north * north + east * east)
+    sine = (observed[1] * north - observed[0] * east) * sqrt(square)
+    z[at] = sine * (1.0 + sine * sine * (1.0 / 6.0))
+    h, tilt = H[at], up * square
+    clear(h)
+    h[H_ATT] = tilt * (north * nx + east * ex) - ux
+    h[H_ATT + 1] = tilt * (north * ny + east * ey) - uy
+    h[H_ATT + 2] = tilt * (north * nz) - uz
+
+
+SENSORS = (
+    Registration(
+        AzimuthCard,
+        Evidence(
+            "Optical azimuth",
+            checks=(
+                Check(
+                    "closed form",
+                    "heading to its bias and averaged noise, 1 %",
+                    "tests/both_engines/test_alignment.py::test_an_azimuth_gives_heading_to_its_bias_and_its_averaged_noise",
+                ),
+                Check(
+                    "both engines",
+                    "64 runs at lift-off, while the vehicle sways",
+                    "tests/both_engines/test_alignment.py::test_both_engines_agree_at_lift_off",
+                ),
+            ),
+            omits="Refraction and shimmer of the line of sight; mounting of the mirror apart from the bias.",
+        ),
+        fill=fill,
+        measure=measure,
+        order=4,
+    ),
+)

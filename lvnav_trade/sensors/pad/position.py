@@ -1,0 +1,84 @@
+"""Known position: the surveyed position of the IMU while the vehicle is at rest on the pad.
+
+z - z_hat = C_i_e pos + s + v, axes of frame e, with the constant survey error s.
+"""
+
+import math
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.strapdown import R
+from lvnav_trade.quantities.frames import ecef_from_eci
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.units import LengthSigma
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.evidence import Check, Evidence
+from lvnav_trade.sensors.jacobian_row import H_POS
+from lvnav_trade.sensors.pad.standing import RestCard, begin_rows, to_earth
+from lvnav_trade.sensors.sensor import FlightView, Registration, SensorModel, each_scalar
+
+
+class PadPositionModel(SensorModel):
+    """Known position as the filter models it: white noise per axis in place of the sway."""
+
+    sigma: LengthSigma = Field(gt=0.0)
+
+
+class PadPositionCard(RestCard):
+    """The surveyed position of the IMU of a vehicle at rest on its pad."""
+
+    measurement: ClassVar[str] = "pad_position"
+    model: ClassVar[type[SensorModel]] = PadPositionModel
+    unit: ClassVar[str] = "m"
+    jacobian: ClassVar[tuple[str, ...]] = ("position",)
+    noise: ClassVar[str] = "pad position noise"
+
+    kind: Literal["pad_position"] = "pad_position"
+    sigma: LengthSigma = Field(gt=0.0, description="sway per axis that a matched filter assumes")
+    jitter: LengthSigma = Field(0.0, description="true white noise per axis, in addition to the sway of the trajectory")
+    survey: LengthSigma = Field(0.0, description="constant error of the survey, per axis")
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the position at rest (n_epoch, 3) in m, frame e."""
+        return ecef_from_eci(flight.r_rest, flight.theta)
+
+    def lasting(self) -> tuple[CorrelatedError, ...]:
+        """Return the error of the survey."""
+        error = CorrelatedError("pad survey", "survey", self.survey, "survey", math.inf, self.labels, each_scalar(3))
+        return (error,)
+
+
+@jit
+def fill(H, z, at, observed, nav, theta):
+    """Set three Jacobian rows from `at` on, and the innovations (m); theta : rad, Earth angle."""
+    x, y = to_earth(theta, nav[R], nav[R + 1])
+    z[at], z[at + 1], z[at + 2] = observed[0] - x, observed[1] - y, observed[2] - nav[R + 2]
+    begin_rows(H, at, H_POS, theta)
+
+
+SENSORS = (
+    Registration(
+        PadPositionCard,
+        Evidence(
+            "Known position of the pad",
+            checks=(
+                Check(
+                    "closed form",
+                    "survey error plus averaged jitter to 0.5 %",
+                    "tests/both_engines/test_alignment.py"
+                    "::test_a_known_position_is_known_to_its_survey_and_its_averaged_jitter",
+                ),
+                Check(
+                    "both engines",
+                    "64 runs at lift-off, while the vehicle sways",
+                    "tests/both_engines/test_alignment.py::test_both_engines_agree_at_lift_off",
+                ),
+            ),
+            omits="A slow movement of the pad, as by fuelling or the Sun.",
+        ),
+        fill=fill,
+        order=3,
+    ),
+)

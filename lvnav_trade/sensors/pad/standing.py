@@ -1,0 +1,51 @@
+"""Base of the sensors on the pad, which measure while the vehicle is at rest, in axes of the rotating Earth."""
+
+import math
+from typing import ClassVar
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like
+from lvnav_trade.quantities.records import Bools
+from lvnav_trade.sensors.jacobian_row import clear
+from lvnav_trade.sensors.sensor import FlightView, SensorCard
+
+
+class StandingCard(SensorCard):
+    """A sensor on the pad, available from the start of the flight until the vehicle moves from its pad.
+
+    The measurement assumes a vehicle at rest on the rotating Earth. Sway and twist of the trajectory (its oscillation)
+    are errors of the measurement.
+    """
+
+    on_pad: ClassVar[bool] = True
+    able: ClassVar[str] = "the vehicle stands on its pad"
+
+    def available(self, flight: FlightView) -> Bools:
+        """Return whether the vehicle is at rest, (n_epoch,) bool."""
+        return flight.standing
+
+
+class RestCard(StandingCard):
+    """A measurement of a vehicle at rest by axis of frame e: zero velocity, zero rotation, or constant position."""
+
+    labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
+    at_once: ClassVar[bool] = True
+
+
+@jit
+def begin_rows(H, at, entry, theta):
+    """Set three Jacobian rows from `at` on to the matrix C_i_e, from `entry` on; theta : rad, Earth angle."""
+    c, s = math.cos(theta), math.sin(theta)
+    for axis in range(3):
+        clear(H[at + axis])
+    H[at, entry], H[at, entry + 1] = like(H[at, entry], c), like(H[at, entry], s)
+    H[at + 1, entry], H[at + 1, entry + 1] = like(H[at, entry], -s), like(H[at, entry], c)
+    H[at + 2, entry + 2] = like(H[at, entry], 1.0)
+
+
+@jit
+def to_earth(theta, x, y):
+    """Return the x and y components in frame e of a vector in frame i; z is the same in both."""
+    c, s = math.cos(theta), math.sin(theta)
+    return c * x + s * y, c * y - s * x

@@ -1,0 +1,100 @@
+"""Zero rotation: a vehicle on its pad keeps its attitude relative to the Earth, which is not known exactly.
+
+The small rotation from the predicted to the standing attitude, axes of frame e, is z - z_hat = C_i_e att + m + v. The
+constant m is the error of the assumed standing attitude: the extra state standing_attitude.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from lvnav_trade.kernels.attitude import multiply, small_rotation
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.strapdown import Q
+from lvnav_trade.quantities.frames import matrices, quaternions, rotation_i_e
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.units import AngleSigma
+from lvnav_trade.sensors.attitude_reference import measure
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.evidence import Check, Evidence
+from lvnav_trade.sensors.jacobian_row import H_ATT
+from lvnav_trade.sensors.pad.standing import RestCard, begin_rows
+from lvnav_trade.sensors.sensor import FlightView, Registration, SensorModel, StateUnit, each_scalar
+
+STANDING_ATTITUDE = "standing_attitude"
+
+
+class ZeroRotationModel(SensorModel):
+    """Zero rotation as the filter models it: white noise per axis in place of the twist, and the standing attitude."""
+
+    states: ClassVar[Mapping[str, StateUnit]] = {"attitude": StateUnit(STANDING_ATTITUDE, "rad", "mrad", 1e3)}
+
+    sigma: AngleSigma = Field(gt=0.0)
+    attitude: AngleSigma = Field(gt=0.0, description="of the extra state standing_attitude: its initial one-sigma")
+
+
+class ZeroRotationCard(RestCard):
+    """Constant attitude relative to the Earth while the vehicle is at rest on its pad, known to `attitude`."""
+
+    measurement: ClassVar[str] = "zero_rotation"
+    model: ClassVar[type[SensorModel]] = ZeroRotationModel
+    unit: ClassVar[str] = "rad"
+    jacobian: ClassVar[tuple[str, ...]] = ("attitude",)
+    noise: ClassVar[str] = "zero rotation noise"
+
+    kind: Literal["zero_rotation"] = "zero_rotation"
+    sigma: AngleSigma = Field(gt=0.0, description="sway and twist per axis that a matched filter assumes")
+    jitter: AngleSigma = Field(
+        0.0, description="true white noise per axis, in addition to sway and twist of the trajectory"
+    )
+    attitude: AngleSigma = Field(gt=0.0, description="initial one-sigma of the standing attitude, per axis")
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the attitude at rest (n_epoch, 4), a quaternion from body to frame e."""
+        return quaternions(rotation_i_e(flight.theta) @ matrices(flight.q_rest))
+
+    def lasting(self) -> tuple[CorrelatedError, ...]:
+        """Return the error of the attitude known in advance."""
+        known = ("attitude", math.inf, self.labels, each_scalar(3))
+        return (CorrelatedError("standing attitude", STANDING_ATTITUDE, self.attitude, *known),)
+
+
+@jit
+def fill(H, z, at, observed, nav, theta):
+    """Set three Jacobian rows from `at` on, and the innovations; theta : rad, Earth angle.
+
+    The innovation is the small rotation (rad, frame e) from the estimated to the measured attitude.
+    """
+    c, s = math.cos(0.5 * theta), math.sin(0.5 * theta)
+    q0, q1, q2, q3 = multiply(c, 0.0, 0.0, -s, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    z[at], z[at + 1], z[at + 2] = small_rotation(observed[0], observed[1], observed[2], observed[3], q0, q1, q2, q3)
+    begin_rows(H, at, H_ATT, theta)
+
+
+SENSORS = (
+    Registration(
+        ZeroRotationCard,
+        Evidence(
+            "Zero rotation on the pad",
+            checks=(
+                Check(
+                    "closed form",
+                    "gyro bias along the Earth's axis to its random walk, 1 %",
+                    "tests/both_engines/test_alignment.py"
+                    "::test_zero_rotation_tells_the_gyro_bias_along_the_earths_axis_to_its_random_walk",
+                ),
+                Check(
+                    "both engines",
+                    "64 runs at lift-off, while the vehicle sways",
+                    "tests/both_engines/test_alignment.py::test_both_engines_agree_at_lift_off",
+                ),
+            ),
+            omits="A slow tilt of the pad, as by fuelling or the Sun.",
+        ),
+        fill=fill,
+        measure=measure,
+        order=11,
+    ),
+)

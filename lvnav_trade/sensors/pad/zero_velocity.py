@@ -1,0 +1,86 @@
+"""Zero velocity: a vehicle on its pad does not move over the rotating Earth.
+
+z - z_hat = C_i_e (vel - Omega x pos) + v, axes of frame e.
+"""
+
+import math
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.strapdown import R, V
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.units import SpeedSigma
+from lvnav_trade.sensors.evidence import Check, Evidence
+from lvnav_trade.sensors.jacobian_row import H_POS, H_VEL
+from lvnav_trade.sensors.pad.standing import RestCard, begin_rows, to_earth
+from lvnav_trade.sensors.sensor import FlightView, Registration, SensorModel
+
+
+class ZeroVelocityModel(SensorModel):
+    """Zero velocity as the filter models it: white noise per axis in place of the sway."""
+
+    sigma: SpeedSigma = Field(gt=0.0)
+
+
+class ZeroVelocityCard(RestCard):
+    """Zero velocity relative to the Earth while the vehicle is at rest on its pad."""
+
+    measurement: ClassVar[str] = "zero_velocity"
+    model: ClassVar[type[SensorModel]] = ZeroVelocityModel
+    unit: ClassVar[str] = "m/s"
+    jacobian: ClassVar[tuple[str, ...]] = ("velocity", "position")
+    noise: ClassVar[str] = "zero velocity noise"
+
+    kind: Literal["zero_velocity"] = "zero_velocity"
+    sigma: SpeedSigma = Field(gt=0.0, description="sway per axis that a matched filter assumes")
+    jitter: SpeedSigma = Field(0.0, description="true white noise per axis, in addition to the sway of the trajectory")
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return zero, (n_epoch, 3) m/s."""
+        return np.zeros((flight.t.size, 3))
+
+
+@jit
+def fill(H, z, at, observed, nav, theta):
+    """Set three Jacobian rows from `at` on, and the innovations (m/s); theta : rad, Earth angle."""
+    x, y = to_earth(theta, nav[V] + OMEGA * nav[R + 1], nav[V + 1] - OMEGA * nav[R])
+    z[at], z[at + 1], z[at + 2] = observed[0] - x, observed[1] - y, observed[2] - nav[V + 2]
+    begin_rows(H, at, H_VEL, theta)
+    c, s = OMEGA * math.cos(theta), OMEGA * math.sin(theta)
+    H[at, H_POS], H[at, H_POS + 1] = like(z[at], -s), like(z[at], c)
+    H[at + 1, H_POS], H[at + 1, H_POS + 1] = like(z[at], -c), like(z[at], -s)
+
+
+SENSORS = (
+    Registration(
+        ZeroVelocityCard,
+        Evidence(
+            "Zero velocity on the pad",
+            checks=(
+                Check(
+                    "closed form",
+                    "tilt b / g to 0.2 %",
+                    "tests/both_engines/test_alignment.py::test_tilt_is_accelerometer_bias_over_gravity",
+                ),
+                Check(
+                    "closed form",
+                    "heading e / (W cos L) to 0.5 % at three latitudes",
+                    "tests/both_engines/test_alignment.py::test_heading_is_east_gyro_bias_over_the_earths_horizontal_rate",
+                ),
+                Check(
+                    "both engines",
+                    "64 runs at lift-off, while the vehicle sways",
+                    "tests/both_engines/test_alignment.py::test_both_engines_agree_at_lift_off",
+                ),
+            ),
+            omits="Coarse alignment (it is the start); a sway that differs from run to run; creep of the pad.",
+        ),
+        fill=fill,
+        order=2,
+    ),
+)

@@ -1,0 +1,73 @@
+"""Pseudorange and range rate (Doppler): distance to the satellite at transmission, and its rate, plus the clock.
+
+A carrier phase, in metres, is a range plus a constant ambiguity (Trigo and Theil, eq. 8 times the wavelength). The
+Jacobian row of a difference of two epochs (eq. 9) is that of the later range minus that of the earlier range.
+"""
+
+from lvnav_trade.kernels.attitude import cross
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.sensors.jacobian_row import D_ATT, D_CLOCK, D_POS, H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
+
+
+@jit
+def range_row(h, at, ux, uy, uz, distance, clock_bias):
+    """Set the Jacobian row of a pseudorange and return the predicted pseudorange (m).
+
+    h : (13,) output.
+    at : (21,) antenna state, as `line_of_sight.antenna` sets it.
+    ux, uy, uz : unit vector from antenna to satellite, frame i.
+    distance : m. Distance of antenna and satellite.
+    clock_bias : m. Estimated clock bias.
+    """
+    h[H_POS], h[H_POS + 1], h[H_POS + 2] = -ux, -uy, -uz
+    # a small rotation phi moves the antenna by phi x l: -u . (phi x l) = phi . (u x l)
+    h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(ux, uy, uz, at[6], at[7], at[8])
+    for i in range(3):
+        h[H_VEL + i], h[H_RATE + i] = 0.0 * ux, 0.0 * ux
+    h[H_CLOCK] = 0.0 * ux + 1.0
+    return distance + clock_bias
+
+
+@jit
+def subtract_earlier(h, first, at, ux, uy, uz, distance, clock_bias):
+    """Set the entries of a difference for its earlier epoch, from `first` on, and return the range (m) to subtract.
+
+    Other arguments are those of `range_row`, at the earlier epoch.
+    """
+    h[first + D_POS], h[first + D_POS + 1], h[first + D_POS + 2] = ux, uy, uz
+    ax, ay, az = cross(at[6], at[7], at[8], ux, uy, uz)
+    h[first + D_ATT], h[first + D_ATT + 1], h[first + D_ATT + 2] = ax, ay, az
+    h[first + D_CLOCK] = 0.0 * ux - 1.0
+    return distance + clock_bias
+
+
+@jit
+def rate_row(h, at, satellite_velocity, ux, uy, uz, distance, clock_drift):
+    """Set the Jacobian row of a range rate and return the predicted range rate (m/s).
+
+    satellite_velocity : (3,) m/s. Derivative of the satellite's position at transmission with respect to reception
+        time, frame i.
+    clock_drift : m/s. Estimated clock drift.
+
+    Other arguments are those of `range_row`.
+    """
+    wx, wy, wz = satellite_velocity[0] - at[3], satellite_velocity[1] - at[4], satellite_velocity[2] - at[5]
+    along = ux * wx + uy * wy + uz * wz
+    scale = -1.0 / distance
+    # derivative by position: minus the velocity across the line over the distance
+    px, py, pz = scale * (wx - along * ux), scale * (wy - along * uy), scale * (wz - along * uz)
+    h[H_POS], h[H_POS + 1], h[H_POS + 2] = px, py, pz
+    ax, ay, az = cross(at[6], at[7], at[8], px, py, pz)
+    bx, by, bz = cross(ux, uy, uz, at[9], at[10], at[11])
+    h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = ax + bx, ay + by, az + bz
+    h[H_VEL], h[H_VEL + 1], h[H_VEL + 2] = -ux, -uy, -uz
+    for i in range(3):
+        h[H_RATE + i] = -(ux * at[12 + i] + uy * at[15 + i] + uz * at[18 + i])
+    h[H_CLOCK] = 0.0 * ux + 1.0
+    return along + clock_drift
+
+
+@jit
+def observe(true_value, clock, sigma, normal):
+    """Return a measured pseudorange (m) or range rate (m/s): true value plus clock (bias or drift) and white noise."""
+    return true_value + clock + sigma * normal

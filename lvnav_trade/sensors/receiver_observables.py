@@ -1,0 +1,283 @@
+"""Partial derivatives of measurements beyond the navigation state: biases, delays, timing, lever arm.
+
+Truth and filter model both use these functions, each with its own geometry: for correlated measurement errors, and for
+extra states. A channel is an observable of a satellite (tight coupling: pseudorange, range rate, then further
+observables) or an axis of the receiver's solution (loose coupling: position, velocity).
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.quantities.records import Floats, Ints
+from lvnav_trade.quantities.state_layout import BY_SATELLITE, RELATIVE
+
+FURTHER = ("carrier_phase", "tdcp", "delta_pseudorange")
+"""Observables of a satellite other than pseudorange and range rate, in the order of their channels."""
+PHASES = ("carrier_phase", "tdcp")
+DIFFERENCES = {"tdcp": "carrier_phase", "delta_pseudorange": "pseudorange"}
+"""Observables that are the difference of another observable at two successive epochs."""
+LABELS = {
+    "pseudorange": "range",
+    "range_rate": "range rate",
+    "carrier_phase": "carrier phase",
+    "tdcp": "phase difference",
+    "delta_pseudorange": "range difference",
+}
+# Extra states for the error of a single observable.
+OF_ONE = {"ambiguity": "carrier_phase", "phase_noise": "tdcp", "code_noise": "delta_pseudorange"}
+LEVER_AXES = ("lever_x", "lever_y", "lever_z")
+RANGE_ONLY = ("range_bias", "time_offset")
+RATE_ONLY = ("range_rate_offset",)
+SATELLITE_KINDS = (
+    *RANGE_ONLY,
+    *RATE_ONLY,
+    "timing",
+    "troposphere_scale",
+    "ionosphere_scale",
+    *BY_SATELLITE,
+    *LEVER_AXES,
+    *OF_ONE,
+)
+SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing", "troposphere_scale", "ionosphere_scale")
+
+
+class SensorState(NamedTuple):
+    """An extra state of the filter for a lasting error of a sensor, as the filter models it.
+
+    name : Name of the state.
+    label : Label of the error; empty for a single error.
+    sigma : SI. Initial standard deviation.
+    time_constant : s. Infinite for a constant.
+    unit : SI unit, display unit, and factor from SI to display unit.
+    partial : (n_epoch, n_scalar). Derivative of the scalars by the state.
+    """
+
+    name: str
+    label: str
+    sigma: float
+    time_constant: float
+    unit: tuple[str, str, float]
+    partial: Floats
+
+
+class SensorChannels(NamedTuple):
+    """Channels of a sensor other than the receiver.
+
+    name : Name of the sensor in the scenario.
+    measures : Name of its measurement.
+    labels : Label of each scalar.
+    states : Extra states that a filter may have for its lasting errors.
+    """
+
+    name: str
+    measures: str
+    labels: tuple[str, ...]
+    states: tuple[SensorState, ...] = ()
+
+
+class Channels(NamedTuple):
+    """Measurement channels of a case, those of the receiver first.
+
+    tight : Whether the filter measures satellites (tight coupling).
+    satellites : (n_sat,). Names of the satellites.
+    systems : (n_sat,). Letters of their systems.
+    seen : (n_sat,). Whether the satellite is ever tracked.
+    receiver : Whether the filter uses the receiver.
+    sensors : Other sensors, in the order of their channels.
+    further : Observables of each satellite in addition to pseudorange and range rate.
+    """
+
+    tight: bool
+    satellites: tuple[str, ...]
+    systems: tuple[str, ...]
+    seen: tuple[bool, ...]
+    receiver: bool = True
+    sensors: tuple[SensorChannels, ...] = ()
+    further: tuple[str, ...] = ()
+
+    @property
+    def observables(self) -> tuple[str, ...]:
+        """Observables of a satellite, in the order of its channels."""
+        return ("pseudorange", "range_rate", *self.further)
+
+    def of(self, observable: str) -> slice:
+        """Return the channels of an observable of all satellites."""
+        return slice(self.observables.index(observable), self.n_receiver, len(self.observables))
+
+    @property
+    def n_channel(self) -> int:
+        """Number of channels."""
+        return self.n_receiver + sum(len(sensor.labels) for sensor in self.sensors)
+
+    @property
+    def n_receiver(self) -> int:
+        """Number of channels of the receiver."""
+        return len(self.observables) * len(self.satellites) if self.tight else 6
+
+    @property
+    def first(self) -> tuple[int, ...]:
+        """First channel of each sensor."""
+        counts = [0, *(len(sensor.labels) for sensor in self.sensors)]
+        return tuple(self.n_receiver + sum(counts[: k + 1]) for k in range(len(self.sensors)))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the channels: observables satellite by satellite, or axes of the solution, then those of sensors."""
+        if self.tight:
+            labels = [f"{name} {LABELS[what]}" for name in self.satellites for what in self.observables]
+        else:
+            labels = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
+        labels += [" ".join((s.name, label)).strip() for s in self.sensors for label in s.labels]
+        return tuple(labels)
+
+
+class Geometry(NamedTuple):
+    """Geometry at the epochs from which the partial derivatives of measurements are computed, SI, frame i.
+
+    rate : (n_epoch, n_sat) m/s. Range rate.
+    acceleration : (n_epoch, n_sat) m/s^2. Second derivative of the range.
+    velocity : (n_epoch, 3) m/s. Velocity of the antenna.
+    push : (n_epoch, 3) m/s^2. Acceleration of the antenna.
+    troposphere : (n_epoch, n_sat, 2) m, m/s. Tropospheric delay and its rate.
+    ionosphere : (n_epoch, n_sat, 2) m, m/s. Ionospheric delay and its rate.
+    solution_troposphere : (n_epoch, 6) m, m/s. Error that the tropospheric delay causes in a least-squares solution.
+    solution_ionosphere : (n_epoch, 6) m, m/s. Error that the ionospheric delay causes in a least-squares solution.
+    lever : (n_epoch, n_sat, 2, 3). Derivative of range and range rate with respect to the lever arm, body axes.
+    """
+
+    rate: Floats
+    acceleration: Floats
+    velocity: Floats
+    push: Floats
+    troposphere: Floats
+    ionosphere: Floats
+    solution_troposphere: Floats
+    solution_ionosphere: Floats
+    lever: Floats
+
+
+def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
+    """Return the components of a kind of error, and the component in each channel.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the error, a key of `layout.EXTRAS` or a lever-arm axis.
+    channels : Channels
+
+    Returns
+    -------
+    labels : tuple of str
+        Label of each component. There is one component for each satellite ever tracked (range bias, scale factor by
+        satellite, ambiguity, noise of an observable), for each system except GPS or the first (time offset), for each
+        axis of frame i (bias of the solution) or of the body (relative bias of two IMUs), otherwise one for all
+        channels.
+    member : (n_channel,)
+        Component in each channel, -1 none.
+    """
+    member, n = np.full(channels.n_channel, -1, dtype=np.int64), channels.n_receiver
+    if kind in RELATIVE.values():
+        for at, sensor in zip(channels.first, channels.sensors, strict=True):
+            if RELATIVE.get(sensor.measures) == kind:
+                member[at : at + 3] = range(3)
+        return ("x", "y", "z") if np.any(member >= 0) else (), member
+    if not channels.tight:
+        if kind not in SOLUTION_KINDS:
+            return (), member
+        axes = {"position_bias": [0, 1, 2, -1, -1, -1], "velocity_bias": [-1, -1, -1, 0, 1, 2]}
+        member[:n] = axes.get(kind, 0)
+        return ("x", "y", "z") if kind in axes else ("",), member
+    if kind not in SATELLITE_KINDS:
+        return (), member
+    if kind in OF_ONE and OF_ONE[kind] not in channels.further:
+        return (), member
+    if kind == "range_bias" or kind in OF_ONE or kind in BY_SATELLITE:
+        labels = tuple(name for name, seen in zip(channels.satellites, channels.seen, strict=True) if seen)
+        owner = [labels.index(n) if n in labels else -1 for n in channels.satellites]
+    elif kind == "time_offset":
+        reference = "G" if "G" in channels.systems else channels.systems[0]
+        labels = tuple(s for s in dict.fromkeys(channels.systems) if s != reference)
+        owner = [labels.index(s) if s in labels else -1 for s in channels.systems]
+    else:
+        labels, owner = ("",), [0] * len(channels.satellites)
+    for observable in channels.observables:
+        if _is_in(kind, observable):
+            member[channels.of(observable)] = owner
+    return labels, member
+
+
+def sensor_states(name: str, channels: Channels) -> Iterator[tuple[SensorState, Ints, Floats]]:
+    """Yield the extra states of a name for lasting errors of sensors.
+
+    Each comes with its component in each channel, (n_channel,) with -1 for none, and its partials (n_epoch, n_channel).
+    """
+    for first, sensor in zip(channels.first, channels.sensors, strict=True):
+        columns = slice(first, first + len(sensor.labels))
+        for state in sensor.states:
+            if state.name == name:
+                member = np.full(channels.n_channel, -1, dtype=np.int64)
+                member[columns] = np.where(np.any(state.partial != 0.0, axis=0), 0, -1)
+                partials = np.zeros((len(state.partial), channels.n_channel))
+                partials[:, columns] = state.partial
+                yield state, member, partials
+
+
+def _is_in(kind: str, observable: str) -> bool:
+    """Return whether an error of a kind affects an observable of the satellites."""
+    if kind in OF_ONE:
+        return OF_ONE[kind] == observable
+    is_rate = observable == "range_rate"
+    return is_rate if kind in RATE_ONLY else not (is_rate and kind in RANGE_ONLY)
+
+
+def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
+    """Return the derivative (n_epoch, n_channel) of the measurements with respect to an error of a kind.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the error, as in `members`.
+    geometry : Geometry
+    channels : Channels
+
+    Returns
+    -------
+    (n_epoch, n_channel)
+        Biases and lever arms: m/m and (m/s)/m. Scale factors of delays: m and m/s. Timing error: m/s and m/s^2,
+        negative, because a measurement with latency s is that of s seconds earlier.
+    """
+    derivative, n = np.zeros((len(geometry.rate), channels.n_channel)), channels.n_receiver
+    if channels.tight:
+        for observable in channels.observables:
+            derivative[:, channels.of(observable)] = _of_range(kind, geometry, observable)
+    else:
+        first, second = slice(0, 3), slice(3, n)
+        pairs: dict[str, Any] = {
+            "timing": (-geometry.velocity, -geometry.push),
+            "troposphere_scale": np.hsplit(geometry.solution_troposphere, 2),
+            "ionosphere_scale": np.hsplit(geometry.solution_ionosphere, 2),
+            **dict.fromkeys(("position_bias", "velocity_bias"), (1.0, 1.0)),
+        }
+        derivative[:, first], derivative[:, second] = pairs.get(BY_SATELLITE.get(kind, kind), (0.0, 0.0))
+    return derivative
+
+
+def _of_range(kind: str, geometry: Geometry, observable: str) -> Any:
+    """Return the derivative (n_epoch, n_sat), or a single number, of an observable of the satellites, see `partial`.
+
+    For a difference of two epochs it is the derivative with respect to the error at the later epoch.
+    """
+    # the ionosphere delays the code and advances the carrier
+    is_rate, carrier = observable == "range_rate", -1.0 if observable in PHASES else 1.0
+    if kind in (*RANGE_ONLY, *RATE_ONLY, *OF_ONE):
+        return float(_is_in(kind, observable))
+    order = int(is_rate)
+    pairs: dict[str, Any] = {
+        "timing": (-geometry.rate, -geometry.acceleration)[order],
+        "troposphere_scale": geometry.troposphere[..., order],
+        "ionosphere_scale": carrier * geometry.ionosphere[..., order],
+        **{axis: geometry.lever[:, :, order, i] for i, axis in enumerate(LEVER_AXES)},
+    }
+    return pairs.get(BY_SATELLITE.get(kind, kind), 0.0)

@@ -1,0 +1,32 @@
+"""The six scalars of the receiver's solution, frame i: position x, y, z (0 to 2) and velocity x, y, z (3 to 5)."""
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.sensors.jacobian_row import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
+
+
+@jit
+def row(h, at, scalar):
+    """Set the Jacobian row of a scalar of the solution and return its prediction (m or m/s) at the antenna.
+
+    h : (13,) output.
+    at : (21,) antenna state, as `line_of_sight.antenna` sets it.
+    scalar : 0 to 5, index of the scalar.
+    """
+    zero, axis = 0.0 * at[0], scalar % 3
+    first = scalar - axis  # 0 or 3
+    for i in range(3):
+        h[H_POS + i], h[H_VEL + i] = zero, zero
+        h[H_RATE + i] = at[12 + 3 * axis + i] if first == 3 else zero
+    h[(H_VEL if first == 3 else H_POS) + axis] = zero + 1.0
+    # a small rotation phi moves the antenna by phi x l, and changes its velocity by phi x (w x l)
+    h[H_ATT + axis] = zero
+    h[H_ATT + (axis + 1) % 3] = at[6 + first + (axis + 2) % 3]
+    h[H_ATT + (axis + 2) % 3] = -at[6 + first + (axis + 1) % 3]
+    h[H_CLOCK] = zero
+    return at[scalar]
+
+
+@jit
+def observe(true_value, sigma, normal):
+    """Return a scalar of the solution (m or m/s): the true value plus white noise of standard deviation `sigma`."""
+    return true_value + sigma * normal

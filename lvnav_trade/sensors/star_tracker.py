@@ -1,0 +1,199 @@
+"""Star tracker: attitude in sensor axes, more accurate across than about the boresight.
+
+Axes s: z along the boresight, x and y across. z - z_hat = C_s_i' att + v; the sigma of v is `across` about x and y, and
+`about` about z.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.kernels.attitude import from_rotation, matrix, multiply, rotation_vector
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.strapdown import Q
+from lvnav_trade.quantities.frames import matrices
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.quantities.units import Angle, AngleSigma, AngularRateSigma, TimeConstant
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.evidence import Check, Evidence
+from lvnav_trade.sensors.jacobian_row import H_ATT, clear
+from lvnav_trade.sensors.observables_optics import Direction, angle, axes_of, earth_disc, no_direction
+from lvnav_trade.sensors.optics import sun_direction
+from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit, each_scalar
+from lvnav_trade.trajectory.truth import product
+
+_ARCSEC = 648000.0 / math.pi
+
+
+class StarTrackerModel(SensorModel):
+    """Star tracker as the filter models it: white noise across and about its boresight, lasting errors as states."""
+
+    states: ClassVar[Mapping[str, StateUnit]] = {
+        "misalignment": StateUnit("tracker_misalignment", "rad", "arcsec", _ARCSEC),
+        "low_frequency": StateUnit("tracker_low_frequency", "rad", "arcsec", _ARCSEC),
+    }
+
+    across: AngleSigma = Field(gt=0.0)
+    about: AngleSigma = Field(gt=0.0)
+    boresight: Direction = (1.0, 0.0, 0.0)
+    misalignment: AngleSigma = Field(0.0, description="of the extra state tracker_misalignment: its one-sigma")
+    low_frequency: AngleSigma = Field(0.0, description="of the extra state tracker_low_frequency: its one-sigma")
+    low_frequency_time: TimeConstant | None = None
+
+    def _faults(self) -> Iterator[str]:
+        return no_direction(self.boresight)
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance (1, 3) in rad^2."""
+        return np.square([[self.across, self.across, self.about]])
+
+    def known(self, flight: FlightView) -> Floats:
+        """Return the mounting (n_epoch, 4), a quaternion from sensor axes to body axes."""
+        return np.tile(axes_of(self.boresight), (flight.t.size, 1))
+
+
+class StarTrackerCard(SensorCard):
+    """A star tracker: inertial attitude, available away from Sun and Earth and at low body rates."""
+
+    measurement: ClassVar[str] = "stellar_attitude"
+    model: ClassVar[type[SensorModel]] = StarTrackerModel
+    labels: ClassVar[tuple[str, ...]] = ("x", "y", "boresight")
+    unit: ClassVar[str] = "rad"
+    jacobian: ClassVar[tuple[str, ...]] = ("attitude",)
+    noise: ClassVar[str] = "star tracker noise"
+    noise_fields: ClassVar[tuple[str, ...]] = ("across", "about")
+    able: ClassVar[str] = "Sun, Earth and body rate allow a solution"
+
+    kind: Literal["star_tracker"] = "star_tracker"
+    boresight: Direction = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")
+    across: AngleSigma = Field(gt=0.0, description="white noise of a measurement about each axis across the boresight")
+    about: AngleSigma = Field(gt=0.0, description="white noise of a measurement about the boresight")
+    misalignment: AngleSigma = Field(0.0, description="constant mounting error, about each axis")
+    low_frequency: AngleSigma = Field(
+        0.0, description="slow error about each axis (stars that cross the field of view, heat): Gauss-Markov"
+    )
+    low_frequency_time: TimeConstant | None = Field(
+        None, description="time constant of this error; none: constant during a run"
+    )
+    sun_exclusion: Angle | None = Field(
+        None, ge=0.0, le=math.pi, description="least angle between boresight and Sun, unless the Earth hides it"
+    )
+    limb_exclusion: Angle | None = Field(
+        None, ge=0.0, le=math.pi, description="least angle between boresight and the limb of the Earth"
+    )
+    highest_rate: AngularRateSigma | None = Field(
+        None, gt=0.0, description="body rate above which it has no solution; none: any"
+    )
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        yield from no_direction(self.boresight)
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the attitude of the tracker (n_epoch, 4), a quaternion from sensor axes to frame i."""
+        return np.asarray(product(flight.q_b_i, np.broadcast_to(axes_of(self.boresight), flight.q_b_i.shape)))
+
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return the one-sigma (1, 3) in rad."""
+        return np.array([[self.across, self.across, self.about]])
+
+    def available(self, flight: FlightView) -> Bools:
+        """Return whether Sun, limb and rate allow a solution, (n_epoch,)."""
+        on = np.ones(flight.t.size, dtype=np.bool_)
+        looking = matrices(self.truth(flight))[:, :, 2]
+        down, limb = earth_disc(flight)
+        if self.sun_exclusion is not None:
+            sun = sun_direction(flight.epoch, flight.t, flight.theta)
+            on &= (angle(looking, sun) >= self.sun_exclusion) | (angle(down, sun) < limb)
+        if self.limb_exclusion is not None:
+            on &= angle(looking, down) - limb >= self.limb_exclusion
+        if self.highest_rate is not None:
+            on &= np.linalg.norm(flight.w_ib_b, axis=1) <= self.highest_rate
+        return on
+
+    def lasting(self) -> tuple[CorrelatedError, ...]:
+        """Return misalignment and low-frequency error, independent on the three axes."""
+        time = self.low_frequency_time or math.inf
+        each = each_scalar(len(self.labels))
+        return (
+            CorrelatedError(
+                "star tracker misalignment",
+                "misalignment",
+                self.misalignment,
+                "misalignment",
+                math.inf,
+                self.labels,
+                each,
+            ),
+            CorrelatedError(
+                "star tracker low-frequency error",
+                "low frequency",
+                self.low_frequency,
+                "low_frequency",
+                time,
+                self.labels,
+                each,
+            ),
+        )
+
+
+@jit
+def measure(out, truth, e0, e1, e2):
+    """Set out (4,) to the measured attitude, a quaternion from sensor axes to frame i.
+
+    It is the true attitude rotated by errors (rad) about sensor axes.
+    """
+    q0, q1, q2, q3 = from_rotation(e0, e1, e2)
+    out[0], out[1], out[2], out[3] = multiply(truth[0], truth[1], truth[2], truth[3], q0, q1, q2, q3)
+
+
+@jit
+def fill(H, z, at, observed, nav, known):
+    """Set three Jacobian rows from `at` on, and the innovations; known (4,): mounting.
+
+    The innovation is the small rotation (rad, sensor axes) from estimate to measurement.
+    """
+    s0, s1, s2, s3 = multiply(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], known[0], known[1], known[2], known[3])
+    d0, d1, d2, d3 = multiply(s0, -s1, -s2, -s3, observed[0], observed[1], observed[2], observed[3])
+    z[at], z[at + 1], z[at + 2] = rotation_vector(d0, d1, d2, d3)
+    c = matrix(s0, s1, s2, s3)
+    for scalar in range(3):
+        clear(H[at + scalar])
+        for axis in range(3):
+            H[at + scalar, H_ATT + axis] = c[3 * axis + scalar]
+
+
+SENSORS = (
+    Registration(
+        StarTrackerCard,
+        Evidence(
+            "Star tracker",
+            checks=(
+                Check(
+                    "closed form",
+                    "n averaged updates across and about the boresight, and errors that last, to 1e-4",
+                    "tests/both_engines/test_stellar.py"
+                    "::test_what_lasts_is_averaged_by_its_correlation_and_a_misalignment_not_at_all",
+                ),
+                Check(
+                    "both engines",
+                    "200 runs of an oblique boresight",
+                    "tests/both_engines/test_stellar.py::test_both_engines_agree_on_an_oblique_boresight",
+                ),
+                Check(
+                    "published value",
+                    "the Sun of a worked example to 0.01 deg",
+                    "tests/sensors/test_optics.py::test_it_stands_where_the_published_example_has_it",
+                ),
+            ),
+            omits="Stars: no catalogue, no lost-in-space phase, no Moon in the field, no plume; noise does "
+            "not grow with the rate.",
+        ),
+        fill=fill,
+        measure=measure,
+        order=7,
+    ),
+)

@@ -1,0 +1,169 @@
+"""Sun sensor: two angles of the Sun in axes of the sensor.
+
+Axes s: z along the boresight, x and y across. With u = C_i^s s the direction s of the Sun in these axes,
+
+    alpha = atan2(u_x, u_z),  beta = atan2(u_y, u_z),  z = (alpha, beta) + b + v
+
+with a bias b and white noise v of each angle. Truth and filter compute s from the same almanac (`sensors/optics.py`),
+whose error of 0.01 deg is part of the bias.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.kernels.attitude import cross, matrix, multiply
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.strapdown import Q
+from lvnav_trade.quantities.frames import matrices
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.quantities.units import Angle, AngleSigma, TimeConstant
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.evidence import Check, Evidence
+from lvnav_trade.sensors.jacobian_row import H_ATT, angle_of, clear, turned
+from lvnav_trade.sensors.observables_optics import Direction, angle, axes_of, earth_disc, no_direction
+from lvnav_trade.sensors.optics import sun_direction
+from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit, each_scalar
+
+SEMIDIAMETER = math.radians(959.63 / 3600.0)  # of the Sun at a distance of 1 au (IAU)
+SUN = 4  # index of the Sun's direction in the known parameters, after the mounting
+
+
+class SunSensorModel(SensorModel):
+    """Sun sensor as the filter models it: white noise of both angles, their biases as states."""
+
+    states: ClassVar[Mapping[str, StateUnit]] = {"bias": StateUnit("sun_sensor_bias", "rad", "mrad", 1e3)}
+
+    sigma: AngleSigma = Field(gt=0.0)
+    boresight: Direction = (1.0, 0.0, 0.0)
+    bias: AngleSigma = Field(0.0, description="of the extra state sun_sensor_bias: its initial one-sigma")
+    bias_time: TimeConstant | None = None
+
+    def _faults(self) -> Iterator[str]:
+        return no_direction(self.boresight)
+
+    def known(self, flight: FlightView) -> Floats:
+        """Return mounting and Sun (n_epoch, 7): quaternion from sensor axes to body axes; direction, frame i."""
+        mounting = np.tile(axes_of(self.boresight), (flight.t.size, 1))
+        return np.hstack([mounting, sun_direction(flight.epoch, flight.t, flight.theta)])
+
+
+class SunSensorCard(SensorCard):
+    """A sun sensor: two angles of the Sun, while it is in the field of view and the Earth hides no part of it."""
+
+    measurement: ClassVar[str] = "sun_direction"
+    model: ClassVar[type[SensorModel]] = SunSensorModel
+    labels: ClassVar[tuple[str, ...]] = ("alpha", "beta")
+    unit: ClassVar[str] = "rad"
+    jacobian: ClassVar[tuple[str, ...]] = ("attitude",)
+    noise: ClassVar[str] = "sun sensor noise"
+    able: ClassVar[str] = "the Sun is in its field of view"
+
+    kind: Literal["sun_sensor"] = "sun_sensor"
+    boresight: Direction = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")
+    field_of_view: Angle = Field(gt=0.0, lt=0.5 * math.pi, description="largest angle between boresight and Sun")
+    sigma: AngleSigma = Field(gt=0.0, description="white noise of each angle")
+    bias: AngleSigma = Field(0.0, description="lasting error of each angle: mounting, calibration, light of the Earth")
+    bias_time: TimeConstant | None = Field(None, description="time constant of this error; none: constant during a run")
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        yield from no_direction(self.boresight)
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the angles of the Sun (n_epoch, 2) in rad."""
+        x, y, z = self._sun(flight).T
+        return np.stack([np.arctan2(x, z), np.arctan2(y, z)], axis=1)
+
+    def available(self, flight: FlightView) -> Bools:
+        """Return whether the Sun is in the field of view and its whole disc above the limb, (n_epoch,)."""
+        down, limb = earth_disc(flight)
+        lit = angle(down, sun_direction(flight.epoch, flight.t, flight.theta)) >= limb + SEMIDIAMETER
+        return np.asarray(lit & (self._sun(flight)[:, 2] >= math.cos(self.field_of_view)))
+
+    @property
+    def limiting(self) -> str:
+        """Its field of view."""
+        return "field_of_view"
+
+    def lasting(self) -> tuple[CorrelatedError, ...]:
+        """Return the independent biases of both angles."""
+        time = self.bias_time or math.inf
+        return (CorrelatedError("sun sensor bias", "sun bias", self.bias, "bias", time, self.labels, each_scalar(2)),)
+
+    def _sun(self, flight: FlightView) -> Floats:
+        """Return the direction of the Sun (n_epoch, 3), axes of the sensor."""
+        axes = matrices(flight.q_b_i) @ matrices(axes_of(self.boresight)[None])
+        return np.asarray(np.einsum("nij,ni->nj", axes, sun_direction(flight.epoch, flight.t, flight.theta)))
+
+
+@jit
+def measure(out, truth, e0, e1):
+    """Set out (4,) to cosine and sine of both measured angles: true angles truth[:2] (rad) plus errors (rad)."""
+    out[0], out[1] = turned(math.cos(truth[0]), math.sin(truth[0]), e0)
+    out[2], out[3] = turned(math.cos(truth[1]), math.sin(truth[1]), e1)
+
+
+@jit
+def fill(H, z, at, observed, nav, known):
+    """Set two Jacobian rows from `at` on, and the innovations (rad); known (7,): mounting and Sun."""
+    q0, q1, q2, q3 = multiply(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3], known[0], known[1], known[2], known[3])
+    c = matrix(q0, q1, q2, q3)
+    sx, sy, sz = known[SUN], known[SUN + 1], known[SUN + 2]
+    ahead = c[2] * sx + c[5] * sy + c[8] * sz
+    for scalar in range(2):
+        h, ex, ey, ez = H[at + scalar], c[scalar], c[3 + scalar], c[6 + scalar]
+        side = ex * sx + ey * sy + ez * sz
+        cosine, sine = observed[2 * scalar], observed[2 * scalar + 1]
+        z[at + scalar] = angle_of(sine * ahead - cosine * side, cosine * ahead + sine * side)
+        scale = 1.0 / (side * side + ahead * ahead)
+        p, q = ahead * scale, side * scale
+        clear(h)
+        h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(
+            p * ex - q * c[2], p * ey - q * c[5], p * ez - q * c[8], sx, sy, sz
+        )
+
+
+_TESTS = "tests/sensors/test_sun_sensor.py"
+SENSORS = (
+    Registration(
+        SunSensorCard,
+        Evidence(
+            "Sun sensor",
+            checks=(
+                Check(
+                    "closed form",
+                    "information of n measurements: all of it across the Sun, none about it, to 2e-4",
+                    f"{_TESTS}::test_attitude_is_known_across_the_sun_and_not_about_it",
+                ),
+                Check(
+                    "independent implementation",
+                    "Jacobian against differences of the angles to 1e-8 of an angle",
+                    f"{_TESTS}::test_the_rows_are_the_derivatives_of_the_angles",
+                ),
+                Check(
+                    "independent implementation",
+                    "lines of sight to the rim of the Sun, past the Earth or into it",
+                    f"{_TESTS}::test_it_measures_where_every_line_to_the_rim_of_the_sun_misses_the_earth",
+                ),
+                Check(
+                    "both engines",
+                    "biases neglected and estimated",
+                    f"{_TESTS}::test_both_engines_agree_whatever_the_filter_makes_of_the_bias",
+                ),
+                Check(
+                    "published value",
+                    "the Sun of a worked example to 0.01 deg",
+                    "tests/sensors/test_optics.py::test_it_stands_where_the_published_example_has_it",
+                ),
+            ),
+            omits="How the light of the Earth depends on attitude; plume and parts of the vehicle in the field; "
+            "refraction at the limb; parallax (9 arcsec).",
+        ),
+        fill=fill,
+        measure=measure,
+    ),
+)

@@ -1,0 +1,291 @@
+"""Measurement updates of the joint covariance: every error source and the mean, with the gain of the filter.
+
+The joint vector is [e, s, k]: estimation error e, error s of the receiver's solution, and clones k of the navigation
+error for delayed measurements. The true covariance is a sum over error sources, one lane of a group each.
+"""
+
+from typing import Any, NamedTuple
+
+from lvnav_trade.filter.policies.delay import place_of_channel
+from lvnav_trade.filter.updates import has_reported_covariance
+from lvnav_trade.kernels.covariance import enter, update_covariance, update_vector
+from lvnav_trade.kernels.groups import group, total_of, whole
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.transition import POS, VEL
+from lvnav_trade.sensors.jacobian_row import N_ENTRY
+
+N_NAV, N_CLONE = 9, 12
+"""States of a clone: the navigation error (9), and an earlier velocity error (3) for extrapolation."""
+
+
+class Joint(NamedTuple):
+    """Joint covariance in a pass over the nominal flight, with its work arrays and results.
+
+    state : lincov.workspace.JointCovariance. True covariance by source, and mean; updated.
+    scratch : lincov.workspace.Scratch. Work arrays.
+    tape : lincov.workspace.UpdateTape. Record for the backward pass.
+    out : lincov.workspace.PassResults. Results.
+    true : lincov.components.Components. True error components.
+    """
+
+    state: Any
+    scratch: Any
+    tape: Any
+    out: Any
+    true: Any
+
+
+class NominalFlight(NamedTuple):
+    """Nominal flight of a pass: inputs that the epochs of the filter do not need.
+
+    unit : Unit. Truth-side model of the IMU.
+    reference : Reference. True motion on the ticks of the IMU.
+    chain : Chain. Error propagation of the receiver's solution; None without a reported covariance.
+    ticks : lincov.workspace.SampleScratch. Work arrays of IMU samples as measurements; None without.
+    """
+
+    unit: Any
+    reference: Any
+    chain: Any
+    ticks: Any
+
+
+@jit
+def _record(tape, gain, h, epoch, channel):
+    """Record an update on the tape, if a backward pass is requested."""
+    if tape.channel.shape[0] > 0:
+        at = tape.used[0]
+        for i in range(gain.shape[0]):
+            tape.gain[at, i] = gain[i]
+        for i in range(h.shape[0]):
+            tape.h[at, i] = h[i]
+        tape.epoch[at], tape.channel[at] = epoch, channel
+        tape.used[0] = at + 1
+
+
+@jit
+def _enter_component(state, scratch, true, c, a):
+    """Add the effect of error component c on an update, after the update of the states.
+
+    The innovation depends on the component with the partial derivative a, so x changes by -k a c, k the gain. Returns
+    the contribution to the innovation variance, 2 a Cov(h x, c) + a^2 Var(c).
+    """
+    source, k, b, gain = true.source[c], true.slot[c], scratch.shift, scratch.gain
+    g, lane = true.group[source], true.lane[source]
+    variance = state.variance[g, k, 0, lane]
+    for i in range(gain.shape[0]):
+        b[i] = -a * gain[i]
+    enter(state.sources[g, ..., lane], state.cross[g, k, ..., lane], variance, b, 0)
+    return 2.0 * a * scratch.seen[g, k, 0, lane] + a * a * variance
+
+
+@jit
+def component_partial(h, signals, true, family, epoch, channel, whitened):
+    """Return the component of an error family that enters a channel (-1 none), and its partial derivative.
+
+    The derivative is that of the innovation beyond the dependence on filter states: the true derivative minus that of
+    the state which models the error. For a decorrelated solution (`whitened`) `family` is the number of the component:
+    the error itself is part of the error of the solution, so only the correction by the estimated state enters.
+    """
+    shared = signals.shared
+    if true.noise_source[channel] < 0 and not whitened:  # a difference: its errors are states
+        return -1, 0.0
+    if whitened:
+        extra = shared.extra[family]
+        return (family if extra >= 0 else -1), (-h[N_ENTRY + extra] if extra >= 0 else 0.0)
+    measured, block = measured_channel(signals, channel), true.shared_family[family]
+    modelled = signals.partial[block, epoch, channel] if block >= 0 else 0.0
+    return shared.member[family, measured], shared.partial[family, epoch, measured] - modelled
+
+
+@jit
+def n_entering(signals, whitened):
+    """Return the number of error families that may enter a measurement; of components for a decorrelated solution."""
+    return signals.shared.extra.shape[0] if whitened else signals.shared.member.shape[0]
+
+
+@jit
+def measured_channel(signals, channel):
+    """Return the index of a filter channel among the measured channels: sensor channels are shifted."""
+    return channel + signals.shift if channel >= signals.n_receiver else channel
+
+
+@jit
+def _update_shared(state, scratch, h, signals, true, epoch, channel, whitened):
+    """Add the correlated measurement errors that enter an update; return their part of the innovation variance."""
+    total = 0.0
+    for family in range(n_entering(signals, whitened)):
+        m, a = component_partial(h, signals, true, family, epoch, channel, whitened)
+        if m >= 0 and a != 0.0:
+            total += _enter_component(state, scratch, true, true.first_shared + m, a)
+    return total
+
+
+@jit
+def _update_imus(state, scratch, true, epoch, channel):
+    """Add the IMU errors that enter a measured difference of two IMUs; return their part of the innovation variance."""
+    total, row = 0.0, true.differences.of[channel]
+    if row >= 0:
+        for c in range(true.first_shared):
+            a = true.differences.reach[row, epoch, c]
+            if a != 0.0:
+                total += _enter_component(state, scratch, true, c, a)
+    return total
+
+
+@jit
+def _update_sources(state, scratch, true, h, entries, columns, source, noise):
+    """Update the covariance of every source, and the cross covariances with its components, by `scratch.gain`.
+
+    noise : variance of the white measurement noise, which belongs to `source`. Returns the true innovation variance.
+    """
+    total, gain = noise, scratch.gain
+    if noise > 0.0:
+        scratch.noise[true.group[source], 0, 0, true.lane[source]] = noise
+    for g in range(true.n_slot.shape[0]):
+        P, spread = group(state.sources, g), whole(scratch.spread)
+        spread[0] = update_covariance(P, whole(scratch.y), gain, h, entries, columns, group(scratch.noise, g)[0, 0])
+        total += total_of(scratch.spread)
+        cross, seen = group(state.cross, g), group(scratch.seen, g)
+        for k in range(true.n_slot[g]):
+            if true.followed[g, k]:
+                seen[k, 0] = update_vector(cross[k], gain, h, entries, columns)
+    if noise > 0.0:
+        scratch.noise[true.group[source], 0, 0, true.lane[source]] = 0.0
+    return total
+
+
+@jit
+def _update_truth(joint, h, innovation, signals, place, epoch, channel, whitened):
+    """Update every source and the mean with `scratch.gain`; return the expected square of the innovation.
+
+    Parameters
+    ----------
+    joint : Joint
+    h : Jacobian row
+    innovation : innovation of the nominal flight, the same in every run
+    place : place of the stored state that a delayed measurement is compared with
+    whitened : whether the measurement is from a decorrelated solution
+    """
+    state, scratch, true = joint.state, joint.scratch, joint.true
+    gain, m = scratch.gain, true.n_entry[channel]
+    entries, columns = true.entry[place, channel, :m], true.column[place, channel, :m]
+    _record(joint.tape, gain, h, epoch, channel)
+    is_in_states = whitened or true.noise_source[channel] < 0
+    noise = 0.0 if is_in_states else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
+    total = _update_sources(state, scratch, true, h, entries, columns, true.noise_source[channel], noise)
+    total += _update_shared(state, scratch, h, signals, true, epoch, channel, whitened)
+    total += _update_imus(state, scratch, true, epoch, channel)
+    # mean error after the update: (I - k h) m - k z, z the deterministic innovation; h m + z is the mean innovation
+    offset = update_vector(state.mean, gain, h, entries, columns) + innovation
+    for i in range(gain.shape[0]):
+        state.mean[i] -= gain[i] * innovation
+    return total + offset * offset
+
+
+@jit
+def _correct_clones(gain, clone, late):
+    """Extend the gain to the clones of stored states, which the filter corrects as well (Late, or None)."""
+    if late is not None:
+        for place in range(late.buffered.shape[0]):
+            if late.buffered[place]:
+                for i in range(N_NAV):
+                    gain[clone + N_CLONE * place + i] = gain[i]
+
+
+@jit
+def _set_gain(gain, work, weight, gains, n_estimated, epoch, channel):
+    """Set the gain on the joint states: stored (Gains) or `work.K` times weight on estimated states, else zero."""
+    for i in range(gain.shape[0]):
+        gain[i] = 0.0
+    for i in range(n_estimated):
+        gain[i] = work.K[i] * weight if gains is None else gains.gain[epoch, channel, i]
+
+
+@jit
+def follow_update(joint, work, case, weight, epoch, row, channel):
+    """Update every source and the mean with the gain by which the filter has processed a scalar measurement.
+
+    `work.z` is the innovation of the nominal flight: errors that are the same in every run and not in the filter model,
+    such as an uncompensated latency. Their effect is in the mean, so the error state is reset to zero.
+
+    Parameters
+    ----------
+    joint : Joint, or None in a run
+    work, case : Nominal, FilterCase
+    weight : 1 / innovation variance of the filter; 0 if the measurement is rejected
+    epoch, row, channel : indices; counts and expected squares are added to the results of the epoch
+    """
+    if joint is not None and weight > 0.0:
+        model, late, gain, out = case.model, case.options.late, joint.scratch.gain, joint.out
+        _set_gain(gain, work, weight, case.options.gains, model.n_estimated, epoch, channel)
+        _correct_clones(gain, joint.true.clone, late)
+        whitened, place = has_reported_covariance(model, channel), place_of_channel(late, channel, epoch)
+        square = _update_truth(joint, work.H[row], work.z[row], case.signals, place, epoch, channel, whitened)
+        _clear(work.x)
+        square = square * weight  # expected square of the normalised innovation
+        out.expected_nis[epoch] += square
+        out.row_ratio[epoch, row] = max(out.row_ratio[epoch, row], square)
+        out.n_row[epoch] += 1
+
+
+@jit
+def _clear(x):
+    for i in range(x.shape[0]):
+        x[i] = 0.0
+
+
+@jit
+def follow_clock(joint, work, case, weight, epoch, row, kind):
+    """Update every source and the mean as the filter does when a reference satellite determines the clock.
+
+    kind : observable of the satellite; the others as in `follow_update`
+    """
+    if joint is not None and weight > 0.0:
+        model, signals, gain = case.model, case.signals, joint.scratch.gain
+        for i in range(gain.shape[0]):
+            gain[i] = model.clock_gain[kind, i] if i < model.n_state else 0.0
+        channel = model.n_kind * signals.used[epoch, row // model.n_kind] + kind
+        place = place_of_channel(case.options.late, channel, epoch)
+        _update_truth(joint, work.H[row], work.z[row], signals, place, epoch, channel, False)
+        _clear(work.x)
+
+
+@jit
+def start_joint(joint, work, case, watch, rules, epoch):
+    """Start the filter in the joint covariance (Joint, or None).
+
+    A filter that starts from the receiver's sample takes over its error: an update with gain 1 of position and velocity
+    in every source and in the mean. The error state stays zero.
+    """
+    if joint is not None:
+        _clear(work.x)
+        if rules.from_gnss and watch.sample[1] > 0.0:
+            gain = joint.scratch.gain
+            for row in range(6):
+                at = POS + row if row < 3 else VEL + row - 3
+                for i in range(gain.shape[0]):
+                    gain[i] = 1.0 if i == at else 0.0
+                place = place_of_channel(case.options.late, row, epoch)
+                whitened = case.model.has_covariance
+                _update_truth(joint, work.H[row], work.z[row], case.signals, place, epoch, row, whitened)
+
+
+@jit
+def innovation_of(joint, work, late, epoch, row, channel):
+    """Return the innovation of a row for tests, before its prediction by the error state is subtracted.
+
+    In a run it is `work.z`. In the joint covariance (Joint, or None) it is the mean, the innovation of a run without
+    noise.
+    """
+    if joint is None:
+        return work.z[row]
+    return work.z[row] + _mean_of(joint, work.H[row], place_of_channel(late, channel, epoch), channel)
+
+
+@jit
+def _mean_of(joint, h, place, channel):
+    true, total = joint.true, 0.0
+    for k in range(true.n_entry[channel]):
+        total += h[true.entry[place, channel, k]] * joint.state.mean[true.column[place, channel, k]]
+    return total

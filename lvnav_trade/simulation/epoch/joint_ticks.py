@@ -1,0 +1,148 @@
+"""IMU samples as measurements in the joint covariance: update and propagation over a tick, source by source."""
+
+from lvnav_trade.kernels.attitude import cross, matrix
+from lvnav_trade.kernels.groups import group, whole
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.vehicle import (
+    N_SAMPLE,
+    advance,
+    advance_vector,
+    fill_samples,
+    joint_gain,
+    mirror,
+    update_together,
+    update_vector_together,
+)
+from lvnav_trade.simulation.epoch.imu_errors import deviations, fill_partials
+
+
+@jit
+def nominal_tick(sums, reference, tick, dt):
+    """Set the integrals over a tick of the nominal flight: C_b_i (9) by the trapezoidal rule, velocity gained (3)."""
+    q, p, a, f = reference.q_b_i[tick], reference.q_b_i[tick + 1], reference.dtheta[tick], reference.dvel[tick]
+    c, d = matrix(q[0], q[1], q[2], q[3]), matrix(p[0], p[1], p[2], p[3])
+    rx, ry, rz = cross(a[0], a[1], a[2], f[0], f[1], f[2])
+    for i in range(3):
+        for j in range(3):
+            sums[3 * i + j] = 0.5 * dt * (c[3 * i + j] + d[3 * i + j])
+        sums[9 + i] = c[3 * i] * (f[0] + 0.5 * rx) + c[3 * i + 1] * (f[1] + 0.5 * ry) + c[3 * i + 2] * (f[2] + 0.5 * rz)
+
+
+@jit
+def begin_tick(joint, motion, vehicle, tick):
+    """Set the estimated motion of a tick to the true motion, and the Jacobian of its samples (Joint, or None).
+
+    The filter predicts the motion of the tick before, so the change of motion since then enters the mean error.
+    """
+    if joint is not None:
+        first, mean = vehicle.motion, joint.state.mean
+        for i in range(3):
+            if tick > 0:
+                mean[first + i] += vehicle.rate[tick, i] - vehicle.rate[tick - 1, i]
+                mean[first + 3 + i] += vehicle.force[tick, i] - vehicle.force[tick - 1, i]
+        fill_samples(motion.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
+
+
+@jit
+def _enter_by_samples(P, y, through, seen, S, a, variance, gain):
+    """Add the effect of components c, one per lane, on the update by the samples of a tick.
+
+    Parameters
+    ----------
+    P : (n, n) upper triangle, updated in place
+    y : (n,) Cov(x, c) after the update by H, updated in place
+    through, seen : (n,) scratch; (6,) H Cov(x, c) before the update
+    S : (6, 6) innovation covariance, updated in place
+    a : (6,) partial derivatives of the samples
+    variance, gain : variance of c; (6, n) joint gain
+    """
+    n = P.shape[0]
+    for i in range(n):
+        total = like(y[0], 0.0)
+        for r in range(N_SAMPLE):
+            total = total + gain[r, i] * a[r]
+        through[i] = total
+    half = 0.5 * variance
+    for i in range(n):
+        t, u = through[i], y[i] - half * through[i]
+        for j in range(i, n):
+            P[i, j] = P[i, j] - (t * (y[j] - half * through[j]) + u * through[j])
+    for i in range(n):
+        y[i] = y[i] - through[i] * variance
+    for r in range(N_SAMPLE):
+        for q in range(N_SAMPLE):
+            S[r, q] = S[r, q] + a[r] * seen[q] + seen[r] * a[q] + a[r] * a[q] * variance
+
+
+@jit
+def _update_sources(state, ticks, true, h, columns):
+    """Update the covariance of every source, and its cross covariances, by the samples of a tick with `ticks.gain`."""
+    gain = ticks.gain
+    for g in range(true.n_slot.shape[0]):
+        P, S = group(state.sources, g), group(ticks.S, g)
+        update_together(P, whole(ticks.Y), S, gain, h, columns, group(ticks.noise, g))
+        cross_g, variance = group(state.cross, g), group(state.variance, g)
+        seen = whole(ticks.seen_source)
+        for k in range(true.n_slot[g]):
+            if true.followed[g, k]:
+                update_vector_together(cross_g[k], seen, gain, h, columns)
+                if true.samples[g, k]:
+                    a = group(ticks.a, g)[k]
+                    _enter_by_samples(P, cross_g[k], whole(ticks.through), seen, S, a, variance[k, 0], gain)
+
+
+@jit
+def _record(tape, gain, tick):
+    if tape.sample_gain.shape[0] > 0:
+        for r in range(N_SAMPLE):
+            for i in range(gain.shape[1]):
+                tape.sample_gain[tick, r, i] = gain[r, i]
+
+
+@jit
+def update_joint_tick(joint, flight, motion, model, vehicle, units, tick):
+    """Update every source and the mean with the joint gain by which the filter has processed the samples of a tick.
+
+    Parameters
+    ----------
+    joint, flight : Joint, NominalFlight
+    motion : Motion, with P h' and weights of the filter's update
+    model, vehicle : FilterModel, VehicleModel
+    units : Units of an IMU array; None for one IMU
+    tick : index
+    """
+    state, ticks, true, unit, h = joint.state, flight.ticks, joint.true, flight.unit, motion.h
+    mean, gain = state.mean, ticks.gain
+    deviations(ticks.deviation, true, unit, units, flight.reference, tick)
+    joint_gain(gain, motion.K, motion.weight, h, vehicle.columns, model.n_estimated)
+    _record(joint.tape, gain, tick)
+    fill_partials(ticks.a, true, units, vehicle, tick, unit.dt)
+    _update_sources(state, ticks, true, h, vehicle.columns)
+    update_vector_together(mean, ticks.seen, gain, h, vehicle.columns)
+    for r in range(N_SAMPLE):
+        ticks.seen[r] += ticks.deviation[r]
+        for i in range(model.n_state):
+            mean[i] -= gain[r, i] * ticks.deviation[r]
+
+
+@jit
+def advance_joint(joint, flight, sums, dt, first):
+    """Propagate every source and the mean (Joint, or None) over a tick. first : first motion state."""
+    if joint is not None:
+        state, true = joint.state, joint.true
+        for g in range(true.n_slot.shape[0]):
+            advance(group(state.sources, g), whole(flight.ticks.moved_source), sums, dt, first)
+            cross_g = group(state.cross, g)
+            for k in range(true.n_slot[g]):
+                if true.followed[g, k]:
+                    advance_vector(cross_g[k], sums, dt, first)
+        advance_vector(state.mean, sums, dt, first)
+
+
+@jit
+def finish_ticks(joint):
+    """Restore the lower triangles of the covariances of all sources (Joint, or None) at the end of a window."""
+    if joint is not None:
+        for g in range(joint.true.n_slot.shape[0]):
+            mirror(group(joint.state.sources, g))

@@ -1,0 +1,319 @@
+"""One epoch of the filter, for both engines: which measurements are processed, and in what order.
+
+Monte Carlo calls it for one run or eight lanes. Linear covariance calls it on the nominal flight, where the error state
+stays zero; the joint covariance (Joint, None in a run) follows every update with the gain of the filter
+(`follow_update`), and tests see the mean of an innovation (`innovation_of`). `lincov/history._case` has removed the
+features that linear covariance does not have: gate, direct, iterated and unscented filter, solver. An open loop is
+closed there.
+
+The order is defined here. Whether a measurement is processed depends on
+
+- `n_measured` (filter/ekf.py): number of rows of the receiver at an epoch;
+- `is_present` (filter/policies/epoch_differences.py): whether the filter processes a row;
+- `take_reference` (below): a reference satellite, whose rows determine the clock;
+- `Sensors.on` and `FilterModel.measured`: whether a sensor measures, and whether the filter processes it;
+- `permitted` (filter/policies/integrity/state.py): exclusion by the fault monitor;
+- `process_epoch`: the mode logic, if the filter has one.
+
+`filter/policies/open_loop.py` applies the error state afterwards.
+"""
+
+import numpy as np
+
+from lvnav_trade.filter import ekf
+from lvnav_trade.filter.ekf import channel_of, correct, n_measured
+from lvnav_trade.filter.policies.epoch_differences import (
+    clone_formal,
+    correct_earlier,
+    find_earlier,
+    is_present,
+    renew,
+    store_estimate,
+)
+from lvnav_trade.filter.policies.integrity.assess import assess
+from lvnav_trade.filter.policies.integrity.state import clear_innovations, permitted
+from lvnav_trade.filter.policies.iterated import hold, linearise_receiver, linearise_sensor
+from lvnav_trade.filter.policies.linearise import (
+    fill_receiver_rows,
+    fill_sensor_rows,
+    is_receiver_stored,
+    is_sensor_stored,
+)
+from lvnav_trade.filter.policies.mode_logic import MODE, check_measurements, is_running, start_filter, update_mode
+from lvnav_trade.filter.policies.open_loop import begin_sum, compare_receiver
+from lvnav_trade.filter.policies.reference_satellite import is_reference, leave_out
+from lvnav_trade.filter.updates import noise_variance, update_and_count
+from lvnav_trade.kernels.covariance import NOT_USED, update_with_gain
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.simulation.epoch.joint import follow_clock, follow_update, innovation_of, start_joint
+
+
+@inlined
+def _update_by_row(work, points, case, joint, epoch, row, channel, gate):
+    """Update by one scalar measurement, in the filter and in the joint covariance."""
+    weight = update_and_count(work, points, case, epoch, row, channel, gate)
+    follow_update(joint, work, case, weight, epoch, row, channel)
+
+
+@jit
+def _predicted(work, case, epoch, row):
+    """Return the innovation that the error state predicts for a row, h x."""
+    channel, total = channel_of(case.model, case.signals, epoch, row), like(work.x[0], 0.0)
+    for c in range(case.model.n_entry[channel]):
+        total = total + work.H[row, case.model.entry[channel, c]] * work.x[case.model.column[channel, c]]
+    return total
+
+
+@jit
+def _expect_rows(work, case, joint, watch, epoch):
+    """Set the inputs of the mode logic: measured minus predicted, and its prediction by the error state."""
+    for row in range(n_measured(case.model, case.signals, epoch)):
+        channel = channel_of(case.model, case.signals, epoch, row)
+        watch.z[row] = innovation_of(joint, work, case.options.late, epoch, row, channel)
+        watch.predicted[row] = _predicted(work, case, epoch, row)
+
+
+@jit
+def _assess(work, points, case, joint, monitor, gate, epoch):
+    """Test the innovations of an epoch for faults (Monitor, or None), after subtracting their prediction by the error
+    state. gate : NOT_USED in the runs whose filter does not run.
+    """
+    if monitor is not None:
+        for row in range(n_measured(case.model, case.signals, epoch)):
+            channel = channel_of(case.model, case.signals, epoch, row)
+            innovation = innovation_of(joint, work, case.options.late, epoch, row, channel)
+            monitor.z[row] = innovation - _predicted(work, case, epoch, row)
+            monitor.variance[row] = noise_variance(work, points, case, epoch, row, channel)
+        assess(monitor, work, case, where(like(work.x[0], 0.0) + gate >= 0.0, 1.0, 0.0), epoch)
+
+
+@jit
+def take_reference(work, case, joint, monitor, epoch, limit, starts):
+    """Determine the clock states by the measurements of the reference satellite, without memory of earlier estimates.
+
+    The states are bias, drift and, for differences of two epochs, the bias at the earlier epoch. This is equivalent to
+    differencing the other satellites with the reference: the noise that the differences have in common is in the clock
+    state, instead of in off-diagonal terms of R (see `filter.policies.reference_satellite`).
+
+    Parameters
+    ----------
+    monitor : Monitor, or None. Runs that exclude the reference keep the predicted clock.
+    limit : gate, NOT_USED where no measurement is processed
+    starts : condition by lane, whether the filter starts at this epoch; None without a mode logic
+    """
+    model, signals = case.model, case.signals
+    for k in range(signals.reference.shape[1]):
+        if signals.reference[epoch, k] >= 0 and n_measured(model, signals, epoch) > 0:
+            row = model.n_kind * signals.reference[epoch, k] + k
+            channel = channel_of(model, signals, epoch, row)
+            if model.measured[channel]:
+                leave_out(work.z, starts, case.options.delayed, model, row)
+                n = model.n_entry[channel]
+                _, weight = update_with_gain(
+                    work.P,
+                    work.x,
+                    work.K,
+                    work.H[row],
+                    model.entry[channel, :n],
+                    model.column[channel, :n],
+                    model.clock_gain[k],
+                    work.z[row],
+                    like(work.x[0], signals.variance[epoch, channel]),
+                    permitted(monitor, channel, limit),
+                    model.n_state,
+                )
+                follow_clock(joint, work, case, weight, epoch, row, k)
+
+
+@inlined
+def _relinearise(work, parts, case, epoch):
+    """Correct the total state of a direct filter after a scalar measurement, and linearise the remaining rows there.
+
+    A solution with a reported covariance is one vector measurement, so it is linearised once.
+    """
+    if not case.model.has_covariance:
+        options = case.options
+        correct_earlier(work.x, parts.earlier, options.delayed, case.model)
+        correct(work, parts.past, options.late, case.model)
+        ekf.place_antenna(work, parts.past, options.late, case.model, case.step, epoch)
+        fill_receiver_rows(work, parts, case, parts.points, options.late, epoch)
+
+
+@inlined
+def update_receiver(work, parts, case, joint, direct, epoch, gate_squared, starts):
+    """Update by the receiver's measurements of an epoch, scalar by scalar.
+
+    They are the observables of all satellites in use, or the axes of position and velocity of a solution, if the filter
+    processes them and the fault monitor does not exclude them.
+
+    Parameters
+    ----------
+    work, parts, case, joint : as in `process_epoch`
+    direct : True in a direct filter, or None
+    epoch : index
+    gate_squared : gate of the filter, NOT_USED where no measurement is processed
+    starts : condition by lane, whether the filter starts at this epoch; None without a mode logic
+    """
+    model, signals, delayed = case.model, case.signals, case.options.delayed
+    limit = where(gate_squared >= 0.0, np.inf, gate_squared)
+    take_reference(work, case, joint, parts.monitor, epoch, limit, starts)
+    for row in range(n_measured(model, signals, epoch)):
+        channel = channel_of(model, signals, epoch, row)
+        if is_present(delayed, model, epoch, channel) and not is_reference(model, signals, epoch, row):
+            leave_out(work.z, starts, delayed, model, row)
+            gate = permitted(parts.monitor, channel, gate_squared)
+            _update_by_row(work, parts.points, case, joint, epoch, row, channel, gate)
+            if direct is not None:
+                _relinearise(work, parts, case, epoch)
+    if direct is not None:
+        correct(work, parts.past, case.options.late, model)
+
+
+@inlined
+def process_receiver(work, parts, case, joint, again, epoch, gate_squared, starts):
+    """Decorrelate the receiver's rows, test them for faults and update; an iterated filter repeats the update.
+
+    again : Again, whose rows are linearised at the result of the last update, or None; the others as in
+    `update_receiver`
+    """
+    options = case.options
+    ekf.decorrelate(work, parts, case, parts.rx, options.late, epoch)
+    _assess(work, parts.points, case, joint, parts.monitor, gate_squared, epoch)  # may inflate the covariance
+    hold(again, work, epoch)  # so every pass starts from the inflated prediction
+    update_receiver(work, parts, case, joint, options.direct, epoch, gate_squared, starts)
+    if again is not None:
+        for _ in range(0 if is_receiver_stored(options.late) else options.iterated.repeats):
+            linearise_receiver(work, parts, case, again, epoch)
+            update_receiver(work, parts, case, joint, None, epoch, gate_squared, starts)
+
+
+@inlined
+def _update_sensor(work, parts, case, joint, direct, k, epoch, gate_squared):
+    """Update by the rows of sensor k. A direct filter (True, or None) corrects the total state after each of them, and
+    linearises the remaining rows there.
+    """
+    first, sensors = ekf.row_of(case.model, work, case.sensors.channel[k]), case.sensors
+    for i in range(sensors.scalars[k]):
+        _update_by_row(work, parts.points, case, joint, epoch, first + i, sensors.channel[k] + i, gate_squared)
+        if direct is not None:
+            correct(work, parts.past, case.options.late, case.model)
+            fill_sensor_rows(work, parts, case, parts.points, case.options.late, k, epoch)
+
+
+@inlined
+def _process_sensor(work, parts, case, joint, again, k, epoch, gate_squared):
+    """Update by the measurements of sensor k; an iterated filter (Again, or None) repeats the update."""
+    late = case.options.late
+    fill_sensor_rows(work, parts, case, parts.points, late, k, epoch)
+    hold(again, work, epoch)
+    _update_sensor(work, parts, case, joint, case.options.direct, k, epoch, gate_squared)
+    if again is not None:
+        for _ in range(0 if is_sensor_stored(late, k) else case.options.iterated.repeats):
+            linearise_sensor(work, parts, case, again, k, epoch)
+            _update_sensor(work, parts, case, joint, None, k, epoch, gate_squared)
+
+
+@inlined
+def _process_sensors(work, parts, case, joint, epoch, gate_squared):
+    """Update by the measurements of all sensors other than the receiver at an epoch."""
+    sensors = case.sensors
+    for k in range(sensors.code.shape[0]):
+        if sensors.on[k, epoch] and case.model.measured[sensors.channel[k]]:
+            _process_sensor(work, parts, case, joint, parts.again, k, epoch, gate_squared)
+
+
+@jit
+def _sample_variance(out, rx, variance, scale, from_gnss):
+    """Set the variances (6,) of the solution from which a filter starts: reported by the receiver (Receiver), or of
+    the filter model (None).
+    """
+    if from_gnss:
+        for row in range(6):
+            if rx is None:
+                out[row] = like(out[0], variance[row])
+            else:
+                out[row] = rx.covariance[row, row] * (scale[row] * scale[row])
+
+
+@inlined
+def _start(work, parts, case, joint, rules, epoch):
+    """Start the filter where the mode logic permits, and reset the states that begin at this epoch."""
+    watch, signals = parts.watch, case.signals
+    variance, scale = signals.variance[epoch], signals.scale[epoch]
+    _sample_variance(watch.predicted, parts.rx, variance, scale, rules.from_gnss)
+    start_filter(work.P, work.x, watch, rules, work.z)
+    start_joint(joint, work, case, watch, rules, epoch)
+    renew(work.P, work.x, work.extra, case.options.delayed, case.model, epoch)
+    clear_innovations(parts.monitor, watch.sample[1])
+
+
+@inlined
+def _process_permitted(work, parts, case, joint, open_loop, rules, epoch):
+    """Process the receiver's measurements of an epoch if the mode logic permits, then update its mode."""
+    model, signals, watch = case.model, case.signals, parts.watch
+    n_row = n_measured(model, signals, epoch)
+    if rules.good[epoch]:
+        fill_receiver_rows(work, parts, case, parts.points, case.options.late, epoch)
+        if open_loop is not None:
+            compare_receiver(work, parts.past, case, case.options.late, epoch)
+        _expect_rows(work, case, joint, watch, epoch)
+    check_measurements(watch, rules, case.options.delayed, model, signals, epoch, watch.z, n_row)
+    if rules.good[epoch]:
+        _start(work, parts, case, joint, rules, epoch)
+        used, starts = watch.sample[0] > 0.0, watch.sample[1] > 0.0
+        process_receiver(
+            work, parts, case, joint, parts.again, epoch, where(used, model.gate_squared, NOT_USED), starts
+        )
+        # innovations of a sample that the logic rejects are not results
+        for row in range(n_row):
+            channel = channel_of(model, signals, epoch, row)
+            work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
+    update_mode(watch, rules, epoch, work.P)
+
+
+@inlined
+def process_epoch(work, parts, case, joint, open_loop, sensors, rules, epoch):
+    """Process the measurements of the receiver and of the other sensors at an epoch.
+
+    With a mode logic, the receiver is processed if the logic permits. The other sensors are processed once the filter
+    runs, and at its update epochs only. Feedback and `end_epoch` follow.
+
+    Parameters
+    ----------
+    work : Work of one run or eight lanes, or Nominal of the nominal flight, with the measurements; updated in place
+    parts : Parts, arrays of the optional features
+    case : FilterCase
+    joint : Joint, which follows the updates on the nominal flight; None in a run
+    open_loop : OpenLoop of the run; None in a closed loop
+    sensors : Sensors of the case; None without
+    rules : Rules of the mode logic; None without
+    epoch : index
+    """
+    options, model, gate = case.options, case.model, case.model.gate_squared
+    begin_sum(open_loop, work.x)
+    ekf.place_antenna(work, parts.past, options.late, model, case.step, epoch)
+    # clones are computed and extra states reset before the first update of the epoch
+    find_earlier(work.P, parts.earlier, options.delayed)
+    renew(work.P, work.x, work.extra, options.delayed, model, epoch)
+    if rules is None:
+        if n_measured(model, case.signals, epoch) > 0:
+            fill_receiver_rows(work, parts, case, parts.points, options.late, epoch)
+            if open_loop is not None:
+                compare_receiver(work, parts.past, case, options.late, epoch)
+            process_receiver(work, parts, case, joint, parts.again, epoch, gate, None)
+        if sensors is not None:
+            _process_sensors(work, parts, case, joint, epoch, gate)
+    elif (epoch + 1) % model.every == 0:
+        _process_permitted(work, parts, case, joint, open_loop, rules, epoch)
+        if sensors is not None:
+            gate = where(is_running(parts.watch.state[MODE]) > 0.0, gate, NOT_USED)
+            _process_sensors(work, parts, case, joint, epoch, gate)
+
+
+@inlined
+def end_epoch(work, parts, case, epoch):
+    """Store the estimate for the differences of the next epoch, and clone its error."""
+    options = case.options
+    store_estimate(work, parts.earlier, parts.past, options.late, options.delayed, case.model, epoch)
+    clone_formal(work.P, parts.earlier, options.delayed)

@@ -1,0 +1,58 @@
+"""Simulation of one run or eight lanes. Truth and filter exchange nothing but measurements."""
+
+from lvnav_trade.kernels.jit import inlined
+from lvnav_trade.simulation.epoch.held import hold_solution
+from lvnav_trade.simulation.recording import record
+from lvnav_trade.simulation.sensing import begin, begin_solver, measure_sensors, observe, sense
+from lvnav_trade.simulation.steps import begin_epoch, begin_filter, propagate, update
+from lvnav_trade.simulation.tape import tape_after, tape_before, tape_epoch, tape_increments, tape_start
+
+
+@inlined
+def _measure(work, parts, case, key, epoch):
+    """Simulate the measurements of receiver and sensors at an epoch."""
+    options = case.options
+    observe(work, parts, case, options.solver, key, epoch)
+    hold_solution(work, parts, None, None, options.solver, options.report, epoch)
+    measure_sensors(work, parts.units, case.sensors, options.units, case.signals, key, epoch)
+    tape_epoch(parts.tape, work, parts.rx, epoch)
+
+
+@inlined
+def fly(work, parts, case, truth, key):
+    """Simulate one run (float64 arrays) or eight (lane views) from start to end.
+
+    A window of IMU ticks is sensed and propagated; at its end follow the epoch and the record, if they fall there.
+
+    Parameters
+    ----------
+    work : Work, arrays of truth, filter and results; updated in place
+    parts : Parts, arrays of the optional features; updated in place
+    case : FilterCase
+    truth : Truth, which the filter does not read
+    key : (2,) key words of the campaign's seed
+    """
+    schedule, options, unit = case.schedule, case.options, truth.unit
+    begin(work, parts.units, case, truth, key)
+    begin_solver(work, parts.rx, options.solver)
+    tape_start(parts.tape, work)
+    begin_filter(work, parts, options)
+    for w in range(schedule.n_tick.shape[0]):
+        first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
+        if n_tick > 0:
+            sense(work, parts.units, unit, options.units, first, n_tick, key)
+            tape_increments(parts.tape, work, first, n_tick)
+            propagate(work, parts, case, w)
+        epoch = schedule.epoch[w]
+        if epoch >= 0:
+            tape_before(parts.tape, work, epoch)
+            begin_epoch(work, parts, case, epoch)
+        if epoch >= 0 and case.model.aided:
+            _measure(work, parts, case, key, epoch)
+            update(work, parts, case, epoch)
+        if epoch >= 0:
+            tape_after(parts.tape, work, epoch)
+        # history times follow the update: errors at an epoch are those after its measurements
+        if schedule.hist[w] >= 0:
+            record(work, parts, case, parts.missed, truth.record, max(0, first + n_tick - 1), schedule.hist[w])
+    tape_after(parts.tape, work, -1)

@@ -1,0 +1,277 @@
+"""IMU arrays in a run (one run or eight lanes): output of each IMU, and the combined triad.
+
+The errors of an IMU are given along its sensing axes: its tables (`processes.gather`) have a row per sensing axis, with
+entries that multiply increments in body axes.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.kernels.attitude import cross
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like, zeros_of
+from lvnav_trade.kernels.processes import BIAS, N_TABLE, OTHER, OWN, SQUARES, quantise
+from lvnav_trade.kernels.random import normals
+from lvnav_trade.kernels.transition import CONSTANT, OTHER_0, OTHER_2, OWN_0, OWN_2
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.simulation.imu_redundancy import begin_redundant, check, combine, entering, new_redundant, note
+
+
+class UnitWork(NamedTuple):
+    """Arrays of an IMU array in a run, updated in place.
+
+    tables : (2 n_triad, N_TABLE). Error tables of gyro and accelerometer of each triad.
+    sensed : (n_triad, n_tick, 6) rad, m/s. Increments of the window as each IMU outputs them, along its axes.
+    remainder : (n_triad, 6) rad, m/s. Remainder of quantisation.
+    before : (4,). Combined angle increment of the previous tick (rad), and 1 if there is one.
+    difference : (n_pair, 3) rad, m/s. Difference of two IMUs, summed since its last measurement.
+    redundant : RedundantWork, if the IMUs are tested or selected; otherwise None.
+    """
+
+    tables: Floats
+    sensed: Floats
+    remainder: Floats
+    before: Floats
+    difference: Floats
+    redundant: Any = None
+
+
+def new_units(units: Any, n_tick: int, lanes: int = 0) -> UnitWork:
+    """Return the arrays of an IMU array (Units): one run, or `lanes` runs on the last axis."""
+    n_triad, n_pair, vote = units.n_axis.size, units.pair_sensor.size, units.redundant
+    shapes = {
+        "tables": (2 * n_triad, N_TABLE),
+        "sensed": (n_triad, n_tick, 6),
+        "remainder": (n_triad, 6),
+        "before": (4,),
+        "difference": (max(1, n_pair), 3),
+    }
+    redundant = None if vote is None else new_redundant(int(vote.owner.max()) + 1, n_triad, lanes)
+    return UnitWork(**zeros_of(shapes, lanes), redundant=redundant)
+
+
+@jit
+def begin_units(own, units):
+    """Reset the arrays of an IMU array (Units, or None) at the start of a run."""
+    if units is not None:
+        for i in range(4):
+            own.before[i] = like(own.before[i], 0.0)
+        for k in range(own.remainder.shape[0]):
+            for i in range(6):
+                own.remainder[k, i] = like(own.remainder[k, i], 0.0)
+        for p in range(own.difference.shape[0]):
+            for i in range(3):
+                own.difference[p, i] = like(own.before[i], 0.0)
+        begin_redundant(own.redundant, units)
+
+
+@jit
+def take_difference(work, own, units, k):
+    """Set the measurement of sensor k, if it is a difference of two IMUs, to the sum since its last measurement."""
+    if units is not None:
+        p = units.pair_of[k]
+        if p >= 0:
+            for i in range(3):
+                work.observed[k, i] = own.difference[p, i]
+                own.difference[p, i] = like(own.difference[p, i], 0.0)
+
+
+@jit
+def add_relative_biases(work, own, units):
+    """Add the true relative biases to the errors of the states that model them (Units, or None)."""
+    if units is not None:
+        for p in range(units.pair_sensor.shape[0]):
+            at = units.pair_state[p]
+            if at >= 0:
+                for k in range(units.n_axis.shape[0]):
+                    table = own.tables[2 * k + units.pair_sensor[p]]
+                    for c in range(units.n_axis[k]):
+                        for i in range(3):
+                            work.x[at + i] = work.x[at + i] + units.pair_solved[p, k, i, c] * table[BIAS + c]
+
+
+@jit
+def _gather_block(table, frames, kind, values):
+    """Add a block of three parameters to the table of its triad."""
+    for axis in range(3):
+        value = values[axis]
+        if kind == CONSTANT:
+            table[BIAS + axis] = table[BIAS + axis] + value
+        elif OWN_0 <= kind and kind <= OWN_2:
+            for j in range(3):
+                at = OWN + 3 * axis + j
+                table[at] = table[at] + frames[axis, kind - OWN_0, j] * value
+        elif OTHER_0 <= kind and kind <= OTHER_2:
+            for j in range(3):
+                at = OTHER + 3 * axis + j
+                table[at] = table[at] + frames[axis, (kind - OTHER_0 - axis) % 3, j] * value
+        else:
+            table[SQUARES + axis] = table[SQUARES + axis] + value
+
+
+@jit
+def gather_units(own, units, values, sensors, drivers):
+    """Sum the true parameters into the tables of the triads; arguments as in `processes.gather`."""
+    for k in range(own.tables.shape[0]):
+        for i in range(N_TABLE):
+            own.tables[k, i] = like(own.tables[k, i], 0.0)
+    for b in range(sensors.shape[0]):
+        triad = units.triads[b]
+        _gather_block(own.tables[2 * triad + sensors[b]], units.frames[triad], drivers[b], values[b])
+
+
+@jit
+def fuse_tables(fused, own, units, tick):
+    """Set the tables (2, N_TABLE) of the combined triad at a tick, which give the true values of filter parameters.
+
+    Nonlinearity is not included: it depends on squares along the axes of each IMU.
+    """
+    for sensor in range(2):
+        for i in range(N_TABLE):
+            fused[sensor, i] = like(fused[sensor, i], 0.0)
+        for k in range(units.n_axis.shape[0]):
+            table = own.tables[2 * k + sensor]
+            for c in range(units.n_axis[k]):
+                for i in range(3):
+                    share = entering(own.redundant, units, tick, k, sensor, i, c)
+                    fused[sensor, BIAS + i] = fused[sensor, BIAS + i] + share * table[BIAS + c]
+                    for first in (OWN, OTHER):
+                        for j in range(3):
+                            at = first + 3 * i + j
+                            fused[sensor, at] = fused[sensor, at] + share * table[first + 3 * c + j]
+
+
+@inlined
+def _axis_error(table, c, along, a, other, dt):
+    """Return the error of an increment along sensing axis c.
+
+    along : increment along the axis; a, other : (3,) increments of the sensor and of the other sensor, body axes
+    """
+    return (
+        dt * table[BIAS + c]
+        + table[OWN + 3 * c] * a[0]
+        + table[OWN + 3 * c + 1] * a[1]
+        + table[OWN + 3 * c + 2] * a[2]
+        + table[OTHER + 3 * c] * other[0]
+        + table[OTHER + 3 * c + 1] * other[1]
+        + table[OTHER + 3 * c + 2] * other[2]
+        + table[SQUARES + c] * (along * along / dt)
+    )
+
+
+@jit
+def _sense_triad(own, units, k, at, ticks, dt, key, run):
+    """Set the increments of a triad over some ticks: true increments, errors, white noise, quantisation.
+
+    ticks : (2,) first tick, number of ticks; key : (2,) key words of the seed
+    """
+    (first_tick, n_tick), (k0, k1) = ticks, key
+    out, frames, white = own.sensed[k], units.frames[k], units.white[k]
+    gyro, accel = own.tables[2 * k], own.tables[2 * k + 1]
+    for tick in range(first_tick, first_tick + n_tick):
+        row, epoch = at + tick - first_tick, np.uint64(tick)
+        a, f = units.dtheta[k, tick], units.dvel[k, tick]
+        n0, n1, n2, n3 = normals(k0, k1, units.noise_sources[k], run, epoch, np.uint64(0))
+        n4, n5, _, _ = normals(k0, k1, units.noise_sources[k], run, epoch, np.uint64(1))
+        gyro_noise, accel_noise = (n0, n1, n2), (n3, n4, n5)
+        for c in range(3):
+            h = frames[c, 0]
+            angle = h[0] * a[0] + h[1] * a[1] + h[2] * a[2]
+            speed = h[0] * f[0] + h[1] * f[1] + h[2] * f[2]
+            out[row, c] = angle + _axis_error(gyro, c, angle, a, f, dt) + white[c] * gyro_noise[c]
+            out[row, 3 + c] = speed + _axis_error(accel, c, speed, f, a, dt) + white[3 + c] * accel_noise[c]
+    for sensor in range(2):
+        if white[6 + sensor] > 0.0:
+            for row in range(at, at + n_tick):
+                for i in range(3 * sensor, 3 * sensor + 3):
+                    out[row, i], own.remainder[k, i] = quantise(out[row, i], own.remainder[k, i], white[6 + sensor])
+
+
+@jit
+def swung(own, units, k, x, y, z, dt):
+    """Return the velocity increment (3) m/s of a triad by its lever arm r over a tick, body axes.
+
+    It is (dw x r) + w x (w x r) dt, with w dt the combined angle increment x, y, z (rad) of the tick, and dw the change
+    of w since the previous tick.
+    """
+    lever, before = units.lever[k], own.before
+    first = before[3]  # 0 at the first tick, which has no previous one
+    tx, ty, tz = cross(
+        first * (x - before[0]), first * (y - before[1]), first * (z - before[2]), lever[0], lever[1], lever[2]
+    )
+    wx, wy, wz = cross(x, y, z, lever[0], lever[1], lever[2])
+    cx, cy, cz = cross(x, y, z, wx, wy, wz)
+    return (tx + cx) / dt, (ty + cy) / dt, (tz + cz) / dt
+
+
+@jit
+def _add_difference(own, units, sensor, k, c, value):
+    """Add an increment along axis c of triad k to the measured differences of two IMUs."""
+    for p in range(units.pair_sensor.shape[0]):
+        if units.pair_sensor[p] == sensor:
+            for i in range(3):
+                own.difference[p, i] = own.difference[p, i] + units.pair_solved[p, k, i, c] * value
+
+
+@jit
+def _fuse(increments, own, units, at, n_tick, dt):
+    """Set the increments of the combined triad from those of the IMUs, with lever arms compensated."""
+    n = units.n_axis.shape[0]
+    for row in range(at, at + n_tick):
+        for i in range(6):
+            increments[row, i] = like(increments[row, i], 0.0)
+        for k in range(n):
+            for c in range(units.n_axis[k]):
+                for i in range(3):
+                    increments[row, i] = increments[row, i] + units.solved[0, k, 0, i, c] * own.sensed[k, row, c]
+                _add_difference(own, units, 0, k, c, own.sensed[k, row, c])
+        x, y, z = increments[row, 0], increments[row, 1], increments[row, 2]
+        for k in range(n):
+            sx, sy, sz = swung(own, units, k, x, y, z, dt)
+            for c in range(units.n_axis[k]):
+                h = units.frames[k, c, 0]
+                value = own.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz)
+                for i in range(3):
+                    increments[row, 3 + i] = increments[row, 3 + i] + units.solved[0, k, 1, i, c] * value
+                _add_difference(own, units, 1, k, c, value)
+        own.before[0], own.before[1], own.before[2], own.before[3] = x, y, z, like(x, 1.0)
+
+
+@jit
+def _fuse_redundant(increments, own, units, vote, at, first_tick, n_tick, dt):
+    """Set the increments of the combined triad as `_fuse` does, for IMUs with a parity test or a selection."""
+    n, redundant = units.n_axis.shape[0], own.redundant
+    for row in range(at, at + n_tick):
+        for k in range(n):
+            for c in range(units.n_axis[k]):
+                note(redundant, 0, k, c, own.sensed[k, row, c])
+        combine(increments, redundant, units, vote, row, 0)
+        x, y, z = increments[row, 0], increments[row, 1], increments[row, 2]
+        for k in range(n):
+            sx, sy, sz = swung(own, units, k, x, y, z, dt)
+            for c in range(units.n_axis[k]):
+                h = units.frames[k, c, 0]
+                note(redundant, 1, k, c, own.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz))
+        combine(increments, redundant, units, vote, row, 1)
+        own.before[0], own.before[1], own.before[2], own.before[3] = x, y, z, like(x, 1.0)
+        check(redundant, units, vote, first_tick + row - at)
+
+
+@jit
+def _fuse_ticks(increments, own, units, vote, at, first_tick, n_tick, dt):
+    if vote is None:
+        _fuse(increments, own, units, at, n_tick, dt)
+    else:
+        _fuse_redundant(increments, own, units, vote, at, first_tick, n_tick, dt)
+
+
+@jit
+def sense_units(work, own, units, at, first_tick, n_tick, dt, key):
+    """Set the increments of the combined triad for some ticks, from row `at` on.
+
+    The increments of each IMU are in `own.sensed` afterwards.
+    """
+    for k in range(units.n_axis.shape[0]):
+        _sense_triad(own, units, k, at, (first_tick, n_tick), dt, key, work.run[0])
+    _fuse_ticks(work.increments, own, units, units.redundant, at, first_tick, n_tick, dt)

@@ -1,0 +1,166 @@
+"""A scenario's launcher under control: nozzle movement by what feeds the controller, motion in its envelopes."""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.imu.array import equivalent
+from lvnav_trade.quantities.per_axis import rms
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.scenario.filter_models import sensors_measuring
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.attitude_reference import AttitudeReferenceCard
+from lvnav_trade.simulation.preparation.vehicle import burns
+from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.control_cards import FeedbackCard
+from lvnav_trade.trajectory.guided import autopilot
+from lvnav_trade.trajectory.guided.course import Ascent, ascend
+from lvnav_trade.trajectory.guided.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+
+# Rates that the controller is fed, a mission each.
+FEEDS = ("raw", "filtered", "true")
+PHASES = ("burn", "coast", "change")
+AXES = ("pitch", "yaw")
+# Seconds from lift-off of which one run's motion is kept beside its envelopes.
+SHOWN = 100.0
+_BIN = 0.05
+
+
+class Controlled(NamedTuple):
+    """Missions of a case; axes are pitch and yaw.
+
+    t (n,) s; total (n_feed, n_run, n_burn + 1, 2) movement of the nozzle over the flight and
+    in each burn, rad; mean, low, high (n_feed, n, 2) of the runs so far; turning (n_feed, 2, N_PHASE, 8): ticks of all
+    runs, part of them with angular acceleration and with jerk in the envelope, furthest of both over it, root mean
+    square of attitude error (rad) and of the fed rate's error, formal sigma of that (rad/s); shown_t (k,) s and shown
+    (k, 2, 4) angular acceleration, its bound, jerk and its bound of the first run with the filtered rate, of every
+    twentieth of a second the tick that is furthest out.
+    """
+
+    t: Floats
+    total: Floats
+    mean: Floats
+    low: Floats
+    high: Floats
+    turning: Floats
+    shown_t: Floats
+    shown: Floats
+
+
+@lru_cache(maxsize=2)
+def _ascended(text: str) -> Ascent:
+    return ascend(VehicleAscent.model_validate_json(text))
+
+
+def launch_of(scenario: Scenario) -> Launch:
+    """Return the launch of a scenario that has one; InputError where cards do not fit the vehicle."""
+    card = scenario.control
+    assert card is not None  # the scenario is checked for it, and for its trajectory
+    assert isinstance(scenario.trajectory, VehicleAscent)
+    launch = prepare_launch(
+        _ascended(scenario.trajectory.model_dump_json()),
+        card.rotation,
+        card.controller,
+        card.wind,
+        equivalent(scenario.imu),
+        scenario.filter.envelope,
+    )
+    return with_rate_gain(launch, card.rate_gain)
+
+
+def controlled(scenario: Scenario, seed: int, runs: int) -> Controlled | None:
+    """Return the missions of a case on the campaign's draws; None where it has no vehicle under control."""
+    if scenario.control is None:
+        return None
+    launch = launch_of(scenario)
+    missions = [fly_missions(launch, feedback(scenario, feed), runs, seed) for feed in FEEDS]
+    moved = np.stack([flown.history[..., autopilot.MOVED] for flown in missions])
+    shown_t, shown = _shown(launch, feedback(scenario, "filtered"), seed)
+    return Controlled(
+        t=missions[0].t,
+        total=_totals(missions, np.array(_burns_of(scenario))),
+        mean=moved.mean(axis=1),
+        low=moved.min(axis=1),
+        high=moved.max(axis=1),
+        turning=np.stack([_turning(launch, flown, feed) for flown, feed in zip(missions, FEEDS, strict=True)]),
+        shown_t=shown_t,
+        shown=shown,
+    )
+
+
+def _burns_of(scenario: Scenario) -> list[tuple[float, float]]:
+    return burns(_ascended(scenario.trajectory.model_dump_json()).trajectory)
+
+
+def feedback(scenario: Scenario, feed: Any) -> FeedbackCard:
+    """Return what feeds the controller: one of FEEDS, and attitude of the scenario's own reference."""
+    (sensor,) = sensors_measuring(scenario, "attitude")  # the scenario is checked for it
+    assert isinstance(sensor, AttitudeReferenceCard)
+    return FeedbackCard.model_construct(
+        rate=feed,
+        attitude="navigation",
+        noise="datasheet",
+        reference_sigma=sensor.sigma,
+        reference_rate=sensor.rate or scenario.filter.update_rate,
+    )
+
+
+def _totals(missions: list[Missions], spans: Floats) -> Floats:
+    """Return the movement (n_feed, n_run, n_burn + 1, 2): flight, and from begin to a second after each burn."""
+    found = np.empty((len(missions), len(missions[0].movement), len(spans) + 1, 2))
+    for feed, flown in enumerate(missions):
+        found[feed, :, 0] = flown.movement
+        for number, (begin, end) in enumerate(spans, start=1):
+            at = np.minimum(np.searchsorted(flown.t, [begin, end + 1.0]), flown.t.size - 1)
+            rows = flown.history[..., autopilot.MOVED][:, at]
+            found[feed, :, number] = rows[:, 1] - rows[:, 0]
+    return found
+
+
+def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
+    """Return what the ticks of each axis and phase add up to, (2, N_PHASE, 8); see Controlled."""
+    sums = flown.sums.sum(axis=0)
+    furthest = flown.sums.max(axis=0)
+    ticks = np.where(sums[..., autopilot.TICKS] > 0.0, sums[..., autopilot.TICKS], np.nan)
+    raw = rms(launch.imu.gyro.random_walk) * np.sqrt(launch.imu.rate) if feed == "raw" else np.nan
+    return np.stack(
+        [
+            sums[..., autopilot.TICKS],
+            sums[..., autopilot.INSIDE_TURNING] / ticks,
+            sums[..., autopilot.INSIDE_JERK] / ticks,
+            furthest[..., autopilot.TURNING_RATIO],
+            furthest[..., autopilot.JERK_RATIO],
+            np.sqrt(sums[..., autopilot.SQUARE_ERROR] / ticks),
+            np.sqrt(sums[..., autopilot.SQUARE_RATE] / ticks),
+            _formal(launch, flown) if feed == "filtered" else np.full((2, autopilot.N_PHASE), raw),
+        ],
+        axis=-1,
+    )
+
+
+def _formal(launch: Launch, flown: Missions) -> Floats:
+    """Return the root mean square (2, N_PHASE) of the filter's sigma of the rate, NaN of a phase that there is not."""
+    course = launch.course
+    phase = course.phase[: -1 : max(1, round((course.t.size - 1) / flown.t.size))][: flown.t.size]
+    found = np.full((2, autopilot.N_PHASE), np.nan)
+    for number in np.unique(phase):
+        found[:, number] = np.sqrt(np.mean(flown.history[:, phase == number, :, autopilot.FORMAL] ** 2, axis=(0, 1)))
+    return found
+
+
+def _shown(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, Floats]:
+    """Return time and motion of the first run's first seconds, of each bin the tick furthest out."""
+    one = fly_missions(launch, feedback, 1, seed, every=1)
+    per_bin = max(1, round(_BIN * launch.imu.rate))
+    n_bin = int(np.sum(one.t <= SHOWN)) // per_bin
+    ticks = one.history[0, : n_bin * per_bin].reshape(n_bin, per_bin, 2, -1)
+    found = np.empty((n_bin, 2, 4))
+    for column, (value, bound) in enumerate(
+        ((autopilot.TURNING, autopilot.TURNING_BOUND), (autopilot.JERK, autopilot.JERK_BOUND))
+    ):
+        furthest = np.argmax(np.abs(ticks[..., value]) / ticks[..., bound], axis=1)
+        for axis in range(2):
+            rows = ticks[np.arange(n_bin), furthest[:, axis], axis]
+            found[:, axis, 2 * column], found[:, axis, 2 * column + 1] = rows[:, value], rows[:, bound]
+    return one.t[: n_bin * per_bin : per_bin], found

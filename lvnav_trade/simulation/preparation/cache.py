@@ -1,0 +1,88 @@
+"""Cache of objects that cases share: trajectories, their samples, satellites; the last few of each."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.gnss.faults import delay
+from lvnav_trade.gnss.satellites import content as content_of_sky
+from lvnav_trade.gnss.visibility import Heard, heard_in, with_noise
+from lvnav_trade.imu.array import equivalent
+from lvnav_trade.quantities.reads import remembered, remembered_by_reads
+from lvnav_trade.quantities.records import Floats, Reference, Sky
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.trajectory.flight import Trajectory, TrajectoryCard, build, content, reference, refuse_contradiction
+
+
+@remembered(4)
+def built(identity: str, card: TrajectoryCard) -> Trajectory:
+    """Return the trajectory of a card; identity: of `identity`, the key of the cache."""
+    return build(card)
+
+
+def identity(card: TrajectoryCard) -> str:
+    """Return a card as JSON and, on a second line, the digest of the file it names, so that a changed file is read."""
+    return f"{card.model_dump_json()}\n{content(card)}"
+
+
+def trajectory_of(scenario: Scenario) -> Trajectory:
+    """Return the trajectory of a scenario, from the cache if possible.
+
+    Raises
+    ------
+    InputError
+        If the trajectory is infeasible, or if a user's file contradicts itself.
+    """
+    card = scenario.trajectory
+    flight = built(identity(card), card)
+    refuse_contradiction(card, equivalent(scenario.imu))
+    return flight
+
+
+@remembered(4)
+def sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
+    """Return true motion and ideal increments of a trajectory at the ticks of an IMU; rate: Hz."""
+    return reference(built(identity, card), rate)
+
+
+class _Same(NamedTuple):
+    """Wrapper of a trajectory that is compared by identity, not by its splines."""
+
+    flight: Trajectory
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.flight is other.flight
+
+    def __hash__(self) -> int:
+        return id(self.flight)
+
+
+def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
+    """Return the satellites at the times of validity of the receiver's measurements.
+
+    Parameters
+    ----------
+    scenario, trajectory
+        Validated model of the case, and its true flight.
+    t_epoch
+        (n_epoch,) s since lift-off. Epochs; the latency is subtracted.
+    start
+        s since lift-off. Earliest time of validity.
+    """
+    key = content_of_sky(scenario.constellation)
+    heard = _heard(key, scenario, _Same(trajectory), t_epoch.tobytes(), start)
+    return with_noise(heard, scenario.receiver, trajectory)
+
+
+@remembered_by_reads(6)
+def _heard(key: str, scenario: Scenario, flown: _Same, epochs: bytes, start: float) -> Heard:
+    """Return the received satellites at the times of validity; the arguments are the key of the cache."""
+    t_epoch, trajectory = np.frombuffer(epochs).copy(), flown.flight
+    receiver, above = scenario.receiver, scenario.constellation
+    late = receiver.latency + delay(scenario.faults, trajectory.course, t_epoch)
+    if receiver.latency_per_satellite > 0.0:
+        now = heard_in(above, receiver, trajectory, t_epoch, scenario.faults)
+        late = late + receiver.latency_per_satellite * now.sky.tracked.sum(axis=1)
+    # if the latency decreases, times of validity still ascend
+    times = np.maximum.accumulate(np.maximum(start, t_epoch - late))
+    return heard_in(above, receiver, trajectory, times, scenario.faults)

@@ -1,0 +1,232 @@
+"""Correlated measurement errors of a case: causes by the cards of the truth, and the measurements they enter."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.gnss.constellation import LETTERS, Part, PreciseConstellation, RinexConstellation, parts_of
+from lvnav_trade.gnss.faults import Failures
+from lvnav_trade.gnss.receiver_cards import DirectSolution, ReceiverCard
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.quantities.records import Floats, Ints
+from lvnav_trade.quantities.state_layout import StateLayout, standing_for
+from lvnav_trade.scenario.filter_models import solves
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.receiver_observables import LEVER_AXES, PHASES, Channels, Geometry, members, partial
+from lvnav_trade.simulation.preparation.inputs import Shared
+from lvnav_trade.simulation.preparation.options import direct
+from lvnav_trade.simulation.preparation.sensors import Sensor
+
+RECORDED = "recorded"  # kind of an error that is not drawn but read, from a start in a recording
+MULTIPATH = "multipath"  # source that enters the code and not the carrier
+
+
+class EnteringError(NamedTuple):
+    """Correlated error, and the measurements of a case that it enters.
+
+    error : The error, with one component per label.
+    member : (n_channel,). Component that enters the channel, -1 none.
+    partial : (n_epoch, n_channel). Derivative of the measurement with respect to that component.
+    """
+
+    error: CorrelatedError
+    member: Ints
+    partial: Floats
+
+
+def entering_errors(
+    scenario: Scenario, geometry: Geometry, channels: Channels, failed: Failures, devices: tuple[Sensor, ...] = ()
+) -> tuple[EnteringError, ...]:
+    """Return the correlated measurement errors of a case: receiver and satellites, sensors, wild samples.
+
+    Errors that are zero or enter no measurement are omitted.
+    """
+    n_epoch = len(failed.jump)
+    of_receiver = (
+        _entering(error, geometry, channels)
+        for error in receiver_errors(scenario, channels)
+        if error.sigma > 0.0 and error.labels
+    )
+    return (*of_receiver, *_of_sensors(devices, channels, n_epoch), *_wild(failed, channels))
+
+
+def receiver_errors(scenario: Scenario, channels: Channels) -> list[CorrelatedError]:
+    """Return the correlated errors of receiver, atmosphere and satellites by the cards of the truth.
+
+    Settings of errors that enter no channel are not read.
+    """
+    receiver, errors = scenario.receiver, list[CorrelatedError]()
+    solution = None if solves(scenario) else direct(scenario)
+    if _labels("range_bias", channels):
+        reflected = receiver.amplification * receiver.multipath
+        errors.append(_error(MULTIPATH, "range_bias", reflected, channels, receiver.multipath_time))
+    if _labels("ambiguity", channels):
+        errors.append(_error("carrier ambiguity", "ambiguity", receiver.carrier_ambiguity, channels))
+    if _labels("range_rate_offset", channels):
+        errors += _of_rates(receiver, channels)
+    if _labels("timing", channels):
+        errors.append(_error("latency error", "timing", receiver.latency_error, channels))
+        errors.append(_error("latency jitter", "timing", receiver.latency_sigma, channels, 0.0, state=""))
+    for axis in LEVER_AXES:
+        if _labels(axis, channels):
+            errors.append(_error("lever arm", axis, receiver.lever_error, channels, state=""))
+    if solution is not None and _labels("position_bias", channels):
+        errors.append(_of_solution("position", solution, channels))
+    errors += _of_air(scenario, channels)
+    for part in parts_of(scenario.constellation):
+        errors += _of_satellites(part, channels)
+    if solution is not None and _labels("velocity_bias", channels):
+        errors.append(_of_solution("velocity", solution, channels))
+    return errors
+
+
+def _labels(kind: str, channels: Channels) -> tuple[str, ...]:
+    """Return the components of a kind of error; empty if it enters no measurement."""
+    return members(kind, channels)[0]
+
+
+def _error(
+    source: str, kind: str, sigma: float, channels: Channels, time_constant: float = math.inf, state: str | None = None
+) -> CorrelatedError:
+    """Return an error with all components of its kind; the filter state that models it has the name of the kind."""
+    state = kind if state is None else state
+    return CorrelatedError(source, kind, sigma, "", time_constant, _labels(kind, channels), state=state)
+
+
+def _of_rates(receiver: ReceiverCard, channels: Channels) -> list[CorrelatedError]:
+    """Return the errors that all range rates have in common, in addition to the clock drift."""
+    kind, time = "range_rate_offset", receiver.range_rate_instability_time
+    return [
+        _error("range-rate offset", kind, receiver.range_rate_offset, channels),
+        _error("range-rate instability", kind, receiver.range_rate_instability, channels, time),
+    ]
+
+
+def _of_solution(quantity: str, solution: DirectSolution, channels: Channels) -> CorrelatedError:
+    kind = f"{quantity}_bias"
+    return _error(f"solution {quantity} bias", kind, getattr(solution, kind), channels, solution.bias_time)
+
+
+def _of_air(scenario: Scenario, channels: Channels) -> list[CorrelatedError]:
+    """Return the scale-factor errors of the atmospheric delays; with two frequencies none of the ionosphere."""
+    errors = []
+    for layer in ("troposphere_scale",) if scenario.receiver.is_dual else ("troposphere_scale", "ionosphere_scale"):
+        if _labels(layer, channels):
+            sigma, time = (getattr(scenario.atmosphere, name) for name in (layer, f"{layer}_time"))
+            errors.append(_error(layer.replace("_", " "), layer, sigma, channels, time or math.inf))
+    return errors
+
+
+def letters(part: Part) -> tuple[str, ...]:
+    """Return the letters of the satellite systems in a part of a constellation."""
+    if isinstance(part, RinexConstellation | PreciseConstellation):
+        return tuple(LETTERS[system] for system in part.systems or LETTERS)
+    return (LETTERS[part.system],)
+
+
+def _of_satellites(part: Part, channels: Channels) -> list[CorrelatedError]:
+    """Return the residual error of each satellite and the time offset of each system of a part of a constellation."""
+    systems = letters(part)
+    errors, owner = [], dict(zip(channels.satellites, channels.systems, strict=True))
+    if labels := _labels("range_bias", channels):
+        satellites = tuple(label for label in labels if owner[label] in systems)
+        time = part.range_error_time or math.inf
+        name = "satellite clock and ephemeris"
+        errors.append(CorrelatedError(name, "range_bias", part.range_error, "", time, satellites, state="range_bias"))
+    if labels := _labels("time_offset", channels):
+        offsets = tuple(label for label in labels if label in systems)
+        time = part.time_offset_time or math.inf
+        name = "system time offset"
+        errors.append(CorrelatedError(name, "time_offset", part.time_offset, "", time, offsets, state="time_offset"))
+    return errors
+
+
+def _entering(error: CorrelatedError, geometry: Geometry, channels: Channels) -> EnteringError:
+    """Return an error of the receiver's measurements with the channels that its components enter, by its kind."""
+    labels, member = members(error.kind, channels)
+    component = [error.labels.index(label) if label in error.labels else -1 for label in labels]
+    member = np.array([component[m] if m >= 0 else -1 for m in member.tolist()], dtype=np.int64)
+    entering = partial(error.kind, geometry, channels)
+    for phase in PHASES if error.source == MULTIPATH else ():
+        if phase in channels.further:
+            entering[:, channels.of(phase)] = 0.0
+    return EnteringError(error, member, entering)
+
+
+def _of_sensors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> list[EnteringError]:
+    """Return the correlated errors of the sensors other than the receiver, one error per label."""
+    errors = []
+    for at, device in zip(channels.first, devices, strict=True):
+        scalars, states = slice(at, at + len(device.channels.labels)), device.card.model.states
+        for error, by_label in device.lasting:
+            state = states[error.field].name if error.field in states else ""
+            for k, label in enumerate(error.labels if error.sigma > 0.0 else ()):
+                member = np.full(channels.n_channel, -1, dtype=np.int64)
+                partials = np.zeros((n_epoch, channels.n_channel))
+                partials[:, scalars] = by_label[:, :, k]
+                member[scalars] = np.where(np.any(partials[:, scalars] != 0.0, axis=0), 0, -1)
+                errors.append(EnteringError(error._replace(labels=(label,), state=state), member, partials))
+    return errors
+
+
+def _wild(failed: Failures, channels: Channels) -> list[EnteringError]:
+    """Return the wild samples of a fault: an error of each range or axis that is independent from epoch to epoch."""
+    partials = np.zeros((len(failed.jump), channels.n_channel))
+    if channels.tight:
+        partials[:, channels.of("pseudorange")] = failed.wild
+    else:
+        partials[:, :3] = failed.solution_wild[:, None]
+    hit = np.flatnonzero(np.any(partials > 0.0, axis=0))
+    if not hit.size:
+        return []
+    member = np.full(channels.n_channel, -1, dtype=np.int64)
+    member[hit] = range(hit.size)
+    n_kind = len(channels.observables)
+    labels = tuple(channels.satellites[c // n_kind] if channels.tight else "xyz"[c] for c in hit.tolist())
+    return [EnteringError(CorrelatedError("wild samples", "wild", 1.0, "", 0.0, labels), member, partials)]
+
+
+def shared_of(
+    entering: Sequence[EnteringError], layout: StateLayout, interval: float, shape: tuple[int, int]
+) -> Shared:
+    """Return the correlated measurement errors as arrays for the kernels, one family per error.
+
+    Parameters
+    ----------
+    entering
+        Errors, and the measurements that they enter.
+    layout
+        States of the filter; a block of extra states models every error that names it.
+    interval
+        s. Time between epochs.
+    shape
+        (n_epoch, n_channel).
+    """
+    n_channel = shape[1]
+    errors = [item.error for item in entering]
+    labelled = [(error, label) for error in errors for label in error.labels]
+    stand = [[number for _, number in standing_for(layout.extras, error.state, label)] for error, label in labelled]
+    counts = np.array([len(error.labels) for error in errors], dtype=np.int64)
+    first = np.cumsum(counts) - counts
+    sigma = np.array([error.sigma for error in errors], dtype=float)
+    times = [error.time_constant for error in errors]
+    factor = np.array([math.exp(-interval / time) if time > 0.0 else 0.0 for time in times], dtype=float)
+    return Shared(
+        member=np.array(
+            [np.where(item.member >= 0, at + item.member, -1) for item, at in zip(entering, first, strict=True)],
+            dtype=np.int64,
+        ).reshape(-1, n_channel),
+        partial=np.array([np.broadcast_to(item.partial, shape) for item in entering]).reshape(-1, *shape),
+        start=np.repeat(sigma, counts),
+        decay=np.repeat(factor, counts),
+        walk=np.repeat(sigma * np.sqrt(1.0 - factor * factor), counts),
+        sources=np.array([source_word(f"{error.source} {error.kind}") for error, _ in labelled], dtype=np.uint64),
+        satellites=np.array([source_word(label) if label else 0 for _, label in labelled], dtype=np.uint64),
+        extra=np.array([numbers[0] if numbers else -1 for numbers in stand], dtype=np.int64),
+        error_of=np.array([m for m, numbers in enumerate(stand) for _ in numbers], dtype=np.int64),
+        state_of=np.array([number for numbers in stand for number in numbers], dtype=np.int64),
+        given=np.array([error.kind == RECORDED for error, _ in labelled], dtype=np.bool_),
+    )

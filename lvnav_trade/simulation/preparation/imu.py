@@ -1,0 +1,154 @@
+"""True IMU of a case: error terms, increments, deterministic profiles, and the IMUs of an array."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.gnss.fault_cards import (
+    AccelBiasStep,
+    AccelScaleFactorStep,
+    AnyFault,
+    GyroBiasStep,
+    GyroScaleFactorStep,
+)
+from lvnav_trade.gnss.faults import periods
+from lvnav_trade.imu.array import ImuSet, equivalent, terms_of, triads_of
+from lvnav_trade.imu.error_model import ImuCard
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OWN_0
+from lvnav_trade.quantities.conditions import Course
+from lvnav_trade.quantities.error_sources import IMU_NOISE
+from lvnav_trade.quantities.per_axis import axes
+from lvnav_trade.quantities.records import Reference
+from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.simulation.preparation.imu_arrays import arriving, elements, fused, units_of, white_of
+from lvnav_trade.simulation.preparation.imu_inputs import Unit, Units
+from lvnav_trade.simulation.preparation.imu_redundancy import Profile, redundant_of
+from lvnav_trade.simulation.preparation.true_flight import Flight
+from lvnav_trade.trajectory.gravity import disturbance
+
+_STEPS = {
+    "gyro_bias_step": (GYRO, CONSTANT),
+    "accel_bias_step": (ACCEL, CONSTANT),
+    "gyro_scale_factor_step": (GYRO, OWN_0),
+    "accel_scale_factor_step": (ACCEL, OWN_0),
+}
+# A step is a profile that grows within this time (s), far less than an IMU tick.
+STEP = 1e-6
+_ROUNDING = 1e-6  # of a tick
+
+
+class TrueImu(NamedTuple):
+    """True IMU of a case.
+
+    terms : Error terms of all IMUs, then of the gravity disturbance.
+    unit : The IMU as arrays; for an array, the combined triad.
+    units : IMUs of an array and their combination; None for one IMU.
+    """
+
+    terms: tuple[ErrorTerm, ...]
+    unit: Unit
+    units: Units | None
+
+
+def imu_of(scenario: Scenario, flight: Flight, layout: StateLayout) -> TrueImu:
+    """Return the true IMU of a case; layout: states of the filter, which may include differences of two IMUs."""
+    ref, course = flight.reference, flight.trajectory.course
+    terms = (*terms_of(scenario.imu), *disturbance(scenario.gravity))
+    units = units_of(scenario, ref, course, flight.devices, layout)
+    profiles = profiles_of(scenario.imu, scenario.faults, course)
+    units = redundant_of(scenario.imu, units, ref, profiles, hand_over_tick(scenario.imu, ref, course))
+    return TrueImu(terms, unit_of(scenario, ref, terms, course, units), units)
+
+
+def hand_over_tick(card: ImuCard | ImuSet, ref: Reference, course: Course) -> int:
+    """Return the first tick after the hand-over of a prime IMU that is stated by its time; -1 without."""
+    if isinstance(card, ImuCard) or card.hand_over is None:
+        return -1
+    return math.ceil((course.time(card.hand_over, "imu.hand_over") - ref.t[0]) * card.rate - _ROUNDING)
+
+
+def profiles_of(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Course) -> list[Profile]:
+    """Return the deterministic errors of the IMUs: warm-up ramps, and faults that begin and end with a step."""
+    profiles: list[Profile] = []
+    owners = [0] if isinstance(card, ImuCard) else [triad.unit for triad in triads_of(card)]
+    for triad, number in enumerate(owners):
+        unit = card if isinstance(card, ImuCard) else card.units[number]
+        for sensor, ramp in ((GYRO, unit.gyro.temperature), (ACCEL, unit.accel.temperature)):
+            if ramp is not None:
+                profiles.append((2 * triad + sensor, CONSTANT, ramp.start, ramp.end, ramp.amplitude))
+    for number, fault in enumerate(faults):
+        if isinstance(fault, GyroBiasStep | AccelBiasStep | GyroScaleFactorStep | AccelScaleFactorStep):
+            kind, driver = _STEPS[fault.kind]
+            sensor = 2 * owners.index(fault.unit - 1) + kind
+            x, y, z = fault.size
+            for start, end in periods(number, fault, course):
+                begin = start if math.isfinite(start) else course.begin(start) - STEP
+                profiles.append((sensor, driver, begin, begin + STEP, (x, y, z)))
+                if math.isfinite(end):
+                    profiles.append((sensor, driver, end, end + STEP, (-x, -y, -z)))
+    return profiles
+
+
+def unit_of(
+    scenario: Scenario, ref: Reference, terms: Sequence[ErrorTerm], course: Course, units: Units | None = None
+) -> Unit:
+    """Return the true IMU as arrays for the kernels.
+
+    Parameters
+    ----------
+    scenario, ref
+        Validated model of the case; true motion and ideal increments.
+    terms
+        Error terms of all IMUs, then of the gravity disturbance.
+    course, units
+        Conditions of the trajectory; IMUs of an array, whose combined triad is returned, None for one IMU.
+    """
+    card = scenario.imu
+    equivalent_card = equivalent(card)
+    inertial = [term for term in terms if term.sensor >= 0]
+    dt = 1.0 / card.rate
+    process_ticks = max(1, round(card.rate / card.process_rate))
+    step = process_ticks * dt
+    decay = np.array([math.exp(-step / b.time_constant) for b in terms])
+    walk = np.array(
+        [
+            [
+                math.hypot(w * math.sqrt(step), s * math.sqrt(-math.expm1(-2.0 * step / b.time_constant)))
+                for w, s in zip(axes(b.walk), axes(b.sigma), strict=True)
+            ]
+            for b in terms
+        ]
+    ).reshape(-1, 3)
+    profiles = profiles_of(card, scenario.faults, course)
+    if units is None:
+        sensed = arriving(ref, equivalent_card, scenario.faults, course)
+        dtheta, dvel = elements(sensed, equivalent_card, np.eye(3), 0, scenario.faults, course, ref.t[1:])
+    else:
+        dtheta, dvel = fused(units, dt)
+    return Unit(
+        dt=dt,
+        noise_source=source_word(IMU_NOISE),
+        biases_only=all(b.driver == CONSTANT for b in inertial) and all(p[1] == CONSTANT for p in profiles),
+        dtheta=dtheta,
+        dvel=dvel,
+        white=white_of(equivalent_card, dt),
+        process_ticks=process_ticks,
+        drifting=bool(np.any(walk > 0.0)) or bool(profiles),
+        sigma=np.array([axes(b.sigma) for b in terms], dtype=float).reshape(-1, 3),
+        decay=decay,
+        walk=walk,
+        sources=np.array([source_word(f"{b.name} {b.part}") for b in terms], dtype=np.uint64),
+        sensors=np.array([b.sensor for b in inertial], dtype=np.int64),
+        drivers=np.array([b.driver for b in inertial], dtype=np.int64),
+        profile_sensor=np.array([p[0] for p in profiles], dtype=np.int64),
+        profile_driver=np.array([p[1] for p in profiles], dtype=np.int64),
+        profile_start=np.array([p[2] for p in profiles], dtype=float),
+        profile_end=np.array([p[3] for p in profiles], dtype=float),
+        profile=np.array([p[4] for p in profiles], dtype=float).reshape(len(profiles), 3),
+        gravity=len(inertial) if len(terms) > len(inertial) else -1,
+        start=float(ref.t[0]),
+    )

@@ -1,0 +1,70 @@
+"""Draws at the start of every run: turn-on errors of the IMU and initial errors, as standard normals."""
+
+from collections.abc import Iterator
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.random import normals, seed_words
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+_ZERO = np.uint64(0)
+INITIAL = ("initial attitude", "initial velocity", "initial position")
+
+
+class StartDraws(NamedTuple):
+    """Draws of initial and turn-on errors.
+
+    runs : (n_run,). Numbers of the runs.
+    sources : (n_draw,). Names of the error sources.
+    axes : (n_draw,). Axis of each draw: x, y or z.
+    values : (n_run, n_draw). Standard normals, errors in units of their sigma.
+    """
+
+    runs: NDArray[np.int64]
+    sources: tuple[str, ...]
+    axes: tuple[str, ...]
+    values: NDArray[np.float64]
+
+    def pieces(self, n_run: int = 500) -> Iterator[Self]:
+        """Yield the draws in blocks of `n_run` runs."""
+        for first in range(0, len(self.runs), n_run):
+            block = slice(first, first + n_run)
+            yield self._replace(runs=self.runs[block], values=self.values[block])
+
+
+def start_draws(prepared: Prepared, seed: int, n_run: int) -> StartDraws:
+    """Return the draws of initial and turn-on errors of runs 0 to n_run - 1; draws without effect are omitted.
+
+    Draws depend on keys and not on an order, so these are the numbers of the simulation, without simulating.
+    """
+    keyed_draws = [
+        (term.name if term.part == 0 else f"{term.name} {term.part + 1}", word, sigma > 0.0)
+        for term, word, sigma in zip(prepared.sources, prepared.unit.sources, prepared.unit.sigma, strict=True)
+    ]
+    keyed_draws += [
+        (name, word, np.ones(3, dtype=bool))
+        for name, root, word in zip(INITIAL, prepared.start.roots, prepared.start.sources, strict=True)
+        if np.any(root)
+    ]
+    words = np.array([word for _, word, _ in keyed_draws], dtype=np.uint64)
+    on = np.array([drawn for _, _, drawn in keyed_draws], dtype=bool).reshape(-1, 3)
+    k0, k1 = seed_words(seed)
+    values = np.empty((n_run, len(words), 3))
+    _fill(values, words, k0, k1)
+    pairs = [
+        (name, axis) for name, _, drawn in keyed_draws for axis, is_drawn in zip("xyz", drawn, strict=True) if is_drawn
+    ]
+    names, axes = zip(*pairs, strict=True)
+    return StartDraws(np.arange(n_run), names, axes, values[:, on])
+
+
+@jit
+def _fill(values: NDArray[np.float64], words: NDArray[np.uint64], k0: np.uint64, k1: np.uint64) -> None:
+    """Set values (n_run, n_source, 3) to three standard normals of every source in every run."""
+    for run in range(values.shape[0]):
+        for k in range(words.shape[0]):
+            n0, n1, n2, _ = normals(k0, k1, words[k], np.uint64(run), _ZERO, _ZERO)
+            values[run, k, 0], values[run, k, 1], values[run, k, 2] = n0, n1, n2

@@ -1,0 +1,125 @@
+"""Measurements of a case: true values, noise model of the filter, and the receiver's solution."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.filter.policies.epoch_differences import Delayed
+from lvnav_trade.filter.policies.mode_logic import Rules
+from lvnav_trade.filter.receivers.receiver import Solver
+from lvnav_trade.gnss.satellites import time_offsets
+from lvnav_trade.quantities.line_of_sight import pdop
+from lvnav_trade.quantities.records import Floats, Ints
+from lvnav_trade.scenario.filter_models import epoch_interval, filter_models, has_covariance
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.simulation.preparation.correlated import EnteringError, entering_errors, shared_of
+from lvnav_trade.simulation.preparation.filtering import Filtering
+from lvnav_trade.simulation.preparation.inputs import Further, Signals
+from lvnav_trade.simulation.preparation.mode_logic import failing, satellites_taken, watched
+from lvnav_trade.simulation.preparation.options import solver_of
+from lvnav_trade.simulation.preparation.signals.doppler import doppler_left
+from lvnav_trade.simulation.preparation.signals.phases_and_differences import delayed_of, further_of, references_of
+from lvnav_trade.simulation.preparation.signals.recorded_errors import Recorded, recorded
+from lvnav_trade.simulation.preparation.signals.relativity import relativity_left
+from lvnav_trade.simulation.preparation.signals.signals import (
+    Assumed,
+    InUse,
+    Received,
+    assumed_of,
+    geometry_of,
+    received_of,
+    signals_of,
+)
+from lvnav_trade.simulation.preparation.signals.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
+from lvnav_trade.simulation.preparation.signals.solution import Chain, chain_of
+from lvnav_trade.simulation.preparation.true_flight import Flight
+
+
+class Measurements(NamedTuple):
+    """Measurements of a case.
+
+    signals : Satellites and receiver for the kernels.
+    errors : Correlated measurement errors.
+    recorded : Recorded errors of the receiver's solution.
+    failing : (n_epoch,). Number of the input check that the receiver's sample fails, 0 none.
+    rules : Mode logic of the filter; None without.
+    solver : Settings by which the receiver computes its solution; None if it does not.
+    chain : Error propagation of its solution; None without a reported covariance.
+    further : True carrier phases and differences of two epochs; None without.
+    delayed : Processing of these in the filter; None without.
+    """
+
+    signals: Signals
+    errors: tuple[CorrelatedError, ...]
+    recorded: Recorded
+    failing: Ints
+    rules: Rules | None
+    solver: Solver | None
+    chain: Chain | None
+    further: Further | None
+    delayed: Delayed | None
+
+
+class _Ranging(NamedTuple):
+    """Measurements of the receiver before the filter uses them.
+
+    received : True side.
+    entering : Correlated errors and the measurements that they enter.
+    recorded : Recorded errors of the solution.
+    smoothing : (n_epoch, n_sat). Gains of carrier smoothing; None without.
+    offsets : (n_epoch, n_sat, 2) m, m/s. Offsets of satellite clocks and system times.
+    """
+
+    received: Received
+    entering: tuple[EnteringError, ...]
+    recorded: Recorded
+    smoothing: Floats | None
+    offsets: Floats
+
+
+def measurements_of(scenario: Scenario, flight: Flight, filtering: Filtering) -> Measurements:
+    """Return the measurements of a case: of the receiver and of the sensors that its filter uses."""
+    card, channels, seen = scenario.filter, flight.channels, flight.sky
+    ranging = _ranging(scenario, flight, filtering)
+    received, assumed = ranging.received, assumed_of(scenario, flight, filtering)
+    check = failing(
+        card, flight.failed, received.n_used, channels, lambda: pdop(flight.lines.sight.direction, seen.tracked)
+    )
+    rules = watched(card, check, channels, filtering.P)
+    smoothing = smoothing_numbers(scenario, ranging.smoothing, seen, flight.lines, ranging.entering)
+    _, receiver, _ = filter_models(scenario)
+    solver = solver_of(scenario, receiver, received.used.shape[1], smoothing)
+    chain = chain_of(solver, has_covariance(scenario), received, assumed, flight.lines)
+    in_use = InUse(received.used, satellites_taken(rules, received.n_used, chain), received.frozen)
+    errors = tuple(item.error for item in ranging.entering)
+    further = further_of(scenario, flight, in_use, errors, ranging.offsets[..., 0])
+    delayed = delayed_of(scenario, flight, filtering, in_use)
+    reference = references_of(scenario, flight, in_use, delayed)
+    assumed = _with_reported(assumed, chain) if solver is not None and chain is not None else assumed
+    signals = signals_of(flight, received, assumed, in_use, reference)
+    return Measurements(signals, errors, ranging.recorded, check, rules, solver, chain, further, delayed)
+
+
+def _ranging(scenario: Scenario, flight: Flight, filtering: Filtering) -> _Ranging:
+    """Return the measurements of the receiver; of the filter only the states that model errors are used."""
+    seen, line, late_by, failed = flight.sky, flight.lines, flight.delays, flight.failed
+    geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
+    tabled = recorded(scenario, flight.trajectory.theta0, line, seen, flight.ranging, failed.frozen)
+    entering = (*entering_errors(scenario, geometry, flight.ranging, failed, flight.devices), *tabled.errors)
+    shape = (flight.epochs.t.size, flight.ranging.n_channel)
+    shared = shared_of(entering, filtering.layout, epoch_interval(scenario), shape)
+    offsets = time_offsets(scenario.constellation, seen.systems, flight.trajectory.epoch, seen.t)
+    offsets = offsets + relativity_left(scenario, flight)
+    gain = smoothing_gains(scenario, seen)
+    residual = late_by.left + offsets + doppler_left(scenario, flight)
+    residual = residual + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], failed.slip, line)
+    received = received_of(scenario, flight, shared, residual, tabled.mean)
+    return _Ranging(received, entering, tabled, gain, offsets)
+
+
+def _with_reported(assumed: Assumed, chain: Chain) -> Assumed:
+    """Return the noise model of the filter with the variances that the receiver reports for its solution."""
+    variance = assumed.variance.copy()
+    variance[:, :6] = np.diagonal(chain.reported, axis1=1, axis2=2)
+    return Assumed(variance, assumed.scale, assumed.beta, assumed.partial)

@@ -1,0 +1,283 @@
+"""Optional features of a case from its cards: receiver solution, delay compensation, stored gains, iterated update."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.filter.assumed import ReceiverModel
+from lvnav_trade.filter.card import FilterCard
+from lvnav_trade.filter.policies.delay import Late
+from lvnav_trade.filter.policies.iterated import Passes
+from lvnav_trade.filter.policies.stored_gains import Gains, gains_at
+from lvnav_trade.filter.receivers.carrier_smoothing import Smoothing
+from lvnav_trade.filter.receivers.receiver import (
+    FilterSettings,
+    ReportedCovariance,
+    Solver,
+    point_model,
+    receiver_filter,
+)
+from lvnav_trade.gnss.receiver_cards import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
+from lvnav_trade.quantities.errors import InputError, Mistake
+from lvnav_trade.quantities.records import Floats, Ints
+from lvnav_trade.quantities.state_layout import StateLayout, state_names
+from lvnav_trade.scenario.filter_models import epoch_interval, solves
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.receiver_observables import Channels
+from lvnav_trade.simulation.preparation.inputs import Schedule
+from lvnav_trade.simulation.preparation.sensors import Sensor
+
+
+class DelayTaken(NamedTuple):
+    """Delay that the filter compensates.
+
+    sensor : Number of the sensor; -1 the receiver.
+    delay : (n_epoch,) s.
+    """
+
+    sensor: int
+    delay: Floats
+
+
+def passes_of(card: FilterCard, layout: StateLayout) -> Passes | None:
+    """Return the settings of an iterated update; None without."""
+    if card.algorithm != "iterated":
+        return None
+    return Passes(card.iterations - 1, layout.clone if layout.clone >= 0 else layout.n_state)
+
+
+class CloneTimes(NamedTuple):
+    """Times at which states are stored for a delayed measurement.
+
+    valid : (n_epoch,). Tick at whose end the state of the time of validity is stored.
+    early : (n_epoch,). Tick at whose end the earlier velocity is stored.
+    offset : (n_epoch,) s. Time of validity minus the time of `valid`.
+    base : (n_epoch,) s. Time of validity minus the time of `early`.
+    """
+
+    valid: Ints
+    early: Ints
+    offset: Floats
+    base: Floats
+
+
+def direct(scenario: Scenario) -> DirectSolution:
+    """Return the card of a directly simulated solution; zero sigmas if the receiver computes its solution itself."""
+    card = scenario.receiver.solution
+    none = DirectSolution.model_construct(position_sigma=0.0, velocity_sigma=0.0)
+    return card if isinstance(card, DirectSolution) else none
+
+
+def every(scenario: Scenario) -> int:
+    """Return n for a filter that updates at every n-th epoch; n > 1 only if the receiver computes its solution."""
+    return round(scenario.receiver.rate / scenario.filter.update_rate) if solves(scenario) else 1
+
+
+def gains_of(
+    scenario: Scenario, layout: StateLayout, channels: Channels, t_epoch: Floats, events: Mapping[str, float]
+) -> Gains | None:
+    """Return the stored gains of a filter at the epochs; None without a schedule.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    layout, channels
+        States and measurement channels of the filter.
+    t_epoch
+        (n_epoch,) s since lift-off.
+    events
+        s since lift-off, by name of the event.
+
+    Raises
+    ------
+    InputError
+        If the schedule has other states than the filter, no gains for its measurements, or an event that the flight
+        lacks.
+    """
+    schedule = scenario.filter.gains
+    if schedule is None:
+        return None
+    names = state_names(layout)
+    if tuple(schedule.states) != names:
+        raise _about(
+            "filter.gains",
+            f"the schedule {schedule.name!r} is of the states {', '.join(schedule.states)}; the filter has "
+            f"{', '.join(names)}",
+        )
+    try:
+        scheduled = gains_at(schedule, t_epoch, events)
+    except ValueError as error:
+        raise _about("filter.gains", str(error)) from None
+    gain, stored = (
+        np.zeros((t_epoch.size, channels.n_channel, len(names))),
+        np.zeros(channels.n_channel, dtype=np.bool_),
+    )
+    for k, name in enumerate(schedule.measurements):
+        if name in channels.names:
+            at = channels.names.index(name)
+            gain[:, at], stored[at] = scheduled[:, k], True
+    if not stored.any():
+        raise _about("filter.gains", f"the schedule {schedule.name!r} has no gains for {', '.join(channels.names[:6])}")
+    return Gains(np.ascontiguousarray(gain), stored)
+
+
+def _about(path: str, message: str) -> InputError:
+    """Return the input error for a field of the scenario."""
+    return InputError(records=[Mistake(message, path)])
+
+
+def _reported(
+    card: BancroftSolution | FilteredSolution, scenario: Scenario, model: ReceiverModel
+) -> ReportedCovariance:
+    """Return the settings of the reported covariance; a filter with its own receiver model uses the sigmas of that."""
+    reported = card.reported_covariance if isinstance(scenario.filter.receiver, str) else model
+    if isinstance(reported, OwnCovariance):
+        return ReportedCovariance(correlated=reported.correlated, factor=reported.factor)
+    return ReportedCovariance(False, False, 1.0, reported.position_sigma**2, reported.velocity_sigma**2)
+
+
+def solver_of(scenario: Scenario, model: ReceiverModel, most: int, smoothing: Smoothing | None = None) -> Solver | None:
+    """Return the settings by which the receiver computes its solution; None if the solution is simulated directly.
+
+    most : largest number of satellites in use at once
+    """
+    card = scenario.receiver.solution
+    if isinstance(card, DirectSolution) or not solves(scenario):
+        return None
+    reported = _reported(card, scenario, model)
+    if isinstance(card, BancroftSolution):
+        return Solver(point_model(reported, **card.numbers(), most=most), None, smoothing)
+    point = point_model(reported, **card.fix.numbers(), most=most)
+    settings = FilterSettings(**card.numbers())
+    return Solver(point, receiver_filter(reported, epoch_interval(scenario), settings), smoothing)
+
+
+def delays_taken(
+    scenario: Scenario, t_epoch: Floats, t_valid: Floats, devices: Sequence[Sensor] = ()
+) -> tuple[DelayTaken, ...]:
+    """Return the delays that the filter compensates, that of the receiver first; empty without compensation.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    t_epoch, t_valid
+        (n_epoch,) s. Epochs, and time tags of the receiver's measurements.
+    devices
+        Sensors other than the receiver that the filter uses.
+    """
+    card = scenario.filter.delay_compensation
+    if card is None or not scenario.filter.aided:
+        return ()
+    of_receiver = []
+    if scenario.filter.tight or scenario.filter.loose:
+        stamped = isinstance(card.delay, str)
+        of_receiver.append(DelayTaken(-1, t_epoch - t_valid if stamped else np.full(t_epoch.size, card.delay)))
+    return (*of_receiver, *(DelayTaken(k, d.delay) for k, d in enumerate(devices) if np.any(d.delay > 0.0)))
+
+
+def late_of(
+    scenario: Scenario, delays: Sequence[DelayTaken], kept: Sequence[CloneTimes], schedule: Schedule, channels: Channels
+) -> Late | None:
+    """Return the delay compensation as arrays for the kernels; None without.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    delays, kept
+        Delays of `delays_taken`, and the storage times of `clone_times` for each.
+    schedule
+        Windows of the flight.
+    channels
+        Measurement channels of the filter.
+    """
+    card = scenario.filter.delay_compensation
+    if card is None or not delays:
+        return None
+    ends = np.where(schedule.n_tick > 0, schedule.first_tick + schedule.n_tick, -1)
+    ticks, sensors = scenario.imu.rate * epoch_interval(scenario), [item.sensor for item in delays]
+    n_ring = np.array([_stored_at_once(at, ticks) for at in kept], dtype=np.int64)
+    extrapolated = card.kind == "extrapolated" and sensors[0] < 0
+    return Late(
+        extrapolated=extrapolated,
+        receiver=0 if sensors[0] < 0 else -1,
+        line=_line_of_channels(sensors, channels),
+        of_sensor=np.array([sensors.index(k) if k in sensors else -1 for k in range(len(channels.sensors))], np.int64),
+        n_ring=n_ring,
+        first=np.cumsum(n_ring) - n_ring,
+        buffered=np.repeat([not extrapolated or sensor >= 0 for sensor in sensors], n_ring),
+        valid=np.stack([_epochs_at(ends, at.valid) for at in kept]),
+        early=np.stack([_epochs_at(ends, at.early) for at in kept]),
+        delay=delays[0].delay,
+        offset=np.stack([at.offset for at in kept]),
+        base=kept[0].base,
+        interval=epoch_interval(scenario),
+        jitter=card.delay_sigma**2,
+        acceleration=card.acceleration_sigma**2,
+    )
+
+
+def _line_of_channels(sensors: list[int], channels: Channels) -> Ints:
+    """Return the line of each channel, (n_channel,), -1 not late; sensors: that of each line, -1 the receiver."""
+    line = np.full(channels.n_channel, -1, dtype=np.int64)
+    for number, sensor in enumerate(sensors):
+        if sensor < 0:
+            line[: channels.n_receiver] = number
+        else:
+            first = channels.first[sensor]
+            line[first : first + len(channels.sensors[sensor].labels)] = number
+    return line
+
+
+def _stored_at_once(at: CloneTimes, ticks: float) -> int:
+    """Return the number of states stored at once; ticks: between epochs. A state is stored until its epoch is over."""
+    ahead = np.floor(np.arange(1, at.valid.size + 1) - np.minimum(at.valid, at.early) / ticks + 1e-9) + 1
+    return max(1, int(ahead.max(initial=1)))
+
+
+def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
+    """Return the range of epochs whose tick is the end of each window, (n_window, 2): first, and one after the last.
+
+    ends : (n_window,) last ticks of the windows; ticks : (n_epoch,) ascending
+    """
+    return np.stack([np.searchsorted(ticks, ends, side) for side in ("left", "right")], axis=1).astype(np.int64)
+
+
+def clone_times(
+    scenario: Scenario, t_epoch: Floats, delays: Sequence[DelayTaken], t: Floats, group: int
+) -> tuple[CloneTimes, ...]:
+    """Return the times at which states are stored for each delay.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    t_epoch
+        (n_epoch,) s since lift-off.
+    delays
+        Delays of `delays_taken`.
+    t
+        (n_tick + 1,) s. Times of the ticks.
+    group
+        Ticks of a strapdown step.
+    """
+    card = scenario.filter.delay_compensation
+    if card is None:
+        return ()
+    return tuple(_clone_times(t_epoch - item.delay, card.base if item.sensor < 0 else 0.0, t, group) for item in delays)
+
+
+def _clone_times(wanted: Floats, before: float, t: Floats, group: int) -> CloneTimes:
+    """Return the storage times of states at the times `wanted` (s), and of velocities `before` s earlier (0: none)."""
+    dt = float(t[1] - t[0])
+    # states are stored at the end of a step, so the earliest are those of the first two steps
+    valid = np.maximum(2 * group, np.rint((wanted - t[0]) / (dt * group)).astype(np.int64) * group)
+    early = np.maximum(group, valid - max(1, round(before / (dt * group))) * group) if before > 0.0 else valid
+    offset = wanted - t[valid]
+    # rounding errors of the times need no propagation by a fraction of a step
+    offset = np.where(np.abs(offset) < 1e-6 * dt, 0.0, offset)
+    base = wanted - t[early]
+    return CloneTimes(valid, early, offset, np.where(base < 0.5 * dt * group, t[valid] - t[early], base))

@@ -1,0 +1,129 @@
+"""Preparation of a scenario for both engines: everything that all runs share, computed once."""
+
+from lvnav_trade.quantities.records import Floats, Reference
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.simulation.preparation.filtering import Filtering, filtering_of, layout_of, start_of
+from lvnav_trade.simulation.preparation.imu import TrueImu, imu_of
+from lvnav_trade.simulation.preparation.inputs import Options
+from lvnav_trade.simulation.preparation.measurements import Measurements, measurements_of
+from lvnav_trade.simulation.preparation.mode_logic import integrity_of
+from lvnav_trade.simulation.preparation.options import late_of, passes_of
+from lvnav_trade.simulation.preparation.prepared_case import Prepared as Prepared
+from lvnav_trade.simulation.preparation.reporting import Reporting, reporting_of, solution_of
+from lvnav_trade.simulation.preparation.sensors import for_kernels
+from lvnav_trade.simulation.preparation.times import Times, times_of
+from lvnav_trade.simulation.preparation.true_flight import Flight, flight_of
+from lvnav_trade.simulation.preparation.vehicle import samples_of, vehicle_of
+from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.flight import Trajectory
+from lvnav_trade.trajectory.guided.reference import Plan, plan_of
+
+GUIDED_HISTORY = 1.0
+"""Longest step (s) between history times of a guided ascent. Guidance runs once per second and reads the navigation
+errors at these times.
+"""
+
+
+def prepare(
+    scenario: Scenario,
+    history: float = 1.0,
+    every_step_beside: Floats | None = None,
+    flown: tuple[Trajectory, Reference] | None = None,
+) -> Prepared:
+    """Prepare a scenario in stages: flight, schedule, filter, measurements. Each stage makes one record.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    history
+        s. Interval of the history times; every event time is added to them.
+    every_step_beside
+        s. History times of a block of runs, for a replay of one of them. Every covariance step is recorded in addition.
+        Windows are divided as in the block, so the run has the same bits.
+    flown
+        Trajectory and its samples, in place of those of the scenario.
+    """
+    flight = flight_of(scenario, flown)
+    layout = layout_of(scenario, flight)
+    if _is_guided(scenario):
+        history = min(history, GUIDED_HISTORY)
+    times = times_of(scenario, flight, layout, history, every_step_beside)
+    filtering = filtering_of(scenario, flight, layout, times)
+    measured = measurements_of(scenario, flight, filtering)
+    imu = imu_of(scenario, flight, layout)
+    solution = solution_of(scenario, measured.chain, flight.channels, layout, measured.solver)
+    reporting = reporting_of(scenario, flight, times, layout, solution)
+    return Prepared(
+        scenario=scenario,
+        trajectory=flight.trajectory,
+        reference=flight.reference,
+        sky=flight.sky,
+        outputs=reporting.outputs,
+        layout=layout,
+        model=filtering.model,
+        sources=imu.terms,
+        families=measured.errors,
+        schedule=times.schedule,
+        unit=imu.unit,
+        signals=measured.signals,
+        start=start_of(scenario, flight.reference, filtering),
+        record=reporting.record,
+        motion=reporting.motion,
+        t_hist=times.t_hist,
+        t_epoch=flight.epochs.t,
+        lengths=times.lengths,
+        delays=flight.delays,
+        recorded=measured.recorded,
+        options=_options(scenario, flight, times, filtering, measured, imu, reporting),
+        chain=measured.chain,
+        devices=flight.devices,
+        sensors=for_kernels(flight.devices, flight.channels, flight.epochs.t.size),
+        channels=flight.channels,
+        channel_names=reporting.channel_names,
+        failing=measured.failing,
+        plan=_plan(scenario),
+    )
+
+
+def _is_guided(scenario: Scenario) -> bool:
+    """Return whether guidance steers each run by its own navigation errors."""
+    card = scenario.trajectory
+    return isinstance(card, VehicleAscent) and card.guidance != "nominal"
+
+
+def _plan(scenario: Scenario) -> Plan | None:
+    """Return the guidance plan computed before lift-off; None if every run has the nominal ascent."""
+    card = scenario.trajectory
+    return plan_of(card) if isinstance(card, VehicleAscent) and _is_guided(scenario) else None
+
+
+def _options(
+    scenario: Scenario,
+    flight: Flight,
+    times: Times,
+    filtering: Filtering,
+    measured: Measurements,
+    imu: TrueImu,
+    reporting: Reporting,
+) -> Options:
+    """Return the optional features of a case; None for each feature that it lacks."""
+    card, layout, model, ref = scenario.filter, filtering.layout, filtering.model, flight.reference
+    integrity = card.integrity
+    return Options(
+        solver=measured.solver,
+        rules=measured.rules,
+        late=late_of(scenario, times.delayed, times.kept, times.schedule, flight.channels),
+        gains=filtering.gains,
+        vehicle=vehicle_of(scenario, flight.trajectory, ref, layout),
+        samples=samples_of(scenario, ref, layout),
+        report=reporting.solution,
+        units=imu.units,
+        direct=True if card.feedback == "direct" else None,
+        backup=reporting.backup,
+        further=measured.further,
+        delayed=measured.delayed,
+        unscented=True if card.algorithm == "unscented" else None,
+        integrity=None if integrity is None else integrity_of(integrity, measured.signals, model, card.update_rate),
+        iterated=passes_of(card, layout),
+    )

@@ -1,0 +1,203 @@
+"""Sensors other than the receiver on the nominal flight: times, true measurements, filter model."""
+
+from collections.abc import Collection, Iterable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.quantities.conditions import Course, inside
+from lvnav_trade.quantities.errors import InputError, Mistake
+from lvnav_trade.quantities.frames import earth_angle, earth_velocity, geodetic_from_ecef
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.scenario.filter_models import difference_of, sensor_model, sensors_used
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.family import SENSORS, kind_of
+from lvnav_trade.sensors.imu_difference import ImuDifferenceCard
+from lvnav_trade.sensors.receiver_observables import Channels, SensorChannels, SensorState
+from lvnav_trade.sensors.sensor import N_KNOWN, N_TRUTH, FlightView, SensorCard, SensorModel
+from lvnav_trade.simulation.preparation.inputs import Sensors
+from lvnav_trade.trajectory.flight import Trajectory, motion
+from lvnav_trade.trajectory.truth import at_rest
+
+# m/s relative to the Earth below which a vehicle is at rest: splines on the pad stay below 1e-8, a launch exceeds it at
+# once.
+STILL = 1e-3
+_KINDS = tuple(map(kind_of, SENSORS))  # the index of a type is its number in the kernels
+
+
+class Sensor(NamedTuple):
+    """A sensor other than the receiver, at the epochs.
+
+    name : Name in the scenario.
+    card : Card of the sensor.
+    channels : Its measurement channels.
+    noise : Name of the source of its white noise.
+    on : (n_epoch,). Whether it measures.
+    truth : (n_epoch, 4). True quantities from which the measurement is simulated, see the sensor's module.
+    sigma : (n_epoch, n_scalar). True sigma of its white noise, SI.
+    variance : (n_epoch, n_scalar). Noise variance in the filter model, SI squared.
+    lasting : Lasting errors, each with its partial derivatives (n_epoch, n_scalar, n_label).
+    known : (n_epoch, N_KNOWN). Quantities known to the filter, see the sensor's module.
+    theta : (n_epoch,) rad. Earth rotation angle that the filter uses.
+    delay : (n_epoch,) s. Latency that the filter compensates.
+    since : (n_epoch,) s. Time since the previous measurement, for a difference of two IMUs; else empty.
+    """
+
+    name: str
+    card: SensorCard
+    channels: SensorChannels
+    noise: str
+    on: Bools
+    truth: Floats
+    sigma: Floats
+    variance: Floats
+    lasting: tuple[tuple[CorrelatedError, Floats], ...]
+    known: Floats
+    theta: Floats
+    delay: Floats
+    since: Floats
+
+
+def view_of(trajectory: Trajectory, t: Floats) -> FlightView:
+    """Return the true flight at times t (n,) s, as sensors need it; before its start it is that of the start."""
+    t = np.maximum(t, trajectory.start)
+    at, rest = motion(trajectory, t), motion(at_rest(trajectory), t)
+    standing = np.logical_and.accumulate(np.linalg.norm(earth_velocity(rest.r_i, rest.v_i), axis=1) < STILL)
+    # heights may be computed in frame i, since it is rotated about the axis of the ellipsoid only
+    height, theta = geodetic_from_ecef(at.r_i)[2], np.asarray(earth_angle(trajectory.theta0, t))
+    return FlightView(
+        t, at.r_i, at.v_i, at.q_b_i, height, theta, at.w_ib_b, trajectory.epoch, rest.r_i, rest.q_b_i, standing
+    )
+
+
+def _own(error: CorrelatedError, name: str) -> CorrelatedError:
+    """Return a lasting error with the name of its sensor, if several sensors measure the same quantity."""
+    labels = tuple(" ".join((name, label)).strip() for label in error.labels)
+    return error._replace(source=f"{error.source} {name}", labels=labels)
+
+
+def _states(
+    model: SensorModel, lasting: Iterable[tuple[CorrelatedError, Floats]], wanted: Collection[str]
+) -> tuple[SensorState, ...]:
+    """Return the filter states that model lasting errors of a sensor, for the state names in `wanted`."""
+    modelled = [
+        (model.states[error.field], error, partials) for error, partials in lasting if error.field in model.states
+    ]
+    return tuple(
+        SensorState(
+            state.name,
+            label,
+            getattr(model, error.field),
+            model.time_constant(error.field),
+            state[1:],
+            np.ascontiguousarray(partials[:, :, k]),
+        )
+        for state, error, partials in modelled
+        if state.name in wanted
+        for k, label in enumerate(error.labels)
+    )
+
+
+def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floats) -> Bools:
+    """Return whether a sensor measures at the epochs, (n_epoch,).
+
+    It measures at multiples of its interval since lift-off that are epochs of the filter.
+
+    Raises
+    ------
+    InputError
+        If a condition of the card names an event that the flight lacks.
+    """
+    rate = card.rate or scenario.filter.update_rate
+    ticks = t_epoch * rate
+    return inside(course.holding(card), t_epoch) & (np.abs(ticks - np.rint(ticks)) < 1e-6 * max(1.0, rate))
+
+
+def _since(on: Bools, t_epoch: Floats, start: float) -> Floats:
+    """Return the time (n_epoch,) s since the previous measurement, or since the start (s) of the flight."""
+    return np.asarray(t_epoch - np.concatenate([[start], np.maximum.accumulate(np.where(on, t_epoch, start))[:-1]]))
+
+
+def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float = 0.0) -> tuple[Sensor, ...]:
+    """Return the sensors other than the receiver that the filter of a scenario uses, at the epochs.
+
+    t_epoch : (n_epoch,) s since lift-off; start : s, of the flight
+
+    Raises
+    ------
+    InputError
+        If a sensor that measures on the pad only has no measurement.
+    """
+    used = sensors_used(scenario)
+    if not used:
+        return ()
+    views = cache(lambda delay: view_of(trajectory, t_epoch - delay))
+    kinds, compensates = [card.measurement for card in used.values()], scenario.filter.delay_compensation is not None
+    states = (*scenario.filter.extra_states, *scenario.filter.consider, *scenario.filter.as_noise)
+    sensors = []
+    for name, card in used.items():
+        alone = kinds.count(card.measurement) == 1
+        model = sensor_model(scenario, card)
+        delay = model.latency if compensates else 0.0
+        view, assumed = views(card.latency), views(delay)
+        truth, known = card.truth(view), card.known(model, assumed)
+        on = measures(scenario, card, trajectory.course, t_epoch) & card.available(view)
+        if card.on_pad and not on.any():
+            message = "it measures on the pad only, and at none of its times is the vehicle on the pad"
+            raise InputError(records=[Mistake(message, f"sensors.{name}")])
+        shape, since = (t_epoch.size, len(card.scalars)), np.zeros(0)
+        sigma = np.array(np.broadcast_to(card.noise_sigma(view), shape))
+        variance = np.array(np.broadcast_to(card.assumed_variance(model, assumed), shape))
+        if isinstance(card, ImuDifferenceCard):  # a sum of increments since the previous measurement
+            since = _since(on, t_epoch, start)
+            walk = np.array(difference_of(scenario, card).by_axis)
+            sigma = walk * np.sqrt(np.repeat(since[:, None], 3, axis=1))
+            is_matched = isinstance(getattr(scenario.filter.sensor_models, card.measurement), str)
+            variance = (walk**2 if is_matched else variance) * since[:, None]
+        errors = [error if alone else _own(error, name) for error in card.lasting()]
+        lasting = tuple((error, error.partials(view, len(card.scalars))) for error in errors)
+        entering = tuple((error, error.partials(assumed, len(card.scalars))) for error in errors)
+        channel = card.measurement if alone else name
+        sensors.append(
+            Sensor(
+                name,
+                card,
+                SensorChannels(channel, card.measurement, card.scalars, _states(model, entering, states)),
+                card.noise if alone else f"{card.noise} {name}",
+                on,
+                _padded(truth, N_TRUTH),
+                sigma,
+                variance,
+                lasting,
+                _padded(known, N_KNOWN),
+                assumed.theta,
+                t_epoch - assumed.t,
+                since,
+            )
+        )
+    return tuple(sensors)
+
+
+def _padded(values: Floats, width: int) -> Floats:
+    """Return values (n_epoch, n) padded with zeros to (n_epoch, width)."""
+    return np.ascontiguousarray(np.pad(values, ((0, 0), (0, width - values.shape[1]))))
+
+
+def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors | None:
+    """Return the sensors as arrays for the kernels; None without sensors, whose code is then not compiled."""
+    if not sensors:
+        return None
+    n = len(sensors)
+    return Sensors(
+        code=np.array([_KINDS.index(kind_of(type(sensor.card))) for sensor in sensors], dtype=np.int64),
+        channel=np.array(channels.first, dtype=np.int64),
+        scalars=np.array([len(sensor.channels.labels) for sensor in sensors], dtype=np.int64),
+        on=np.array([sensor.on for sensor in sensors], dtype=np.bool_).reshape(n, n_epoch),
+        truth=np.array([sensor.truth for sensor in sensors], dtype=float).reshape(n, n_epoch, N_TRUTH),
+        known=np.array([sensor.known for sensor in sensors], dtype=float).reshape(n, n_epoch, N_KNOWN),
+        theta=np.array([sensor.theta for sensor in sensors], dtype=float).reshape(n, n_epoch),
+        sources=np.array([source_word(sensor.noise) for sensor in sensors], dtype=np.uint64),
+    )

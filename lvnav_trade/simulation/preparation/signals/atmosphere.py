@@ -1,0 +1,94 @@
+"""Atmospheric delays of the signals: true delays, and those that the filter corrects."""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.gnss.delay_cards import AtmosphereCard, CorrectionsCard, NoIonosphere, correction_models
+from lvnav_trade.gnss.delay_models import Geometry, ionosphere_delay, troposphere_delay
+from lvnav_trade.gnss.receiver_cards import ReceiverCard
+from lvnav_trade.gnss.visibility import antenna
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, unit
+from lvnav_trade.quantities.line_of_sight import look_angles
+from lvnav_trade.quantities.records import Floats, Sky
+from lvnav_trade.quantities.times import leap_seconds
+from lvnav_trade.trajectory.flight import Trajectory
+
+HALF_STEP = 0.25  # s to either side of an epoch for the rate of a delay
+
+
+class Delays(NamedTuple):
+    """Atmospheric delays (m) of the code and their rates (m/s) in the Doppler, (n_epoch, n_sat, 2) each.
+
+    They are zero for satellites that are not tracked. The ionosphere advances the carrier as much as it delays the
+    code, so its rate in the Doppler has the opposite sign.
+
+    troposphere : True tropospheric delay.
+    ionosphere : True ionospheric delay.
+    modelled_troposphere : Tropospheric delay in the filter's correction.
+    modelled_ionosphere : Ionospheric delay in the filter's correction.
+    """
+
+    troposphere: Floats
+    ionosphere: Floats
+    modelled_troposphere: Floats
+    modelled_ionosphere: Floats
+
+    @property
+    def left(self) -> Floats:
+        """Residual delay of the code after the filter's correction, (n_epoch, n_sat, 2) m, m/s."""
+        true, modelled = self.troposphere + self.ionosphere, self.modelled_troposphere + self.modelled_ionosphere
+        return np.asarray(true - modelled)
+
+    @property
+    def left_of_phase(self) -> Floats:
+        """Residual delay of the carrier phase after the filter's correction, (n_epoch, n_sat) m."""
+        air, charge = self.troposphere - self.modelled_troposphere, self.ionosphere - self.modelled_ionosphere
+        return np.asarray(air[..., 0] - charge[..., 0])
+
+
+def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: float) -> tuple[Geometry, Floats]:
+    """Return position and lines of sight of the antenna `shift` s after each epoch, and these times (n_epoch,)."""
+    t = np.clip(seen.t + shift, trajectory.start, trajectory.end)
+    at, _ = antenna(trajectory, receiver, t)
+    line = seen.r_i + (t - seen.t)[:, None, None] * seen.v_i - at[:, None, :]
+    azimuth, elevation = look_angles(trajectory.theta0, t, at, unit(line))
+    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(at, earth_angle(trajectory.theta0, t)))
+    lift_off = datetime.fromisoformat(trajectory.epoch)
+    start = lift_off + timedelta(seconds=leap_seconds(lift_off))
+    seconds = (start - start.replace(hour=0, minute=0, second=0, microsecond=0)).total_seconds() + t
+    return Geometry(float(start.timetuple().tm_yday), seconds, latitude, longitude, height, azimuth, elevation), t
+
+
+def delays(
+    trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, atmosphere: AtmosphereCard, corrections: CorrectionsCard
+) -> Delays:
+    """Return true and modelled atmospheric delays along the nominal flight.
+
+    The models of the filter are evaluated at the true position of the antenna instead of the estimate. The difference
+    is at most 1 cm per metre of position error, near the ground and the horizon.
+    """
+
+    @cache
+    def places() -> list[tuple[Geometry, Floats]]:
+        return [_geometry(trajectory, receiver, seen, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
+
+    def along(kind: str, value: Callable[[Geometry], Floats], carrier: float) -> Floats:
+        if kind == "none":
+            return np.zeros((*seen.tracked.shape, 2))
+        before, now, after = (value(place) for place, _ in places())
+        seconds = (places()[2][1] - places()[0][1])[:, None]
+        return np.where(seen.tracked[:, :, None], np.stack([now, carrier * (after - before) / seconds], axis=2), 0.0)
+
+    # two frequencies remove the ionosphere to first order, so it is neither true nor corrected
+    air, charge = atmosphere.troposphere, NoIonosphere() if receiver.is_dual else atmosphere.ionosphere
+    air_hat, charge_hat = correction_models(corrections, atmosphere, not receiver.is_dual)
+    return Delays(
+        along(air.kind, lambda g: troposphere_delay(air, g), 1.0),
+        along(charge.kind, lambda g: ionosphere_delay(charge, g), -1.0),
+        along(air_hat.kind, lambda g: troposphere_delay(air_hat, g), 1.0),
+        along(charge_hat.kind, lambda g: ionosphere_delay(charge_hat, g), -1.0),
+    )

@@ -1,0 +1,69 @@
+"""Lines of sight of a flight: from the antennas of the vehicle to the satellites, at the epochs."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.gnss.dynamics import factors
+from lvnav_trade.kernels.earth import GM
+from lvnav_trade.quantities.frames import matrices
+from lvnav_trade.quantities.line_of_sight import Sight, falling, point_of, sight
+from lvnav_trade.quantities.records import Floats, Motion, Sky
+from lvnav_trade.quantities.shared_cards import NoiseFactor
+from lvnav_trade.trajectory.flight import Trajectory, motion
+
+
+class Lines(NamedTuple):
+    """Lines of sight at the epochs, frame i, and the motion of the vehicle.
+
+    trajectory : True flight.
+    t : (n_epoch,) s since lift-off. Times of validity of the measurements.
+    at : Motion of the vehicle.
+    C_b_i : (n_epoch, 3, 3). Attitude of the vehicle, body to frame i.
+    position : (n_epoch, 3) m. Position of the point of the receiver's solution.
+    velocity : (n_epoch, 3) m/s. Velocity of that point.
+    push : (n_epoch, 3) m/s^2. Acceleration of the vehicle, without that by the lever arm.
+    sight : (n_epoch, n_sat). Line from the receiving antenna to the satellite.
+    acceleration : (n_epoch, n_sat) m/s^2. Second derivative of the range.
+    """
+
+    trajectory: Trajectory
+    t: Floats
+    at: Motion
+    C_b_i: Floats
+    position: Floats
+    velocity: Floats
+    push: Floats
+    sight: Sight
+    acceleration: Floats
+
+    def noise_factors(self, tables: Sequence[NoiseFactor], measurements: Sequence[str]) -> list[Floats | float]:
+        """Return the factor (n_epoch, 1) on the sigma of each measurement."""
+        return factors(tables, measurements, self.trajectory, self.t)
+
+
+def lines_of(trajectory: Trajectory, lever_b: Floats, seen: Sky) -> Lines:
+    """Return the lines of sight of a flight.
+
+    Parameters
+    ----------
+    trajectory
+        True flight.
+    lever_b
+        (3,) m. From the IMU to the point of the receiver's solution, body axes.
+    seen
+        Satellites at the epochs, and the antennas that receive them.
+    """
+    at = motion(trajectory, seen.t)
+    C_b_i = matrices(at.q_b_i)
+    position, velocity = point_of(at, C_b_i, lever_b)
+    push = falling(at.r_i, GM) + np.einsum("nij,nj->ni", C_b_i, at.f_b)
+    points = [point_of(at, C_b_i, lever) for lever in seen.lever_arms]
+    places, speeds = (np.stack(arrays, axis=1) for arrays in zip(*points, strict=True))
+    lines = sight(
+        seen.r_i - np.take_along_axis(places, seen.antenna[:, :, None], axis=1),
+        seen.v_i - np.take_along_axis(speeds, seen.antenna[:, :, None], axis=1),
+    )
+    acceleration = lines.acceleration(falling(seen.r_i, GM) - push[:, None, :])
+    return Lines(trajectory, seen.t, at, C_b_i, position, velocity, push, lines, acceleration)

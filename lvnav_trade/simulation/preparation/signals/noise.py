@@ -1,0 +1,145 @@
+"""White noise of receiver measurements by channel: true sigma, and variance in the filter model."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.filter.assumed import ReceiverModel
+from lvnav_trade.gnss.dynamics import factors
+from lvnav_trade.gnss.faults import Failures
+from lvnav_trade.gnss.receiver_cards import ReceiverCard
+from lvnav_trade.quantities.records import Floats, Sky
+from lvnav_trade.scenario.filter_models import smoothing_of, solves
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.family import RECEIVER_SOLUTION
+from lvnav_trade.sensors.receiver_observables import DIFFERENCES, PHASES, Channels
+from lvnav_trade.simulation.preparation.options import direct
+from lvnav_trade.simulation.preparation.sensors import Sensor
+from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
+from lvnav_trade.trajectory.flight import Trajectory
+
+
+def by_channel(
+    channels: Channels, n_epoch: int, own: tuple[Any, ...], devices: tuple[Sensor, ...], field: str
+) -> Floats:
+    """Return a table (n_epoch, n_channel) of values by channel.
+
+    Parameters
+    ----------
+    channels
+        Measurement channels.
+    n_epoch
+        Number of epochs.
+    own
+        Values of the receiver: for each observable, or for position and velocity; a number or (n_epoch, n_sat).
+    devices, field
+        Sensors other than the receiver, and the field of `Sensor` with their values.
+    """
+    table, n = np.empty((n_epoch, channels.n_channel)), channels.n_receiver
+    if channels.tight:
+        for observable, value in zip(channels.observables, own, strict=True):
+            table[:, channels.of(observable)] = value
+    else:
+        table[:, :3], table[:, 3:n] = own
+    for at, device in zip(channels.first, devices, strict=True):
+        values = getattr(device, field)
+        table[:, at : at + values.shape[1]] = values
+    return table
+
+
+def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floats:
+    """Return the sigma (n_epoch, n_sat) m/s of range rates from Doppler, or from differences of carrier phase."""
+    smoothing, receiver = smoothing_of(scenario), scenario.receiver
+    if smoothing is None or smoothing.velocity == "doppler":
+        return seen.rate_sigma
+    return math.sqrt(2.0) / smoothing.rate_interval * phase_sigma(receiver, seen, trajectory)
+
+
+def phase_sigma(receiver: ReceiverCard, seen: Sky, trajectory: Trajectory) -> Floats:
+    """Return the sigma (n_epoch, n_sat) m of carrier phases."""
+    (grown,) = factors(receiver.noise_by, ("carrier_phase",), trajectory, seen.t)
+    return np.full(seen.rate_sigma.shape, receiver.amplification * receiver.carrier_phase_sigma) * grown
+
+
+def true_sigma(scenario: Scenario, seen: Sky, line: Lines, channels: Channels) -> tuple[Any, ...]:
+    """Return the sigmas of white noise of a receiver without faults, see `by_channel`.
+
+    The sigma of a difference of two epochs is that of the differenced observable.
+    """
+    if channels.tight:
+        rate = rate_sigma_of(scenario, seen, line.trajectory)
+        return tuple(rate if name == "range_rate" else _of_sky(seen, name) for name in channels.observables)
+    solution = direct(scenario)
+    of_position, of_velocity = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
+    return solution.position_sigma * of_position, solution.velocity_sigma * of_velocity
+
+
+def grown_sigma(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
+    """Return the true sigma with the factors of faults; `sigma`, which the filter may use, is not changed."""
+    n, grown = channels.n_receiver, sigma.copy()
+    n_kind = len(channels.observables)
+    factor = np.repeat(failed.noise, n_kind, axis=1) if channels.tight else failed.solution_noise[:, None]
+    grown[:, :n] = sigma[:, :n] * factor
+    return grown
+
+
+def assumed_variance(
+    scenario: Scenario, model: ReceiverModel, channels: Channels, seen: Sky, line: Lines, devices: tuple[Sensor, ...]
+) -> Floats:
+    """Return the noise variance of the measurements in the filter model, (n_epoch, n_channel) SI squared.
+
+    It is that of the filter's receiver model, or that of the true receiver if the model is `matched`. It is 1 for a
+    receiver that reports a covariance with each solution.
+
+    Parameters
+    ----------
+    scenario, model
+        Validated model of the case, and the filter's receiver model.
+    channels
+        Measurement channels of the filter.
+    seen, line
+        Satellites at the epochs, lines of sight.
+    devices
+        Sensors other than the receiver.
+    """
+    if channels.tight:
+        card = scenario.filter
+        variances = tuple(assumed_sigma(scenario, model, seen, line, name) ** 2 for name in channels.observables)
+        variances = tuple(
+            (_of_difference(value) if card.previous_noise == "white" else 0.0 * value)
+            if name in card.differences
+            else value
+            for name, value in zip(channels.observables, variances, strict=True)
+        )
+    elif isinstance(scenario.filter.receiver, str):
+        variances = tuple(sigma**2 for sigma in true_sigma(scenario, seen, line, channels))
+    else:
+        grown = line.noise_factors(model.noise_by, RECEIVER_SOLUTION)
+        variances = tuple(
+            (getattr(model, f"{name}_sigma") * factor) ** 2
+            for name, factor in zip(RECEIVER_SOLUTION, grown, strict=True)
+        )
+    return by_channel(channels, seen.t.size, (1.0, 1.0) if solves(scenario) else variances, devices, "variance")
+
+
+def assumed_sigma(scenario: Scenario, model: ReceiverModel, seen: Sky, line: Lines, observable: str) -> Floats:
+    """Return the sigma (n_epoch, n_sat) of an observable's noise in the filter model; for a difference of two epochs,
+    that of the differenced observable.
+    """
+    if isinstance(scenario.filter.receiver, str):
+        return _of_sky(seen, observable)
+    name = DIFFERENCES.get(observable, observable)
+    (factor,) = line.noise_factors(model.noise_by, (name,))
+    return np.asarray(getattr(model, f"{name}_sigma") * factor * np.ones(seen.tracked.shape))
+
+
+def _of_sky(seen: Sky, observable: str) -> Floats:
+    if observable in PHASES:
+        return seen.phase_sigma
+    return seen.rate_sigma if observable == "range_rate" else seen.range_sigma
+
+
+def _of_difference(variance: Floats) -> Floats:
+    """Return the variance (n_epoch, n_sat) of the difference between each epoch and the previous one."""
+    return np.asarray(variance + np.vstack([variance[:1], variance[:-1]]))

@@ -1,0 +1,168 @@
+"""Further satellite observables: carrier phases, and differences of two epochs."""
+
+import numpy as np
+
+from lvnav_trade.filter.policies.epoch_differences import Delayed
+from lvnav_trade.gnss.faults import missing_satellite
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.quantities.error_sources import PHASE_NOISE
+from lvnav_trade.quantities.errors import InputError, Mistake
+from lvnav_trade.quantities.records import Bools, Floats, Ints, Sky
+from lvnav_trade.scenario.filter_models import filter_models
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.jacobian_row import D_EXTRA
+from lvnav_trade.sensors.receiver_observables import DIFFERENCES, OF_ONE, PHASES
+from lvnav_trade.simulation.preparation.filtering import Filtering
+from lvnav_trade.simulation.preparation.inputs import Further
+from lvnav_trade.simulation.preparation.signals.noise import assumed_sigma
+from lvnav_trade.simulation.preparation.signals.signals import InUse, hold
+from lvnav_trade.simulation.preparation.true_flight import Flight
+
+L1 = 1.57542e9  # Hz; of a receiver without a link
+
+
+def wavelength(scenario: Scenario) -> float:
+    """Return the wavelength of the carrier (m): that of the link card, or L1 without one."""
+    link = scenario.receiver.link
+    return SPEED_OF_LIGHT / L1 if link is None else link.wavelength
+
+
+def linked(seen: Sky, signals: InUse) -> tuple[Bools, Bools, Bools]:
+    """Return the continuity of the carrier phases, (n_epoch, n_sat) each.
+
+    Returns
+    -------
+    restart
+        Whether the carrier is newly acquired: its tracking was interrupted since the satellite was last used.
+    before
+        Whether the satellite was measured at the previous epoch too.
+    going_on
+        Whether its phase is continuous since then; a frozen output repeats itself.
+    """
+    shape = seen.tracked.shape
+    restart, before, going_on = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+    broken, last = np.ones(shape[1], np.bool_), np.zeros(shape[1], np.bool_)
+    for epoch in range(shape[0]):
+        broken |= ~seen.continuous[epoch]
+        use = np.zeros(shape[1], np.bool_)
+        use[signals.used[epoch, : signals.n_used[epoch]]] = True
+        still = bool(signals.frozen[epoch])
+        restart[epoch], before[epoch] = use & broken & (not still), use & last
+        going_on[epoch] = use & last & (~broken | still)
+        broken &= ~use | still
+        last = use
+    return restart, before, going_on
+
+
+def further_of(
+    scenario: Scenario, flight: Flight, signals: InUse, errors: tuple[CorrelatedError, ...], offsets: Floats
+) -> Further | None:
+    """Return the truth of the further observables; None without any.
+
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    signals
+        Satellites in use.
+    errors
+        Correlated errors of the case.
+    offsets
+        (n_epoch, n_sat) m. Offsets of satellite clocks and system times.
+    """
+    channels, seen = flight.channels, flight.sky
+    if not channels.further:
+        return None
+    ambiguity = np.full(len(seen.names), -1, dtype=np.int64)
+    first = 0
+    for error in errors:
+        if error.kind == "ambiguity":
+            for k, label in enumerate(error.labels):
+                ambiguity[seen.names.index(label)] = first + k
+        first += len(error.labels)
+    residual = flight.lines.sight.distance + flight.biased[..., 0] + flight.delays.left_of_phase + offsets
+    phase = np.asarray(residual + wavelength(scenario) * flight.failed.slip)
+    hold(signals.frozen, phase)
+    return Further(
+        phase=phase,
+        is_phase=np.array([name in PHASES for name in channels.observables]),
+        is_difference=np.array([name in DIFFERENCES for name in channels.observables]),
+        restart=linked(seen, signals)[0],
+        ambiguity=ambiguity,
+        source=source_word(PHASE_NOISE),
+    )
+
+
+def delayed_of(scenario: Scenario, flight: Flight, filtering: Filtering, signals: InUse) -> Delayed | None:
+    """Return the processing of further observables in the filter; None without any."""
+    channels, layout, numbers = flight.channels, filtering.layout, filtering.model
+    if not channels.further:
+        return None
+    seen, line, (_, model, _) = flight.sky, flight.lines, filter_models(scenario)
+    n_epoch = len(seen.tracked)
+    restart, before, going_on = linked(seen, signals)
+    present = np.ones((n_epoch, channels.n_receiver), dtype=np.bool_)
+    for name in DIFFERENCES:
+        if name in channels.further:
+            present[:, channels.of(name)] = going_on if name in PHASES else before
+    renewed = np.full((n_epoch, max(1, numbers.extra_offset.size)), -1.0)
+    first = 0
+    for block in layout.extras:
+        if block.name in OF_ONE:
+            satellites = np.array([seen.names.index(label) for label in block.labels], dtype=np.int64)
+            anew = renewed[:, first : first + satellites.size]
+            if block.name == "ambiguity":
+                anew[:] = np.where(restart[:, satellites], model.ambiguity**2, -1.0)
+            else:
+                anew[:] = assumed_sigma(scenario, model, seen, line, OF_ONE[block.name])[:, satellites] ** 2
+        first += len(block.labels)
+    return Delayed(
+        difference=np.array([name in DIFFERENCES for name in channels.observables]),
+        present=present,
+        earlier=numbers.entry.shape[1] - D_EXTRA - len(layout.extras),
+        renewed=renewed,
+        cloned=np.array(layout.cloned, dtype=np.int64),
+        clone=layout.clone,
+        back=bool(layout.cloned) and scenario.filter.delayed_state == "back_propagated",
+    )
+
+
+def references_of(scenario: Scenario, flight: Flight, signals: InUse, delayed: Delayed | None) -> Ints:
+    """Return the slot of the reference satellite by observable, (n_epoch, n_kind), -1 none.
+
+    Of several observables with the same clock unknown only the first has a reference: relative to it, the others do not
+    depend on the clock.
+
+    Raises
+    ------
+    InputError
+        If the constellation lacks the reference satellite of the filter card.
+    """
+    card, channels, seen = scenario.filter, flight.channels, flight.sky
+    references = np.full((signals.n_used.size, len(channels.observables)), -1, dtype=np.int64)
+    if not channels.tight or card.clock != "differenced":
+        return references
+    name = card.reference_satellite
+    if name is not None and name not in seen.names:
+        raise InputError(records=[Mistake(missing_satellite(name, seen.names), "filter.reference_satellite")])
+    for kind in _leading(card.measurements, channels.observables):
+        for epoch in np.flatnonzero(signals.n_used):
+            use = signals.used[epoch, : signals.n_used[epoch]]
+            slots = np.arange(use.size)
+            if delayed is not None:
+                slots = slots[delayed.present[epoch, len(channels.observables) * use + kind]]
+            named = [slot for slot in slots if seen.names[use[slot]] == name]
+            if slots.size:
+                references[epoch, kind] = named[0] if named else slots[np.argmax(seen.elevation[epoch, use[slots]])]
+    return references
+
+
+def _leading(measurements: tuple[str, ...], observables: tuple[str, ...]) -> list[int]:
+    """Return the first measured observable of each clock unknown: bias, drift, bias at the previous epoch."""
+    first: dict[str, int] = {}
+    for kind, name in enumerate(observables):
+        if name in measurements:
+            first.setdefault("before" if name in DIFFERENCES else "drift" if name == "range_rate" else "bias", kind)
+    return list(first.values())

@@ -1,0 +1,249 @@
+"""Receiver measurements on the true flight, the same in all runs: true side, filter side, arrays for the kernels."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.kernels.clock import clock_step
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.quantities.error_sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
+from lvnav_trade.quantities.line_of_sight import lever_partials, ranging_rows
+from lvnav_trade.quantities.records import Bools, Floats, Ints
+from lvnav_trade.quantities.state_layout import RELATIVE, ExtraBlock
+from lvnav_trade.scenario.filter_models import epoch_interval, filter_models, solves
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.receiver_observables import Channels, Geometry, partial, sensor_states
+from lvnav_trade.simulation.preparation.filtering import Filtering
+from lvnav_trade.simulation.preparation.inputs import Shared, Signals
+from lvnav_trade.simulation.preparation.sensors import Sensor
+from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
+from lvnav_trade.simulation.preparation.signals.noise import assumed_variance, by_channel, grown_sigma, true_sigma
+from lvnav_trade.simulation.preparation.true_flight import Flight
+from lvnav_trade.simulation.preparation.tuning import weights
+
+_DRAWS = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)
+
+
+class InUse(NamedTuple):
+    """Satellites in use at the epochs.
+
+    used : (n_epoch, n_slot). Satellite of each slot, -1 none.
+    n_used : (n_epoch,). Number of satellites in use.
+    frozen : (n_epoch,). Whether the receiver repeats the output of the epoch before.
+    """
+
+    used: Ints
+    n_used: Ints
+    frozen: Bools
+
+
+class Received(NamedTuple):
+    """True side of `Signals`: measurements of the receiver, independent of the filter; fields as there.
+
+    used : (n_epoch, n_slot). Satellite of each slot, -1 none.
+    n_used : (n_epoch,). Number of satellites in use, before the filter checks them.
+    words : (n_sat,). Keys of the satellites for random draws.
+    range : (n_epoch, n_sat) m. Pseudorange without clock and random errors.
+    rate : (n_epoch, n_sat) m/s. Range rate, likewise.
+    position : (n_epoch, 3) m. Receiver's solution without random errors, frame i.
+    velocity : (n_epoch, 3) m/s. Receiver's solution without random errors, frame i.
+    satellite : (n_epoch, n_sat, 3) m. Satellite position that the filter uses, frame i.
+    satellite_velocity : (n_epoch, n_sat, 3) m/s. Satellite velocity that the filter uses, frame i.
+    sigma : (n_epoch, n_measured) SI. True sigma of white noise.
+    clock_step : (3,). Cholesky factor of the receiver clock's noise over an epoch.
+    clock_start : (2,) m, m/s. Initial sigma of clock bias and drift.
+    clock_jump : (n_epoch, 2) m, m/s. Jump of clock bias and drift at the epoch.
+    frozen : (n_epoch,). Whether the receiver repeats the output of the epoch before.
+    interval : s. Time between epochs.
+    sources : (4,). Keys of random draws.
+    shared : Correlated measurement errors.
+    """
+
+    used: Ints
+    n_used: Ints
+    words: NDArray[np.uint64]
+    range: Floats
+    rate: Floats
+    position: Floats
+    velocity: Floats
+    satellite: Floats
+    satellite_velocity: Floats
+    sigma: Floats
+    clock_step: Floats
+    clock_start: Floats
+    clock_jump: Floats
+    frozen: Bools
+    interval: float
+    sources: NDArray[np.uint64]
+    shared: Shared
+
+
+class Assumed(NamedTuple):
+    """Filter side of `Signals`: noise model of the measurements, (n_epoch, n_channel) unless given.
+
+    variance : SI squared. Noise variance, with the factor of its tuning.
+    scale : Square root of that factor.
+    beta : Underweighting: share of H P H' added to the innovation variance.
+    partial : (n_extra_family, n_epoch, n_channel). Derivative of the measurement by the filter's extra states.
+    """
+
+    variance: Floats
+    scale: Floats
+    beta: Floats
+    partial: Floats
+
+
+def _in_solution(line: Lines, tracked: Bools, errors: Floats) -> Floats:
+    """Return the errors (n_epoch, 6) of a least-squares solution by errors of ranges and rates (n_epoch, n_sat, 2)."""
+    return np.hstack([_shifts(line, tracked, errors[:, :, 0]), _shifts(line, tracked, errors[:, :, 1])])
+
+
+def geometry_of(line: Lines, tracked: Bools, troposphere: Floats, ionosphere: Floats) -> Geometry:
+    """Return the inputs of partial derivatives of measurements.
+
+    Parameters
+    ----------
+    line
+        Lines of sight.
+    tracked
+        (n_epoch, n_sat). Whether the satellite is tracked.
+    troposphere, ionosphere
+        (n_epoch, n_sat, 2) m, m/s. Delays and their rates.
+    """
+    return Geometry(
+        rate=line.sight.rate,
+        acceleration=line.acceleration,
+        velocity=line.velocity,
+        push=line.push,
+        troposphere=troposphere,
+        ionosphere=ionosphere,
+        solution_troposphere=_in_solution(line, tracked, troposphere),
+        solution_ionosphere=_in_solution(line, tracked, ionosphere),
+        lever=lever_partials(line.sight, line.C_b_i, line.at.w_ib_b),
+    )
+
+
+def slots(tracked: Bools) -> tuple[np.ndarray, np.ndarray]:
+    """Return the satellite in each slot, (n_epoch, n_slot), -1 none, and the number of satellites, (n_epoch,).
+
+    tracked : (n_epoch, n_sat). Whether the satellite is tracked.
+    """
+    n_used = tracked.sum(axis=1).astype(np.int64)
+    used = np.full((len(tracked), max(1, int(n_used.max(initial=0)))), -1, dtype=np.int64)
+    for epoch in range(len(tracked)):
+        satellites = np.flatnonzero(tracked[epoch])
+        used[epoch, : satellites.size] = satellites
+    return used, n_used
+
+
+def _shifts(line: Lines, tracked: Bools, errors: Floats) -> Floats:
+    """Return the errors (n_epoch, 3) of a least-squares solution by errors of ranges or of rates (n_epoch, n_sat)."""
+    shift = np.zeros((len(errors), 3))
+    for epoch in np.flatnonzero(np.any(np.where(tracked, errors, 0.0) != 0.0, axis=1)):
+        on = tracked[epoch]
+        if np.count_nonzero(on) >= 4:
+            rows = ranging_rows(line.sight.direction[epoch, on])
+            shift[epoch] = np.linalg.lstsq(rows, errors[epoch, on])[0][:3]
+    return shift
+
+
+def hold(frozen: Bools, *tables: NDArray[Any]) -> None:
+    """Copy the previous epoch to every frozen epoch; tables (n_epoch, ...) are updated in place."""
+    for epoch in np.flatnonzero(frozen):
+        for table in tables:
+            table[epoch] = table[epoch - 1]
+
+
+def _extra_partial(block: ExtraBlock, geometry: Geometry, channels: Channels, devices: tuple[Sensor, ...]) -> Floats:
+    """Return the derivatives (n_epoch, n_channel) of the measurements with respect to a block of extra states."""
+    of_sensors = (entering for state, _, entering in sensor_states(block.name, channels) if state.label in block.labels)
+    partials = next(of_sensors, partial(block.name, geometry, channels))
+    for at, device in zip(channels.first, devices, strict=True):
+        if RELATIVE.get(device.channels.measures) == block.name:
+            partials[:, at : at + 3] = device.since[:, None]
+    return partials
+
+
+def received_of(scenario: Scenario, flight: Flight, shared: Shared, left: Floats, tabled: Floats) -> Received:
+    """Return the true side of satellites and receiver at the epochs.
+
+    Parameters
+    ----------
+    scenario, flight
+        Validated model of the case, and its true flight.
+    shared
+        Correlated measurement errors.
+    left
+        (n_epoch, n_sat, 2) m, m/s. Residual errors of ranges and rates after corrections: delays, clocks, smoothing.
+    tabled
+        (n_epoch, 6) m, m/s. Deterministic errors of the solution, frame i.
+    """
+    clock, seen, line, failed = scenario.receiver.clock, flight.sky, flight.lines, flight.failed
+    used, n_used = slots(seen.tracked)
+    noise = true_sigma(scenario, seen, line, flight.ranging)
+    sigma = by_channel(flight.ranging, seen.t.size, noise, flight.devices, "sigma")
+    interval = epoch_interval(scenario)
+    range_error, rate_error = np.moveaxis(flight.biased + left, 2, 0)
+    ranges, rates = np.asarray(line.sight.distance + range_error), np.asarray(line.sight.rate + rate_error)
+    position = line.position + _shifts(line, seen.tracked, range_error) + tabled[:, :3]
+    velocity = line.velocity + _shifts(line, seen.tracked, rate_error) + tabled[:, 3:]
+    if not solves(scenario):  # otherwise the receiver continues internally behind a frozen output
+        hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
+    return Received(
+        used=used,
+        n_used=n_used,
+        words=np.array([source_word(name) for name in seen.names], dtype=np.uint64),
+        range=ranges,
+        rate=rates,
+        position=position,
+        velocity=velocity,
+        satellite=np.ascontiguousarray(seen.r_i),
+        satellite_velocity=np.ascontiguousarray(seen.v_i),
+        sigma=grown_sigma(sigma, flight.ranging, failed),
+        clock_step=np.array(clock_step(interval, clock.h0, clock.h_minus2)),
+        clock_start=np.array([clock.initial_bias, clock.initial_drift]),
+        clock_jump=failed.jump,
+        frozen=failed.frozen,
+        interval=interval,
+        sources=np.array([source_word(name) for name in _DRAWS], dtype=np.uint64),
+        shared=shared,
+    )
+
+
+def assumed_of(scenario: Scenario, flight: Flight, filtering: Filtering) -> Assumed:
+    """Return the noise model of the measurements in the filter."""
+    seen, line, late_by, channels = flight.sky, flight.lines, flight.delays, flight.channels
+    modelled = geometry_of(line, seen.tracked, late_by.modelled_troposphere, late_by.modelled_ionosphere)
+    extra = [_extra_partial(block, modelled, channels, flight.devices) for block in filtering.layout.extras]
+    _, model, _ = filter_models(scenario)
+    variance = assumed_variance(scenario, model, channels, seen, line, flight.devices)
+    cards, course = scenario.filter.underweighting, flight.trajectory.course
+    beta, factor = weights(cards, course, filtering.model.row_type, flight.epochs.t)
+    partials = np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel)
+    return Assumed(variance * factor, np.sqrt(factor), beta, partials)
+
+
+def signals_of(flight: Flight, received: Received, assumed: Assumed, in_use: InUse, reference: Ints) -> Signals:
+    """Return satellites and receiver as arrays for the kernels: true side and filter side.
+
+    Parameters
+    ----------
+    flight
+        True flight.
+    received, assumed
+        True side, filter side.
+    in_use
+        Satellites that the filter uses.
+    reference
+        (n_epoch, n_kind). Slot of the reference satellite, -1 none.
+    """
+    channels, antenna = flight.channels, flight.sky.antenna
+    common = {
+        "n_used": in_use.n_used,
+        "antenna": antenna if channels.tight else np.zeros_like(antenna),
+        "n_receiver": channels.n_receiver,
+        "reference": reference,
+        "shift": flight.ranging.n_receiver - channels.n_receiver,
+    }
+    return Signals(**(received._asdict() | assumed._asdict() | common))

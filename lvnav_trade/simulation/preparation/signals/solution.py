@@ -1,0 +1,292 @@
+"""Error propagation of a receiver's solution on the nominal flight, from epoch to epoch.
+
+The error s of the receiver's estimate follows s+ = A s + W w + B c + d, with white errors w of ranges, rates and clock,
+correlated measurement errors c, and the deterministic error d. A directly simulated solution has no memory:
+s+ = -w - c. See `filter.receivers.error_propagation` for the filter of the receiver.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.filter.receivers.carrier_smoothing import Smoothing
+from lvnav_trade.filter.receivers.error_propagation import (
+    SOLUTION,
+    Gains,
+    design,
+    filtered,
+    mismatch,
+    nominal_acceleration,
+    point_solution,
+    reported_covariance,
+    started,
+)
+from lvnav_trade.filter.receivers.receiver import BIAS, DRIFT, N_STATE, ReceiverFilter, Solver
+from lvnav_trade.quantities.line_of_sight import sight
+from lvnav_trade.quantities.records import Bools, Floats, Ints
+from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
+from lvnav_trade.simulation.preparation.signals.signals import Assumed, Received
+
+# Sources of white errors.
+RANGE, RATE, CLOCK, PLACE, SPEED, PHASE = 0, 1, 2, 3, 4, 5
+
+
+class Chain(NamedTuple):
+    """Propagation of the error of a receiver's solution from epoch to epoch.
+
+    At epoch k the error of m states is e_k = A e_(k-1) + W w + B c + d, with white noise w and correlated errors c.
+
+    move : (n_epoch, m, m). A, the effect of the previous error.
+    white : (n_epoch, m, n_in). W, the effect of white noise.
+    variance : (n_epoch, n_in). Variance of the white noise w.
+    kind : (n_in,). Source of the white noise: RANGE, RATE, CLOCK, PLACE, SPEED or PHASE.
+    shared : (n_epoch, m, n_component). B, the effect of correlated measurement errors.
+    push : (n_epoch, m). d, the deterministic error.
+    pick : (6,). States that are position and velocity.
+    reported : (n_epoch, 6, 6). Covariance reported with the solution.
+    solved : (n_epoch,). Whether there is a solution.
+    point : (n_epoch, 6) m, m/s. Position and velocity of a solution without error, frame i.
+    own : (n_epoch, 11, 11). Covariance modelled by the receiver's solver; empty for a simulated solution.
+    """
+
+    move: Floats
+    white: Floats
+    variance: Floats
+    kind: Ints
+    shared: Floats
+    push: Floats
+    pick: Ints
+    reported: Floats
+    solved: Bools
+    point: Floats
+    own: Floats = np.zeros((0, N_STATE, N_STATE))
+
+
+def _shared(received: Received, epoch: int, channels: Ints) -> Floats:
+    """Return the derivatives (n_channel, n_component) of channels with respect to the correlated errors at an epoch."""
+    shared = received.shared
+    partials = np.zeros((channels.size, shared.start.size))
+    for family in range(len(shared.member)):
+        member = shared.member[family, channels]
+        rows = np.flatnonzero(member >= 0)
+        partials[rows, member[rows]] += shared.partial[family, epoch, channels[rows]]
+    return partials
+
+
+def simulated(received: Received, assumed: Floats) -> Chain:
+    """Return the error propagation of a directly simulated solution, which has no memory.
+
+    Its arrays have the memory order of those of `solved`, so that no further kernel is compiled.
+
+    Parameters
+    ----------
+    received
+        True side of the measurements.
+    assumed
+        (n_epoch, n_channel) SI squared. Noise variance reported with the solution.
+    """
+    n_epoch, axes = len(received.n_used), np.arange(6)
+    sigma, variance = (np.ascontiguousarray(table[:, axes]) for table in (received.sigma, assumed))
+    return Chain(
+        move=np.zeros((n_epoch, 6, 6)),
+        white=np.tile(-np.eye(6), (n_epoch, 1, 1)),
+        variance=sigma**2,
+        kind=np.repeat(np.array([PLACE, SPEED]), 3),
+        shared=-np.array([_shared(received, k, axes) for k in range(n_epoch)]).reshape(n_epoch, 6, -1),
+        push=np.zeros((n_epoch, 6)),
+        pick=axes,
+        reported=variance[:, :, None] * np.eye(6),
+        solved=received.n_used >= 4,
+        point=np.hstack([received.position, received.velocity]),
+    )
+
+
+def _epoch(point: Floats, received: Received, epoch: int) -> tuple[Floats, Floats, Ints]:
+    """Return Jacobian rows (n_row, 11) at the true point, innovations (n_row,) there, and channels (n_row,)."""
+    use = received.used[epoch, : received.n_used[epoch]]
+    r_i, v_i = point[epoch, :3], point[epoch, 3:]
+    rows = design(r_i, v_i, received.satellite[epoch, use], received.satellite_velocity[epoch, use])
+    seen = sight(received.satellite[epoch, use] - r_i, received.satellite_velocity[epoch, use] - v_i)
+    innovation, channels = np.empty(2 * use.size), np.empty(2 * use.size, dtype=np.int64)
+    innovation[0::2], innovation[1::2] = (
+        received.range[epoch, use] - seen.distance,
+        received.rate[epoch, use] - seen.rate,
+    )
+    channels[0::2], channels[1::2] = 2 * use, 2 * use + 1
+    return rows, innovation, channels
+
+
+_NOTHING = Gains(
+    np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, 0)), np.zeros((N_STATE, N_STATE))
+)
+
+
+def _coasts(model: ReceiverFilter, n_used: Ints, begun: int) -> Bools:
+    """Return whether the receiver's filter outputs a solution at each epoch: after its start, while it may coast."""
+    outputs, idle = np.zeros(n_used.size, dtype=bool), 0.0
+    for k in range(begun, n_used.size):
+        idle = 0.0 if n_used[k] > 0 else idle + model.interval
+        outputs[k] = idle <= model.coast
+    return outputs
+
+
+def _gains(solver: Solver, before: Floats, rows: Floats, acceleration: Floats, since: int, fixed: bool) -> Gains:
+    """Return the receiver's gains at an epoch, `since` epochs after its first fix, from the previous covariance."""
+    model: ReceiverFilter | None = solver.filter
+    if model is None:
+        return point_solution(solver.point, rows) if fixed else _NOTHING
+    if since > 0:
+        return filtered(before, model, rows, acceleration)
+    return started(model, solver.point, rows) if since == 0 else _NOTHING
+
+
+def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: int, received: Received) -> Floats:
+    """Return the deterministic error of the receiver's filter by true motion and clock jumps, (n_epoch, 11)."""
+    modelled = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
+    moved = mismatch(model, modelled, point[:, 3:], point[:, :3])
+    moved[:, BIAS] += received.clock_jump[:, 0]
+    moved[:, DRIFT] += received.clock_jump[:, 1]
+    # at its start the filter has no estimate of the acceleration, so the whole acceleration is its error
+    moved[begun, :3] = modelled[begun]
+    return moved
+
+
+def chain_of(
+    solver: Solver | None, has_covariance: bool, received: Received, assumed: Assumed, line: Lines
+) -> Chain | None:
+    """Return the error propagation of solutions with a reported covariance; None otherwise.
+
+    The reported covariance includes the noise factors of the filter's tuning.
+    """
+    if solver is None:
+        return simulated(received, assumed.variance) if has_covariance else None
+    chain = solved(solver, received, np.hstack([line.position, line.velocity]), line.push, assumed.scale[:, :6])
+    if solver.smoothing is not None:
+        chain = _with_smoothing(chain, solver.smoothing, received)
+    return _with_output(chain, received.frozen) if received.frozen.any() else chain
+
+
+def solved(solver: Solver, received: Received, point: Floats, acceleration: Floats, scale: Floats) -> Chain:
+    """Return the error propagation of a receiver that computes its position and velocity.
+
+    Parameters
+    ----------
+    solver
+        Settings of the receiver's solution.
+    received
+        True side of the measurements.
+    point
+        (n_epoch, 6) m, m/s. Position and velocity of the point of the solution at the times of validity, frame i.
+    acceleration
+        (n_epoch, 3) m/s^2. Acceleration of that point, frame i.
+    scale
+        (n_epoch, 6). Factor of the filter's tuning on the reported sigmas.
+    """
+    model: ReceiverFilter | None = solver.filter
+    fixed, n_epoch, n_in = received.n_used >= 4, len(point), 2 * received.used.shape[1] + 2
+    begun = int(np.argmax(fixed)) if fixed.any() else n_epoch
+    solved_at = fixed if model is None else _coasts(model, received.n_used, begun)
+    slope = nominal_acceleration(point[:, 3:], fixed, received.interval)
+    moved = np.zeros((n_epoch, N_STATE))
+    if model is not None:
+        moved = _moved(model, point, acceleration, min(begun, n_epoch - 1), received)
+    move, white = np.zeros((n_epoch, N_STATE, N_STATE)), np.zeros((n_epoch, N_STATE, n_in))
+    variance, shared = np.zeros((n_epoch, n_in)), np.zeros((n_epoch, N_STATE, received.shared.start.size))
+    push, formal, reported = np.zeros((n_epoch, N_STATE)), np.zeros_like(move), np.tile(np.eye(6), (n_epoch, 1, 1))
+    step = received.clock_step
+    clock = np.array([[step[0], 0.0], [step[1], step[2]]])
+    out = solver.point.reported if model is None else model.reported
+    gains = _NOTHING
+    for k in range(n_epoch):
+        rows, innovation, channels = _epoch(point, received, k)
+        gains = _gains(solver, gains.P, rows, slope[k], k - begun, bool(fixed[k]))
+        n_row = gains.gain.shape[1]  # zero if the receiver processes nothing
+        channels = channels[:n_row]
+        move[k], formal[k] = gains.keep @ gains.phi, gains.P
+        white[k, :, :n_row], variance[k, :n_row] = -gains.gain, received.sigma[k, channels] ** 2
+        white[k, :, -2:], variance[k, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock, 1.0
+        shared[k] = -gains.gain @ _shared(received, k, channels)
+        push[k] = gains.keep @ moved[k] - gains.gain @ innovation[:n_row]
+        reported[k] = reported_covariance(out, gains.P) if solved_at[k] else reported[k]
+    return Chain(
+        move=move,
+        white=white,
+        variance=variance,
+        kind=np.array([*np.tile([RANGE, RATE], received.used.shape[1]), CLOCK, CLOCK], dtype=np.int64),
+        shared=shared,
+        push=push,
+        pick=SOLUTION.astype(np.int64),
+        reported=reported * scale[:, :, None] * scale[:, None, :],
+        solved=solved_at,
+        point=point,
+        own=formal,
+    )
+
+
+def _with_output(chain: Chain, frozen: Bools) -> Chain:
+    """Return the chain with six additional states, the error of the receiver's output.
+
+    It is the error of the estimate. While the output is frozen, it is the previous error plus the true motion since.
+    """
+    n_epoch, m = chain.push.shape
+    move = np.zeros((n_epoch, m + 6, m + 6))
+    white, shared, push = (
+        np.pad(a, [(0, 0), (0, 6), (0, 0)][: a.ndim]) for a in (chain.white, chain.shared, chain.push)
+    )
+    move[:, :m, :m] = chain.move
+    for k in range(n_epoch):
+        if frozen[k] and k:
+            move[k, m:, m:] = np.eye(6)
+            push[k, m:] = chain.point[k] - chain.point[k - 1]
+        else:
+            move[k, m:, :m] = chain.move[k, chain.pick]
+            white[k, m:], shared[k, m:] = chain.white[k, chain.pick], chain.shared[k, chain.pick]
+            push[k, m:] = chain.push[k, chain.pick]
+    return chain._replace(move=move, white=white, shared=shared, push=push, pick=np.arange(m, m + 6))
+
+
+def _with_smoothing(chain: Chain, smoothing: Smoothing, received: Received) -> Chain:
+    """Return the chain of a receiver with carrier smoothing of its ranges.
+
+    For each satellite it has an additional state D, the error of the average of code minus carrier, and for each slot
+    an additional white error, that of the carrier. With the gain a, the error of a smoothed range is
+
+        (1 - a) D + a v + (1 - a) n + (p - (1 - a) d) c,
+
+    v white error of the code, n of the carrier; p and d derivatives of code and of code minus carrier with respect to
+    the correlated errors c.
+    """
+    ever = np.flatnonzero(np.any(smoothing.gain > 0.0, axis=0))
+    m, n_slot, n_smoothed = chain.move.shape[1], received.used.shape[1], ever.size
+    n_in = chain.white.shape[2]
+    move = np.pad(chain.move, ((0, 0), (0, n_smoothed), (0, n_smoothed)))
+    white = np.pad(chain.white, ((0, 0), (0, n_smoothed), (0, n_slot)))
+    variance = np.pad(chain.variance, ((0, 0), (0, n_slot)))
+    shared, push = (
+        np.pad(chain.shared, ((0, 0), (0, n_smoothed), (0, 0))),
+        np.pad(chain.push, ((0, 0), (0, n_smoothed))),
+    )
+    move[:, range(m, m + n_smoothed), range(m, m + n_smoothed)] = 1.0
+    place = {int(satellite): m + number for number, satellite in enumerate(ever)}
+    for k in range(len(push)):
+        for slot, satellite in enumerate(received.used[k, : received.n_used[k]].tolist()):
+            state, code, phase = place[satellite], 2 * slot, n_in + slot
+            a, gain = smoothing.gain[k, satellite], chain.white[k, :, code]  # minus the solver's gain
+            differing = _code_minus_carrier(received, smoothing, k, satellite)
+            move[k, :m, state], move[k, state, state] = (1.0 - a) * gain, 1.0 - a
+            white[k, :m, code], white[k, state, code] = a * gain, a
+            white[k, :m, phase], white[k, state, phase] = (1.0 - a) * gain, -a
+            variance[k, [code, phase]] = received.sigma[k, 2 * satellite] ** 2, smoothing.sigma[k, satellite] ** 2
+            shared[k, :m] -= (1.0 - a) * np.outer(gain, differing)
+            shared[k, state] = a * differing
+    kind = np.concatenate([chain.kind, np.full(n_slot, PHASE)])
+    return chain._replace(move=move, white=white, variance=variance, kind=kind, shared=shared, push=push)
+
+
+def _code_minus_carrier(received: Received, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
+    """Return the derivatives (n_component,) of code minus carrier of a satellite with respect to correlated errors."""
+    partials = np.zeros(received.shared.start.size)
+    for family, member in enumerate(received.shared.member[:, 2 * satellite].tolist()):
+        if member >= 0:
+            partials[member] += smoothing.code[family, epoch, satellite]
+    return partials

@@ -1,0 +1,142 @@
+"""True flight of a case: motion, satellites, sensors, and effects of faults on measurements."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.gnss.faults import Failures, delay, failures
+from lvnav_trade.gnss.interference import feigned
+from lvnav_trade.quantities.records import Floats, Ints, Reference, Sky
+from lvnav_trade.scenario.filter_models import epoch_interval, solves
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.receiver_observables import FURTHER, Channels
+from lvnav_trade.simulation.preparation.cache import built, identity, sampled, seen_in
+from lvnav_trade.simulation.preparation.sensors import Sensor, sensors_of
+from lvnav_trade.simulation.preparation.signals.atmosphere import Delays, delays
+from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines, lines_of
+from lvnav_trade.trajectory.flight import Trajectory
+
+
+class Epochs(NamedTuple):
+    """Update epochs of the filter, and the grid of IMU ticks on which they lie.
+
+    t : (n_epoch,) s since lift-off.
+    tick : (n_epoch,). Tick of each epoch.
+    n_imu : Ticks of the flight.
+    group : Ticks of a step of the strapdown.
+    """
+
+    t: Floats
+    tick: Ints
+    n_imu: int
+    group: int
+
+
+class Flight(NamedTuple):
+    """True flight of a case, the same in every run and independent of the filter's estimates.
+
+    trajectory : True flight.
+    reference : True motion and ideal increments on the ticks of the IMU.
+    epochs : Epochs on these ticks.
+    sky : Satellites at the epochs.
+    lines : Lines of sight to them.
+    stamped : (n_epoch,) s. Time tags of the receiver's measurements.
+    devices : Sensors other than the receiver that the filter uses.
+    channels : Measurement channels of the filter.
+    ranging : Channels measured by the receiver: ranges, if it computes its position itself.
+    delays : Tropospheric and ionospheric delays, true and as corrected by the filter.
+    failed : Effects of faults on the measurements.
+    biased : (n_epoch, n_sat, 2) m, m/s. Errors of ranges and range rates by faults and spoofers.
+    """
+
+    trajectory: Trajectory
+    reference: Reference
+    epochs: Epochs
+    sky: Sky
+    lines: Lines
+    stamped: Floats
+    devices: tuple[Sensor, ...]
+    channels: Channels
+    ranging: Channels
+    delays: Delays
+    failed: Failures
+    biased: Floats
+
+
+def flight_of(scenario: Scenario, flown: tuple[Trajectory, Reference] | None = None) -> Flight:
+    """Return the true flight of a scenario.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    flown
+        Trajectory and its samples, in place of those of the scenario.
+    """
+    trajectory, ref = flown or _flown(scenario)
+    course, epochs = trajectory.course, epochs_of(scenario, ref)
+    t, start = epochs.t, float(ref.t[0])
+    seen = seen_in(scenario, trajectory, t, start)
+    devices = sensors_of(scenario, trajectory, t, start)
+    channels = channels_of(scenario, seen, devices)
+    lines = lines_of(trajectory, np.array(scenario.receiver.lever_b), seen)
+    failed = failures(scenario.faults, course, t, seen.names, seen.elevation, seen.tracked)
+    spoofed = feigned(scenario.faults, trajectory, t, lines.position, lines.sight)
+    return Flight(
+        trajectory=trajectory,
+        reference=ref,
+        epochs=epochs,
+        sky=seen,
+        lines=lines,
+        stamped=np.minimum(t, seen.t + delay(scenario.faults, course, t)),
+        devices=devices,
+        channels=channels,
+        ranging=channels._replace(tight=True) if solves(scenario) else channels,
+        delays=delays(trajectory, scenario.receiver, seen, scenario.atmosphere, scenario.filter.corrections),
+        failed=failed,
+        biased=np.stack([failed.bias, failed.drift], axis=2) + spoofed,
+    )
+
+
+def _flown(scenario: Scenario) -> tuple[Trajectory, Reference]:
+    """Return the trajectory of a scenario and its samples at the IMU ticks."""
+    card = scenario.trajectory
+    text = identity(card)
+    return built(text, card), sampled(text, card, scenario.imu.rate)
+
+
+def ticks_of(times: Floats, start: float, rate: float, n_imu: int, group: int = 1) -> Ints:
+    """Return the tick nearest to each time, at the end of a strapdown step.
+
+    Parameters
+    ----------
+    times, start
+        s since lift-off. Times, and time of tick 0.
+    rate
+        Hz. Sampling rate of the IMU.
+    n_imu, group
+        Number of ticks; ticks of a strapdown step.
+    """
+    return np.clip(np.rint((times - start) * rate / group).astype(np.int64) * group, 0, n_imu)
+
+
+def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
+    """Return the update epochs of a flight, at ends of strapdown steps."""
+    rate, start, end = scenario.imu.rate, float(ref.t[0]), float(ref.t[-1])
+    group = scenario.filter.strapdown.ratio
+    n_imu = ref.dtheta.shape[0] // group * group
+    interval = epoch_interval(scenario)
+    n_epoch = math.floor((end - start) / interval + 1e-9)
+    tick = ticks_of(start + interval * np.arange(1, n_epoch + 1, dtype=np.float64), start, rate, n_imu, group)
+    # the times are those of the ticks, where increments end: half a tick is 20 m at orbital speed
+    return Epochs(ref.t[tick], tick, n_imu, group)
+
+
+def channels_of(scenario: Scenario, seen: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
+    """Return the measurement channels of a filter."""
+    ever = tuple(bool(np.any(seen.tracked[:, s])) for s in range(len(seen.names)))
+    sensors = tuple(device.channels for device in devices)
+    receiver = scenario.filter.tight or scenario.filter.loose
+    further = tuple(name for name in scenario.filter.measurements if name in FURTHER)
+    return Channels(scenario.filter.tight, seen.names, seen.systems, ever, receiver, sensors, further)

@@ -1,0 +1,167 @@
+"""Filter tuning on the nominal flight: measurement weights, noise at region changes, sampled linearisation."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.filter.assumed import ImuModel
+from lvnav_trade.filter.card import FilterCard
+from lvnav_trade.filter.measurement_tuning import ProcessNoiseTable, RegionNoiseCard, UnderweightingCard
+from lvnav_trade.filter.rows import TYPES
+from lvnav_trade.gnss.dynamics import dynamics_at
+from lvnav_trade.kernels.transition import ATT, EVERY_WINDOW, FIRST, KEPT, POS, RENEWED, VEL
+from lvnav_trade.quantities.conditions import ROUNDING, Course, inside
+from lvnav_trade.quantities.records import Bools, Floats, Ints, Reference
+from lvnav_trade.quantities.state_layout import StateLayout
+from lvnav_trade.trajectory.flight import Trajectory
+
+
+def weights(
+    cards: Sequence[UnderweightingCard], course: Course, row_type: Ints, t_epoch: Floats
+) -> tuple[Floats, Floats]:
+    """Return underweighting and noise factors of the measurements.
+
+    Parameters
+    ----------
+    cards
+        Underweighting cards of the filter.
+    course
+        Conditions of the trajectory.
+    row_type
+        (n_channel,). Measurement types.
+    t_epoch
+        (n_epoch,) s since lift-off.
+
+    Returns
+    -------
+    beta
+        (n_epoch, n_channel). Fraction of H P H' added to the innovation variance.
+    factor
+        (n_epoch, n_channel). Factor on the noise variance.
+    """
+    beta = np.zeros((t_epoch.size, row_type.size))
+    factor = np.ones_like(beta)
+    for card in cards:
+        kinds = [TYPES[name] for name in card.measurements or TYPES]
+        on = inside(course.holding(card), t_epoch)[:, None] & np.isin(row_type, kinds)
+        beta += np.where(on, card.beta, 0.0)
+        factor *= np.where(on, card.noise_factor, 1.0)
+    return beta, factor
+
+
+class Windows(NamedTuple):
+    """Windows of IMU ticks, (n_window,) each: first tick, and number of ticks."""
+
+    first_tick: Ints
+    n_tick: Ints
+
+
+def injections(
+    card: FilterCard,
+    trajectory: Trajectory,
+    ref: Reference,
+    windows: Windows,
+    layout: StateLayout,
+    imu: ImuModel,
+) -> tuple[Ints, Floats]:
+    """Return the variances that are added to states at changes of region, and by tables of process noise.
+
+    Parameters
+    ----------
+    card
+        Filter card.
+    trajectory, ref
+        True flight, and true motion at the ticks.
+    windows
+        Windows of ticks.
+    layout
+        States of the filter.
+    imu
+        Filter model of the IMU.
+
+    Returns
+    -------
+    number
+        (n_window,). Row of `added` that is added at the end of each window, -1 none.
+    added
+        (n_injection, n_state) SI squared. At least one row.
+    """
+    number, moved = np.full(windows.n_tick.size, -1, dtype=np.int64), windows.n_tick > 0
+    first, end = windows.first_tick[moved], (windows.first_tick + windows.n_tick)[moved]
+    added = np.zeros((windows.n_tick.size, layout.n_state))
+    for region in card.region_noise:
+        changed = np.zeros(windows.n_tick.size, dtype=bool)
+        changed[moved] = _changes(region, trajectory.course, ref, first, end)
+        added[changed] += _variance(region, layout, imu)
+    if card.process_noise_by:
+        added[moved, :9] += _tabled(card.process_noise_by, trajectory, ref.t[first], ref.t[end])
+    at = np.flatnonzero(np.any(added > 0.0, axis=1))
+    number[at] = np.arange(at.size)
+    return number, added[at] if at.size else np.zeros((1, layout.n_state))
+
+
+def _changes(card: RegionNoiseCard, course: Course, ref: Reference, first: Ints, end: Ints) -> Bools:
+    """Return whether the operating region changes within each window, (n,); first, end (n,): ticks of the windows."""
+    intervals = course.holding(card)
+    if card.force_change is None and card.rate_change is None:
+        edges = np.array([edge for interval in intervals for edge in interval])
+        since, until = ref.t[first][:, None] + ROUNDING, ref.t[end][:, None] + ROUNDING
+        return np.asarray(np.any((edges >= since) & (edges < until), axis=1))
+    changed = np.zeros(first.size, dtype=bool)
+    for limit, increments in ((card.force_change, ref.dvel), (card.rate_change, ref.dtheta)):
+        if limit is not None:
+            summed = np.concatenate([np.zeros((1, 3)), np.cumsum(increments, axis=0)])
+            changed |= _jumps((summed[end] - summed[first]) / (ref.t[end] - ref.t[first])[:, None], limit)
+    return changed & inside(intervals, ref.t[end])
+
+
+def _tabled(tables: Sequence[ProcessNoiseTable], trajectory: Trajectory, start: Floats, end: Floats) -> Floats:
+    """Return the process-noise variance (n, 9) SI squared of attitude, velocity and position by tables.
+
+    start, end : (n,) s, of the windows; the tables are read for the motion in the middle of each window
+    """
+    at = dynamics_at(trajectory, 0.5 * (start + end))
+    variance = np.zeros((start.size, 9))
+    for table in tables:
+        for name, states in (("attitude", ATT), ("velocity", VEL), ("position", POS)):
+            if getattr(table, name):
+                density = np.interp(getattr(at, table.over), getattr(table, table.over), getattr(table, name)) ** 2
+                variance[:, states : states + 3] += (density * (end - start))[:, None]
+    return variance
+
+
+def _jumps(values: Floats, limit: float) -> Bools:
+    """Return whether values (n, 3) differ by a limit or more from those at the last such change, (n,)."""
+    jumped, last = np.zeros(len(values), dtype=bool), values[0]
+    for k, value in enumerate(values):
+        if np.linalg.norm(value - last) >= limit:
+            jumped[k], last = True, value
+    return jumped
+
+
+def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floats:
+    """Return the variance that a change of region adds to the states, (n_state,) SI squared."""
+    variance = np.zeros(layout.n_state)
+    blocks = {"attitude": ATT, "velocity": VEL, "position": POS}
+    for name, at in [*blocks.items(), *((block.name, block.offset) for block in layout.parameters)]:
+        variance[at : at + 3] = (getattr(card, name, 0.0) / imu.full_scale(name)) ** 2
+    if layout.clock >= 0:
+        variance[layout.clock] = card.clock_bias**2
+        if not layout.has_reduced_clock:
+            variance[layout.clock + 1] = card.clock_drift**2
+    return variance
+
+
+def linearisations(card: FilterCard, rate: float, windows: Windows) -> Ints:
+    """Return the code of `transition.linearise` for each window, (n_window,); rate: Hz, of the IMU."""
+    codes = np.full(windows.n_tick.size, EVERY_WINDOW, dtype=np.int64)
+    if card.transition_rate is None:
+        return codes
+    moved = windows.n_tick > 0
+    step = windows.first_tick[moved] // max(1, round(rate / card.transition_rate))
+    moved_codes = np.where(np.diff(step, prepend=-1) > 0, RENEWED, KEPT)
+    # no estimate exists before the first window, so it is linearised at its own means; the second renews the rates
+    moved_codes[:2] = (FIRST, RENEWED)[: moved_codes.size]
+    codes[moved] = moved_codes
+    return codes

@@ -1,0 +1,173 @@
+"""Vehicle model of a filter: process noise from the motion envelope, IMU samples as measurements."""
+
+import math
+import re
+
+import numpy as np
+
+from lvnav_trade.filter.policies.imu_samples import VehicleModel
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.quantities.envelope import EnvelopeCard, changing
+from lvnav_trade.quantities.per_axis import PerAxis, squares
+from lvnav_trade.quantities.records import Bools, Floats, Reference
+from lvnav_trade.quantities.state_layout import StateLayout
+from lvnav_trade.scenario.filter_models import filter_models
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.simulation.preparation.inputs import Samples
+from lvnav_trade.trajectory.guided.course import changes
+from lvnav_trade.trajectory.truth import Trajectory
+
+
+def _by_sensor(gyro: PerAxis, accel: PerAxis) -> Floats:
+    """Return the squares (6,) of one-sigmas of the gyro and of the accelerometer."""
+    return np.array([*squares(gyro), *squares(accel)])
+
+
+def vehicle_of(scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout) -> VehicleModel | None:
+    """Return the vehicle model of a filter; None unless it processes IMU samples as measurements.
+
+    Parameters
+    ----------
+    scenario
+        Validated model of the case.
+    trajectory, ref
+        True flight, and true motion at the ticks.
+    layout
+        States of the filter.
+    """
+    if layout.motion < 0:
+        return None
+    dt, (imu, *_) = 1.0 / scenario.imu.rate, filter_models(scenario)
+    of_sensor = [[(p, block) for p, block in enumerate(layout.parameters) if block.sensor == s] for s in (GYRO, ACCEL)]
+    most = max(map(len, of_sensor))
+    blocks = np.full((2, most, 2), (-1, CONSTANT), dtype=np.int64)
+    columns = np.repeat(layout.motion + np.arange(N_SAMPLE)[:, None], 1 + most, axis=1)
+    for sensor, sensor_blocks in enumerate(of_sensor):
+        for k, (number, block) in enumerate(sensor_blocks):
+            blocks[sensor, k] = number, block.driver
+            columns[3 * sensor : 3 * sensor + 3, 1 + k] = block.offset + np.arange(3)
+    return VehicleModel(
+        motion=layout.motion,
+        blocks=blocks,
+        columns=columns,
+        walk=walks(scenario.filter.envelope or EnvelopeCard(), trajectory, ref),
+        variance=_by_sensor(imu.gyro_random_walk, imu.accel_random_walk) / dt,
+        rate=ref.dtheta / dt,
+        force=ref.dvel / dt,
+    )
+
+
+def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout) -> Samples | None:
+    """Return the inputs of the reported errors of IMU samples; None if they are not reported."""
+    if not layout.samples:
+        return None
+    dt, (imu, *_) = 1.0 / scenario.imu.rate, filter_models(scenario)
+    noise = _by_sensor(imu.gyro_random_walk, imu.accel_random_walk) / dt
+    numbers = {(block.sensor, block.driver): number for number, block in enumerate(layout.parameters)}
+    par = np.array([numbers.get((sensor, CONSTANT), -1) for sensor in (GYRO, ACCEL)], dtype=np.int64)
+    bias = [layout.parameters[p].offset + i if p >= 0 else -1 for p in par for i in range(3)]
+    return Samples(
+        rate=ref.dtheta / dt,
+        force=ref.dvel / dt,
+        par=par,
+        bias=np.array(bias, dtype=np.int64),
+        raw=noise + _by_sensor(imu.gyro_bias, imu.accel_bias),
+        variance=noise,
+    )
+
+
+def walks(card: EnvelopeCard, trajectory: Trajectory, ref: Reference) -> Floats:
+    """Return the variances (n_imu, 6) SI squared of the steps of angular rate and specific force into each tick.
+
+    The envelope depends on commanded rates and nozzle angles. Without control they are the rates of the trajectory and
+    a fixed nozzle; under control they are the commands of the controller.
+    """
+    t = ref.t[:-1]
+    rate, nozzle = ref.w_ib_b[:-1, 1:], np.zeros((t.size, 2))
+    if trajectory.commands is not None:
+        rate, nozzle = trajectory.commands.at(t)
+    bounds = envelopes(card, t, burning(trajectory, t), changes(trajectory), rate, nozzle)
+    return np.hstack(bounds) ** 2 * (t[1] - t[0]) ** 2
+
+
+def burning(trajectory: Trajectory, t: Floats) -> Bools:
+    """Return whether a motor burns at times t (n,) s: from lift-off or an ignition to the next cut-off."""
+    is_burning = np.zeros(t.size, dtype=bool)
+    for start, end in burns(trajectory):
+        is_burning |= (t >= start) & (t < end)
+    return is_burning
+
+
+def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
+    """Return start and end (s) of each burn, from the names of events; a burn without a cut-off lasts to the end."""
+    marks = sorted(
+        (t, bool(re.search("cutoff", name)))
+        for name, t in trajectory.events.items()
+        if name == "liftoff" or re.search("ignition|cutoff", name)
+    )
+    intervals: list[tuple[float, float]] = []
+    start: float | None = None
+    for t, is_cutoff in marks:
+        if is_cutoff and start is not None:
+            intervals.append((start, t))
+            start = None
+        elif not is_cutoff and start is None:
+            start = t
+    return intervals if start is None else [*intervals, (start, trajectory.end)]
+
+
+def envelopes(
+    card: EnvelopeCard, t: Floats, burning: Bools, changes: Floats, commanded_rate: Floats, nozzle_command: Floats
+) -> tuple[Floats, Floats]:
+    """Return the motion envelope at equidistant times: standard deviations of angular acceleration and jerk.
+
+    Derivatives are backward differences; before the first tick the nozzle is centred. A command acts from the next tick
+    on. A change of phase does not count as coast, because air and next motor may already rotate the vehicle.
+
+    Parameters
+    ----------
+    card
+        Envelope card.
+    t
+        (n,) s since lift-off.
+    burning
+        (n,). Whether a motor burns.
+    changes
+        s since lift-off. Times of phase changes.
+    commanded_rate, nozzle_command
+        (n, 2) rad/s and rad. Commanded rates and nozzle angles, pitch and yaw.
+
+    Returns
+    -------
+    turning
+        (n, 3) rad/s^2. Roll, pitch, yaw.
+    jerk
+        (n, 3) m/s^3. Body axes.
+    """
+    dt = float(t[1] - t[0])
+    turning, jerk = np.empty((t.size, 3)), np.empty((t.size, 3))
+    change = changing(card, t, changes)
+    unknown = np.asarray(np.where(burning | change, card.burn, card.coast))
+    turns = card.turn_gain * _slope(commanded_rate, commanded_rate[:1], dt)
+    pushes = card.nozzle_gain * _slope(nozzle_command, np.zeros((1, 2)), dt)
+    turning[:, 0] = card.roll
+    turning[:, 1:] = np.abs(_lagged(turns, card.turn_time, dt)) + unknown[:, np.newaxis]
+    pushed = np.abs(_lagged(pushes, card.nozzle_time, dt)) + card.lateral
+    jerk[:, 1], jerk[:, 2] = pushed[:, 1], pushed[:, 0]
+    jerk[:, 0] = np.where(burning, card.axial_burn, card.axial_coast)
+    jerk[change, 0] = card.axial_change
+    return turning, jerk
+
+
+def _slope(value: Floats, before: Floats, dt: float) -> Floats:
+    """Return the backward difference (n, k) per second; before: (1, k) values before the first."""
+    return np.diff(value, axis=0, prepend=before) / dt
+
+
+def _lagged(drive: Floats, time_constant: float, dt: float) -> Floats:
+    """Return the response (n, k) of a first-order lag to an input that is constant over each tick, from zero."""
+    from scipy.signal import lfilter  # imported here: it loads scipy.stats, 30 MiB and 0.5 s, and few filters need it
+
+    factor = math.exp(-dt / time_constant)
+    return np.asarray(lfilter([0.0, 1.0 - factor], [1.0, -factor], drive, axis=0))

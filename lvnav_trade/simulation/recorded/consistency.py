@@ -1,0 +1,252 @@
+"""Consistency of a log's IMU with the velocities of its receiver, for any attitude and before any filter.
+
+Between two solutions, the velocity increments of the IMU, rotated by its rates to the axes at the start of a window,
+equal the velocity gained by the receiver beyond gravitation, apart from one unknown attitude per window. That attitude
+is fitted window by window (Wahba's problem); the residuals are errors of IMU and receiver. Solutions with impossible
+residuals are omitted, and logs with impossible units of measure are refused.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from lvnav_trade.kernels.earth import OMEGA, gravity_along
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n
+from lvnav_trade.quantities.records import Bools, Floats, Ints
+from lvnav_trade.simulation.recorded.alignment import increments_to
+from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, Recording
+
+_LONGEST = 2.0  # s, largest interval between solutions that are compared
+_WINDOW, _FEWEST = 10.0, 6  # length (s) and smallest number of intervals of a window with one attitude
+_FINEST = 100.0  # Hz, largest rate at which increments are integrated
+_JUMP, _SCATTERS = 1.0, 15.0  # limit of a residual: m/s, and multiple of the median residual
+_MOST_WILD = 0.1  # largest fraction of solutions that may be omitted
+_STEP, _SEARCHED = 1.0, 600.0  # s between solutions, and s from the rest on, for the check of units of measure
+_UNFIT, _BETTER = 0.3, 1.0 / 3.0  # m/s, median residual that needs an explanation; fraction left by a better unit
+_IMPOSSIBLE = 5.0  # m/s, median residual that no error of an IMU explains
+_PASSES = 4
+_UNITS = (
+    (np.full(3, np.pi / 180.0), "if the rates were deg/s (rad/s are stated)"),
+    (np.full(3, 180.0 / np.pi), "if the rates were rad/s (deg/s are stated)"),
+    (np.full(3, 3600.0), "if the rates were 3600 times as large (deg/h for deg/s)"),
+    (np.full(3, 1.0 / 3600.0), "if the rates were 3600 times as small (deg/s for deg/h)"),
+)
+_SIGNS = tuple(
+    (np.array(signs), f"with the sign of the rates about {names} reversed")
+    for signs, names in (
+        ((-1.0, 1.0, 1.0), "x"),
+        ((1.0, -1.0, 1.0), "y"),
+        ((1.0, 1.0, -1.0), "z"),
+        ((-1.0, -1.0, 1.0), "x and y"),
+        ((-1.0, 1.0, -1.0), "x and z"),
+        ((1.0, -1.0, -1.0), "y and z"),
+        ((-1.0, -1.0, -1.0), "x, y and z"),
+    )
+)
+
+
+class _Intervals(NamedTuple):
+    """Intervals between solutions.
+
+    first : (n,). Solution at the start.
+    last : (n,). Solution at the end.
+    gained : (n, 3) m/s. Velocity gained by the receiver beyond gravitation, frame i.
+    pushed : (n, 3) m/s. Velocity increments of the IMU, body axes at the start.
+    turn : (n, 3, 3). Rotation from body axes at the end to those at the start.
+    """
+
+    first: Ints
+    last: Ints
+    gained: Floats
+    pushed: Floats
+    turn: Floats
+
+
+def inertial_fixes(log: Recording, start: float, theta0: float) -> tuple[Floats, Floats, Floats]:
+    """Return the solutions of a log in the inertial frame.
+
+    Parameters
+    ----------
+    log
+        Recorded log.
+    start
+        s. Time in the log from which times count.
+    theta0
+        rad. Earth rotation angle at that time.
+
+    Returns
+    -------
+    t, r_i, v_i
+        (m,) s, (m, 3) m and (m, 3) m/s. Times, positions and velocities, frame i.
+    """
+    t = log.t_fix - start
+    theta = earth_angle(theta0, t)
+    r_i = eci_from_ecef(ecef_from_geodetic(*log.place.T), theta)
+    v_e = np.einsum("nji,nj->ni", rotation_e_n(log.place[:, 0], log.place[:, 1]), log.moving)
+    return t, r_i, eci_from_ecef(v_e, theta) + np.cross([0.0, 0.0, OMEGA], r_i)
+
+
+def consistent(log: Recording, card: NavigationLog, lever: Floats) -> Recording:
+    """Return a log without the solutions whose velocities contradict the IMU.
+
+    Parameters
+    ----------
+    log, card
+        Recorded log, and its card.
+    lever
+        (3,) m. Antenna relative to the IMU, body axes.
+
+    Raises
+    ------
+    InputError
+        If IMU and receiver contradict each other throughout the log, or in more than single solutions.
+    """
+    bias = _rest_rate(log, card.still)
+    _refuse_units(log, card, lever, bias)
+    intervals = _intervals(log, lever, bias, 0.0)
+    residuals, rows = _unexplained(intervals, log.t_fix)
+    if not rows.size:
+        return log
+    size = np.full(intervals.first.size, np.nan)
+    size[rows] = residuals
+    allowed = max(_JUMP, _SCATTERS * float(np.median(residuals)))
+    bad = np.nan_to_num(size) > allowed
+    if not bad.any():
+        return log
+    wild = _both_sides(intervals, bad, log.t_fix.size)
+    explained = wild[intervals.first] | wild[intervals.last]
+    worst = float(np.nanmax(np.where(bad, size, np.nan)))
+    if np.count_nonzero(wild) > max(1.0, _MOST_WILD * wild.size) or (bad & ~explained).any():
+        k = int(np.argmax(bad if explained.all() else bad & ~explained))
+        row = intervals.last[k]
+        step = log.t_fix[row] - log.t_fix[intervals.first[k]]
+        raise InputError(
+            f"{log.fixes}:{log.lines[row] if log.lines else row}: in the {step:.3g} s before it the velocity "
+            f"gains {size[k]:.3g} m/s that the unit ({card.imu.file}) does not show: are times, units and axes of both "
+            "right, and has neither a jump?"
+        )
+    note = (
+        f"velocities of {np.count_nonzero(wild)} of {wild.size} solutions contradict the unit, by up to {worst:.3g} "
+        f"m/s: left out ({card.gnss.file}:{', '.join(log.lines[k] for k in np.flatnonzero(wild)[:5])})"
+    )
+    return _kept(log, np.logical_not(wild))._replace(notes=(*log.notes, note))
+
+
+def _both_sides(found: _Intervals, bad: Bools, n: int) -> Bools:
+    """Return whether solutions (n,) have a contradiction on both sides, or on the only side that is compared."""
+    sides, wrong = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
+    for ends in (found.first, found.last):
+        np.add.at(sides, ends, 1)
+        np.add.at(wrong, ends, bad.astype(int))
+    return np.asarray((wrong == sides) & (wrong > 0) & ((sides > 1) | (np.arange(n) % (n - 1) == 0)))
+
+
+def _kept(log: Recording, kept: Bools) -> Recording:
+    lines = tuple(line for line, is_kept in zip(log.lines, kept, strict=False) if is_kept)
+    return log._replace(
+        t_fix=log.t_fix[kept], place=log.place[kept], moving=log.moving[kept], sigma=log.sigma[kept], lines=lines
+    )
+
+
+def _rest_rate(log: Recording, still: tuple[float, float]) -> Floats:
+    begin, end = increments_to(log, np.array(still), log.turned)
+    return np.asarray((end - begin) / (still[1] - still[0]))
+
+
+def _refuse_units(log: Recording, card: NavigationLog, lever: Floats, bias: Floats) -> None:
+    """Raise InputError if rates in another unit or with another sign fit the receiver, and those of the log do not."""
+    part = _kept(log, np.asarray(log.t_fix <= card.still[1] + _SEARCHED))
+    stated = _typical(part, lever, bias, np.ones(3))
+    if stated <= _UNFIT:
+        return
+    candidates = [(_typical(part, lever, bias, factor), explanation) for factor, explanation in (*_UNITS, *_SIGNS)]
+    best, explanation = min(candidates, key=lambda one: one[0])
+    if best <= _BETTER * stated:
+        raise InputError(
+            f"{card.imu.file}: the rates contradict the receiver's velocities, which gain {stated:.2g} m/s in some "
+            f"{_STEP:g} s that they do not explain; {best:.2g} m/s {explanation}: are units and axes right?"
+        )
+    if stated > _IMPOSSIBLE:
+        raise InputError(
+            f"{card.imu.file}: the unit contradicts the receiver's velocities, which gain {stated:.2g} m/s in some "
+            f"{_STEP:g} s that it does not explain: are units, axes and times of both right?"
+        )
+
+
+def _typical(log: Recording, lever: Floats, bias: Floats, factor: Floats) -> float:
+    """Return the median residual (m/s) between solutions a step or more apart, with rates multiplied by a factor."""
+    scaled = log._replace(turned=log.turned * factor)
+    intervals = _intervals(scaled, lever, bias * factor, _STEP)
+    residuals, _ = _unexplained(intervals, log.t_fix)
+    return float(np.median(residuals)) if residuals.size else 0.0
+
+
+def _intervals(log: Recording, lever: Floats, bias: Floats, step: float) -> _Intervals:
+    """Return the intervals between solutions that are at least a step (s), and not too far, apart."""
+    inside = np.flatnonzero((log.t_fix >= log.t[0]) & (log.t_fix <= log.t[-1]))
+    picked = inside[:1].tolist()
+    for k in inside[1:].tolist():
+        if log.t_fix[k] - log.t_fix[picked[-1]] >= step - 1e-6:
+            picked.append(k)
+    at = np.array(picked, dtype=np.int64)
+    dt = np.diff(log.t_fix[at])
+    near = dt <= max(_LONGEST, 1.5 * step)
+    first, last, dt = at[:-1][near], at[1:][near], dt[near]
+    if not dt.size:
+        none = np.zeros((0, 3))
+        return _Intervals(first, last, none, none, np.zeros((0, 3, 3)))
+    log_rate = (log.t.size - 1) / float(log.t[-1] - log.t[0])
+    count = max(2, int(np.ceil(float(dt.max()) * min(log_rate, _FINEST))))
+    grid = log.t_fix[first][:, None] + dt[:, None] * np.arange(count + 1) / count
+    turned, pushed = (
+        np.diff(increments_to(log, grid.ravel(), part).reshape(*grid.shape, 3), axis=1)
+        for part in (log.turned, log.pushed)
+    )
+    turned = turned - bias * (dt / count)[:, None, None]
+    C, total = np.tile(np.eye(3), (dt.size, 1, 1)), np.zeros((dt.size, 3))
+    for k in range(count):
+        half = pushed[:, k] + 0.5 * np.cross(turned[:, k], pushed[:, k])
+        total += np.einsum("nij,nj->ni", C, half)
+        C = C @ Rotation.from_rotvec(turned[:, k]).as_matrix()
+    ends = [np.cross(turned[:, k] * (count / dt)[:, None], lever) for k in (0, -1)]
+    total += np.einsum("nij,nj->ni", C, ends[1]) - ends[0]
+    _, r_i, v_i = inertial_fixes(log, 0.0, gmst(log.epoch))
+    fallen = gravity_along(0.5 * (r_i[first] + r_i[last])) * dt[:, None]
+    return _Intervals(first, last, v_i[last] - v_i[first] - fallen, total, C)
+
+
+def _unexplained(found: _Intervals, t_fix: Floats) -> tuple[Floats, Ints]:
+    """Return the residuals (n,) m/s of the intervals that lie in windows, and their indices (n,)."""
+    blocks = _blocks(found, t_fix)
+    if not blocks.size:
+        return np.zeros(0), np.zeros(0, dtype=np.int64)
+    C, turned = np.tile(np.eye(3), (len(blocks), 1, 1)), np.empty((*blocks.shape, 3))
+    for k in range(blocks.shape[1]):
+        turned[:, k] = np.einsum("nij,nj->ni", C, found.pushed[blocks[:, k]])
+        C = C @ found.turn[blocks[:, k]]
+    gained, weight = found.gained[blocks], np.ones(blocks.shape)
+    size = weight
+    for _ in range(_PASSES):  # reweighting, so that a wild solution does not bias the attitude
+        U, _s, Vt = np.linalg.svd(np.einsum("nk,nki,nkj->nij", weight, gained, turned))
+        U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
+        size = np.linalg.norm(gained - np.einsum("nij,nkj->nki", U @ Vt, turned), axis=2)
+        scale = np.maximum(np.median(size, axis=1, keepdims=True), 1e-6)
+        weight = 1.0 / (1.0 + (size / (3.0 * scale)) ** 2)
+    rows, at = np.unique(blocks.ravel(), return_index=True)
+    return size.ravel()[at], rows
+
+
+def _blocks(found: _Intervals, t_fix: Floats) -> Ints:
+    """Return the intervals (n_block, n) of each window; no window spans a gap, and the last before a gap ends there."""
+    if not found.first.size:
+        return np.zeros((0, 0), dtype=np.int64)
+    typical = float(np.median(t_fix[found.last] - t_fix[found.first]))
+    n = max(_FEWEST, round(_WINDOW / typical))
+    edges = np.concatenate([[0], np.flatnonzero(found.first[1:] != found.last[:-1]) + 1, [found.first.size]])
+    starts: list[int] = []
+    for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        if b - a >= n:
+            starts += [*range(a, b - n + 1, n), b - n]
+    return np.add.outer(np.unique(np.array(starts, dtype=np.int64)), np.arange(n))

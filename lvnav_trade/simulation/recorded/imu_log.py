@@ -1,0 +1,233 @@
+"""Recorded log of an IMU, CSV or Parquet: rates or increments of three gyros and three accelerometers.
+
+Columns are named by their quantity and end in its unit: `t_s` (or time_ms, t_us, ...); `gyro_x_deg_s` is a rate,
+`gyro_x_rad` an increment; `accel_x_g` is a specific force, `accel_x_m_s` an increment; y and z the same. `deg_per_s` is
+read as `deg_s`. A row is the output of the IMU since the previous row.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.quantities.data_file import column_names, read_columns, refuse_first, refuse_unordered, time_stamps
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.files.rows import si
+
+FEWEST = 12
+_UNEVEN = 0.1  # of the interval; tolerance of evenly spaced rows
+_LAG, _MOST_STEPS = 60, 5000  # rows over which time stamps are compared; largest number of late stamps examined
+_FEW, _PART = 4, 0.02  # number and fraction of uneven rows above which the stamps are those of a host computer
+_FARTHEST = 5.0  # intervals; largest delay of a stamp of a host
+_FASTEST, _STRONGEST = 400.0, 2e4  # rad/s and m/s^2 beyond the range of any IMU: 64 turns a second, 2000 g
+_SOME = 2.0  # m/s^2; a vehicle with more specific force is not in free fall
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+# Endings of column names: the unit, and whether the column contains increments.
+_GYRO = {
+    "rad_s": ("rad/s", False),
+    "mrad_s": ("mrad/s", False),
+    "deg_s": ("deg/s", False),
+    "deg_h": ("deg/h", False),
+    "rad": ("rad", True),
+    "mrad": ("mrad", True),
+    "urad": ("urad", True),
+    "deg": ("deg", True),
+    "arcsec": ("arcsec", True),
+}
+_ACCEL = {
+    "m_s2": ("m/s**2", False),
+    "g": ("g", False),
+    "mg": ("mg", False),
+    "ug": ("ug", False),
+    "m_s": ("m/s", True),
+    "mm_s": ("mm/s", True),
+}
+_SI = {"gyro": ("rad/s", "rad"), "accel": ("m/s**2", "m/s")}
+
+
+class ImuLog(NamedTuple):
+    """IMU data of a log, means over the sampling intervals, axes of the log.
+
+    t : (n,) s. End of each interval, time of the log.
+    dt : s. Sampling interval.
+    gyro : (n, 3) rad/s. Angular rate.
+    accel : (n, 3) m/s^2. Specific force.
+    """
+
+    t: Floats
+    dt: float
+    gyro: Floats
+    accel: Floats
+
+
+def read_log(
+    file: str,
+    delimiter: str = ",",
+    gap: float | None = None,
+    start: float = 0.0,
+    end: float = math.inf,
+    counted: bool = False,
+) -> ImuLog:
+    """Return the IMU data of a log.
+
+    Parameters
+    ----------
+    file, delimiter : str
+        CSV or Parquet file, and separator of a CSV file.
+    gap : float, optional
+        Longest interval (s) of unevenly spaced rows. None: rows are evenly spaced.
+    start, end : float
+        Part of the log (s after its first row); the times of other rows are not checked.
+    counted : bool
+        Whether to number the rows, for evenly spaced rows whose time stamps scatter, such as those of a host computer.
+
+    Raises
+    ------
+    InputError
+        A missing column, a text that is no number, a gap, uneven sampling. The message names file, row and error.
+    """
+    titles = column_names(file, delimiter)
+    time, scale = time_column(file, titles)
+    triads = {part: _columns(file, titles, part) for part in _SI}
+    names = [time, *(name for columns, _, _ in triads.values() for name in columns)]
+    table, places = read_columns(file, names, delimiter, FEWEST, "a log")
+    stamps = table[:, 0] if counted else time_stamps(table[:, 0], time.rpartition("_")[2], file, places)
+    here = _part(stamps * scale, start, end, file)
+    table, places, t = table[here], places[here], stamps[here] * scale
+    if counted:
+        t = _evenly(t, file, places)
+    dt = _interval(t - t[0], file, places) if gap is None else _uneven(t, file, places, gap)
+    steps = dt if gap is None else np.diff(t, prepend=t[0] - dt)[:, None]
+    means = {}
+    for at, (part, (_, unit, increments)) in zip((1, 4), triads.items(), strict=True):
+        with np.errstate(over="ignore"):  # infinite values are refused below
+            means[part] = table[:, at : at + 3] * si(unit, _SI[part][increments]) / (steps if increments else 1.0)
+    _refuse_impossible(means["gyro"], means["accel"], file, places)
+    return ImuLog(t, dt, means["gyro"], means["accel"])
+
+
+def _refuse_impossible(gyro: Floats, accel: Floats, file: str, places: list[str]) -> None:
+    """Raise InputError for the first impossible row: beyond the range of any IMU, or zeros next to a specific force."""
+    with np.errstate(over="ignore"):
+        rate, force = np.linalg.norm(gyro, axis=1), np.linalg.norm(accel, axis=1)
+    refuse_first(rate > _FASTEST, file, places, lambda k: f"a rate of {rate[k]:.4g} rad/s; is the unit right?")
+    refuse_first(
+        force > _STRONGEST, file, places, lambda k: f"a specific force of {force[k]:.4g} m/s^2; is the unit right?"
+    )
+    empty = (rate == 0.0) & (force == 0.0)
+    before, after = np.append(force[:1], force[:-1]), np.append(force[1:], force[-1:])
+    refuse_first(
+        empty & (np.maximum(before, after) > _SOME),
+        file,
+        places,
+        lambda k: "all six columns are zero, and the specific force is not in the row next to it: a row without data",
+    )
+
+
+def time_column(file: str, titles: Sequence[str]) -> tuple[str, float]:
+    """Return the name of the column of time and its unit in s; InputError if there is none."""
+    for name in titles:
+        start, _, end = name.rpartition("_")
+        if start in ("t", "time") and end in TIMES:
+            return name, TIMES[end]
+    raise InputError(f"{file}: no column of time: name it t_s, t_ms, t_us or t_ns")
+
+
+def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], str, bool]:
+    """Return the names of the x, y and z columns of a triad, their unit, and whether they are increments."""
+    endings = _GYRO if part == "gyro" else _ACCEL
+    known = {title.replace("_per_", "_"): title for title in titles}
+    for end, (unit, increments) in endings.items():
+        names = [f"{part}_{axis}_{end}" for axis in "xyz"]
+        if all(name in known for name in names):
+            return [known[name] for name in names], unit, increments
+    raise InputError(
+        f"{file}: no columns {part}_x_UNIT, {part}_y_UNIT, {part}_z_UNIT of one unit: {', '.join(endings)}; it has "
+        f"{', '.join(titles[:12])}"
+    )
+
+
+def _interval(t: Floats, file: str, places: list[str]) -> float:
+    """Return the interval (s) of rows at times t (n,); InputError for a gap, scatter or uneven sampling."""
+    steps = np.diff(t)
+    dt = float(np.median(steps))
+    uneven = np.abs(steps - dt) > _UNEVEN * dt
+    if np.count_nonzero(uneven) > max(_FEW, _PART * uneven.size):
+        _refuse_scatter(t, file)
+    refuse_unordered(t, file, places)
+    refuse_first(
+        steps > 1.5 * dt,
+        file,
+        places[1:],
+        lambda k: f"a gap: no rows between {t[k]:.9g} s and {t[k + 1]:.9g} s, {dt:.6g} s apart elsewhere",
+    )
+    refuse_first(
+        uneven,
+        file,
+        places[1:],
+        lambda k: f"uneven sampling: a row {steps[k]:.6g} s after the one before, {dt:.6g} s elsewhere",
+    )
+    return float(t[-1] / (t.size - 1))
+
+
+def _refuse_scatter(t: Floats, file: str) -> None:
+    """Raise InputError if times t (n,) scatter although no row is missing."""
+    dt, sigma = _scatter(t)
+    if sigma > 0.0:
+        raise InputError(
+            f"{file}: the time stamps scatter by {sigma * 1e3:.3g} ms (one sigma) about {t.size} rows {dt * 1e3:.6g} "
+            "ms apart, and no row is missing: stamps of a host; take the unit's own counter as the column of time, or "
+            "count the rows (--count-rows)"
+        )
+
+
+def _scatter(t: Floats) -> tuple[float, float]:
+    """Return the interval (s) of evenly spaced rows whose times t (n,) scatter, and one sigma of the scatter (s).
+
+    The sigma is 0 if rows are missing or the rate changes. A missing row shifts all later times by an interval, a late
+    stamp only its own time.
+    """
+    lag, count = min(_LAG, t.size // 4), np.arange(t.size)
+    dt = float(np.median(t[lag:] - t[:-lag])) / lag
+    off = t - dt * count
+    many = np.flatnonzero(np.diff(t) > 1.5 * dt)
+    if dt <= 0.0:
+        return dt, 0.0
+    for k in many[:_MOST_STEPS].tolist():
+        if np.median(off[k + 1 : k + 1 + lag]) - np.median(off[max(0, k + 1 - lag) : k + 1]) > 0.5 * dt:
+            return dt, 0.0
+    slope, base = np.polyfit(count, t, 1)
+    residual = t - slope * count - base
+    return float(slope), float(np.std(residual)) if np.max(np.abs(residual)) < _FARTHEST * dt else 0.0
+
+
+def _evenly(t: Floats, file: str, places: list[str]) -> Floats:
+    """Return the times (n,) of evenly spaced rows from times that scatter; InputError if rows are missing."""
+    dt, sigma = _scatter(t)
+    if sigma == 0.0 and np.any(np.abs(np.diff(t) - dt) > _UNEVEN * dt):
+        _interval(t - t[0], file, places)  # raises the error with the row
+    return np.asarray(t[0] + dt * np.arange(t.size))
+
+
+def _uneven(t: Floats, file: str, places: list[str], longest: float) -> float:
+    """Return the mean interval (s) of uneven rows; InputError for a gap longer than `longest` (s)."""
+    steps = refuse_unordered(t, file, places)
+    refuse_first(
+        steps > longest,
+        file,
+        places[1:],
+        lambda k: f"a gap: no rows between {t[k]:.9g} s and {t[k + 1]:.9g} s; at most {longest:g} s are bridged",
+    )
+    return float((t[-1] - t[0]) / (t.size - 1))
+
+
+def _part(t: Floats, start: float, end: float, file: str) -> slice:
+    """Return the rows from start to end (s after the first row); InputError if there are too few."""
+    since = t - t[0]
+    first, last = np.searchsorted(since, [start - 1e-9, end + 1e-9])
+    rows = slice(int(first) if start > 0.0 else 0, int(last) if math.isfinite(end) else t.size)
+    if rows.stop - rows.start < FEWEST:
+        raise InputError(f"{file}: {rows.stop - rows.start} rows from {start:g} to {end:g} s, needs {FEWEST} or more")
+    return rows

@@ -1,0 +1,186 @@
+"""Recorded log of a vehicle: the card, increments of the IMU, and solutions and ranges of the receiver.
+
+The IMU file is that of `imu_log`, possibly with uneven rows. The receiver file has the columns `t_s`, `latitude_deg`,
+`longitude_deg`, `height_m` above the ellipsoid (WGS-84), `v_north_m_s`, `v_east_m_s`, `v_down_m_s`, and optionally the
+sigmas `sigma_north_m`, `sigma_east_m`, `sigma_down_m`, `sigma_v_north_m_s`, `sigma_v_east_m_s`, `sigma_v_down_m_s`. A
+file of ranges has `t_s`, `satellite` (as in RINEX, such as G05), `pseudorange_m`, `range_rate_m_s`, with a row for each
+satellite and epoch.
+"""
+
+import os
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.limits import YEARS
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.times import GPS_ORIGIN, UNIX_ORIGIN, utc_after, utc_time
+from lvnav_trade.quantities.units import Angle, Card, Duration, Epoch, NamedCard, Pause
+from lvnav_trade.simulation.recorded.imu_log import read_log
+from lvnav_trade.simulation.recorded.ranges_file import Ranges, RangesFile, read_ranges
+from lvnav_trade.simulation.recorded.receiver_file import ReceiverFile, read_solutions
+
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+_GAP = 0.1  # s; longest gap between IMU rows that increments may bridge
+
+
+class UnitFile(Card):
+    """The file of the IMU."""
+
+    file: str
+    delimiter: str = Field(",", min_length=1, max_length=1)
+    axes: tuple[Axis, Axis, Axis] = Field(
+        ("x", "y", "z"), description="axis of the log along each body axis (x forward, y right, z down)"
+    )
+    delay: Duration = Field(0.0, description="delay of the IMU's time tags relative to those of the receiver")
+
+    def _faults(self) -> Iterator[str]:
+        if round(float(np.linalg.det(turning(self.axes)))) != 1:
+            yield f"axes: {', '.join(self.axes)} is no right-handed triad of three axes"
+
+
+class NavigationLog(NamedCard):
+    """A recorded log, and how it is aligned."""
+
+    epoch: Epoch = Field(description="UTC at which the time columns are zero")
+    time_scale: Literal["gps", "unix"] | None = Field(
+        None,
+        description="gps: the time columns count leap seconds; unix: they skip them; none: gps for the epoch "
+        "1980-01-06, unix for 1970-01-01; with another epoch it is required if a leap second lies between"
+        " epoch and log",
+    )
+    imu: UnitFile  # file of IMU data and its columns
+    gnss: ReceiverFile  # file of the receiver's solutions and its columns
+    ranges: RangesFile | None = None  # file of ranges; none: solutions alone
+    still: tuple[Duration, Duration] = Field(
+        description="interval in which the vehicle rests, from the receiver's first row"
+    )
+    heading: Angle | None = Field(
+        None, description="heading of the body's x axis, or of its z axis if x points up; none: from the motion"
+    )
+    heading_within: Pause = Field(15.0, description="time after the rest whose motion determines the heading")
+    gyro_bias: Literal["still", "none"] = Field(
+        "still",
+        description="still: the mean rate at rest, minus the Earth rate, is removed; none: it is left to the filter",
+    )
+
+    def _faults(self) -> Iterator[str]:
+        if not 0.0 <= self.still[0] < self.still[1]:
+            yield "still: should begin at the first row or later, and end after it begins"
+        if self.time_scale == "gps" and utc_time(self.epoch) < GPS_ORIGIN:
+            yield "time_scale: gps: GPS time begins 1980-01-06, the epoch is before it"
+
+
+class Recording(NamedTuple):
+    """Recorded IMU and receiver data; times in s from the receiver's first row of the file.
+
+    t : (n,) s. Start of the first sampling interval of the IMU, then the end of each.
+    turned : (n, 3) rad. Sum of the angle increments up to t, body axes.
+    pushed : (n, 3) m/s. Sum of the velocity increments up to t, body axes.
+    t_fix : (m,) s. Times of the receiver's solutions.
+    place : (m, 3) rad, rad, m. Latitude, longitude, height.
+    moving : (m, 3) m/s. Velocity north, east, down.
+    sigma : (m, 6). Sigma of position and velocity; NaN without columns of it.
+    epoch : UTC of time zero.
+    ranges : Recorded ranges; None without a file of them.
+    lines : (m,). Lines of the solutions in their file.
+    fixes : Name of the file of the solutions.
+    notes : Remarks on rows of the files that are omitted.
+    """
+
+    t: Floats
+    turned: Floats
+    pushed: Floats
+    t_fix: Floats
+    place: Floats
+    moving: Floats
+    sigma: Floats
+    epoch: str
+    ranges: Ranges | None = None
+    lines: tuple[str, ...] = ()
+    fixes: str = ""
+    notes: tuple[str, ...] = ()
+
+
+def turning(axes: tuple[str, ...]) -> Floats:
+    """Return the matrix (3, 3) from the axes of a log to body axes."""
+    matrix = np.zeros((3, 3))
+    for row, axis in enumerate(axes):
+        matrix[row, "xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
+    return matrix
+
+
+def read_recording(card: NavigationLog, folder: Path) -> Recording:
+    """Return the usable data of a log.
+
+    folder : Folder to which the file names of the card are relative.
+
+    InputError names file, row and error.
+    """
+    solutions, unit_file = read_solutions(card.gnss, folder), os.fspath(folder / card.imu.file)
+    zero, epoch = solutions.zero, first_row_utc(card, solutions.zero, solutions.file)
+    log = read_log(unit_file, card.imu.delimiter, _GAP)
+    t = np.concatenate([log.t[:1] - log.dt, log.t]) - card.imu.delay
+    if t[-1] <= zero + card.still[1] or t[0] > zero + card.still[0] + 1e-6:
+        spans = f"{t[0]:.9g} to {t[-1]:.9g} s, and {solutions.file} from {zero:.9g} s on"
+        raise InputError(f"{unit_file}: its rows do not span the rest: it has {spans}")
+    step, turn = np.diff(t)[:, None], turning(card.imu.axes).T
+    turned, pushed = (np.cumsum(np.vstack([np.zeros(3), means * step]), axis=0) for means in (log.gyro, log.accel))
+    ranges = None if card.ranges is None else read_ranges(card.ranges, folder, zero)
+    notes = solutions.notes + (ranges.notes if ranges is not None else ())
+    return Recording(
+        t - zero,
+        turned @ turn,
+        pushed @ turn,
+        solutions.t - zero,
+        solutions.place,
+        solutions.moving,
+        solutions.sigma,
+        epoch,
+        ranges,
+        solutions.lines,
+        solutions.file,
+        notes,
+    )
+
+
+def first_row_utc(card: NavigationLog, seconds: float, file: str) -> str:
+    """Return the ISO 8601 time (UTC) of a log's first row.
+
+    Parameters
+    ----------
+    card : NavigationLog
+    seconds : float
+        Time of the row in the file (s).
+    file : str
+        Name of the file for messages.
+
+    Raises
+    ------
+    InputError
+        The time cannot be in that unit, or leap seconds lie between the card's epoch and the row and it is unknown
+        whether the column counts them.
+    """
+    utc = utc_time(card.epoch)
+    scale = card.time_scale or {GPS_ORIGIN: "gps", UNIX_ORIGIN: "unix"}.get(utc)
+    try:
+        skipped = utc + timedelta(seconds=seconds)
+        counted = datetime.fromisoformat(utc_after(card.epoch, seconds))
+        possible = YEARS[0] <= skipped.year <= YEARS[1]
+    except OverflowError:
+        possible = False
+    if not possible:
+        raise InputError(f"{file}: its first row is {seconds:.9g} s after {card.epoch}; is the unit of time right?")
+    if scale is None and counted != skipped:
+        count = round((skipped - counted).total_seconds())
+        raise InputError(
+            f"{file}: {count} leap second{'s' if abs(count) > 1 else ''} between the epoch {card.epoch} and the first "
+            "row: state time_scale in the card: gps where the column of time counts leap seconds, unix where it skips "
+            "them"
+        )
+    return (skipped if scale == "unix" else counted).isoformat()

@@ -1,0 +1,212 @@
+"""Results of a run at a history time: errors (truth minus estimate), sigmas, NEES, failure."""
+
+from lvnav_trade.filter.policies.open_loop import apply_correction, remove_correction
+from lvnav_trade.filter.receivers.receiver import BIAS as RX_BIAS
+from lvnav_trade.filter.receivers.receiver import POS as RX_POS
+from lvnav_trade.filter.receivers.receiver import VEL as RX_VEL
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.attitude import matrix, small_rotation
+from lvnav_trade.kernels.covariance import normalised_square, variance_along
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like, sqrt, where
+from lvnav_trade.kernels.strapdown import Q, R, V
+from lvnav_trade.kernels.transition import ATT, CONSTANT, OTHER_0, OTHER_2, OWN_0, OWN_2, POS, VEL
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.simulation.imu_array import add_relative_biases
+
+N_SAMPLE_OUTPUT = 12
+"""Outputs after the states: errors of IMU samples of angular rate and specific force, raw and corrected."""
+
+
+@jit
+def true_parameter(tables, sensor, kind, axis):
+    """Return the true value of a filter's IMU parameter: the sum of all true parameters with the same driver."""
+    table = tables[sensor]
+    if kind == CONSTANT:
+        return table[processes.BIAS + axis]
+    if OWN_0 <= kind and kind <= OWN_2:
+        return table[processes.OWN + 3 * axis + (axis + kind - OWN_0) % 3]
+    if OTHER_0 <= kind and kind <= OTHER_2:
+        return table[processes.OTHER + 3 * axis + kind - OTHER_0]
+    return table[processes.SQUARES + axis]
+
+
+@jit
+def _extra_errors(work, shared, model):
+    """Set the errors of extra states: the true errors that they model, at the last epoch, minus the estimates."""
+    for e in range(model.extra_offset.shape[0]):
+        work.x[model.extra_offset[e]] = -work.extra[e]
+    for p in range(shared.error_of.shape[0]):
+        at = model.extra_offset[shared.state_of[p]]
+        work.x[at] = work.x[at] + work.shared[shared.error_of[p]]
+
+
+@jit
+def _motion_error(x, nav, history, hist):
+    """Set the errors (truth minus estimate) of attitude, velocity and position of a navigation state."""
+    q = history.q[hist]
+    x[ATT], x[ATT + 1], x[ATT + 2] = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    for i in range(3):
+        x[VEL + i] = history.v[hist, i] - nav[V + i]
+        x[POS + i] = history.r[hist, i] - nav[R + i]
+
+
+@jit
+def _navigation_errors(x, work, history, model, hist):
+    """Set the errors (truth minus estimate) of attitude, velocity, position and parameters at a history time."""
+    _motion_error(x, work.nav, history, hist)
+    for b in range(model.par_offset.shape[0]):
+        for i in range(3):
+            true = true_parameter(work.true_tables, model.par_sensor[b], model.par_driver[b], i)
+            x[model.par_offset[b] + i] = true - work.par[b, i]
+
+
+@jit
+def _record_vector(err, sigma, at, x, P, state, along):
+    """Write the error and the sigma of a block of three states, from `state` on, along a direction (3,)."""
+    c0, c1, c2 = along
+    err[at] = c0 * x[state] + c1 * x[state + 1] + c2 * x[state + 2]
+    sigma[at] = sqrt(variance_along(P, state, c0, c1, c2))
+
+
+@jit
+def _record_motion(err, sigma, first, x, P, history, hist):
+    """Write errors and sigmas of attitude, velocity and position in reporting axes, from output `first` on."""
+    q, axes = history.q[hist], history.axes[hist]
+    c = matrix(q[0], q[1], q[2], q[3])
+    for i in range(3):
+        _record_vector(err, sigma, first + ATT + i, x, P, ATT, (c[i], c[3 + i], c[6 + i]))
+        for at in (VEL, POS):
+            _record_vector(err, sigma, first + at + i, x, P, at, (axes[i, 0], axes[i, 1], axes[i, 2]))
+
+
+@jit
+def _record_backup(work, backup, first, history, hist):
+    """Write the errors of the backup strapdown (Backup, or None), from output `first` on."""
+    if backup is not None:
+        _motion_error(backup.x, backup.nav, history, hist)
+        _record_motion(work.err[hist], work.sigma[hist], first, backup.x, backup.P, history, hist)
+
+
+@jit
+def _record_states(work, own, history, shared, units, model, hist):
+    """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes."""
+    x, P, err, sigma = work.x, work.P, work.err[hist], work.sigma[hist]
+    _navigation_errors(x, work, history, model, hist)
+    if model.clock >= 0:
+        # the true clock is stepped at epochs; in between its bias changes by its drift
+        x[model.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
+        x[model.clock + 1] = work.clock[1] - work.clock_hat[1]
+    _extra_errors(work, shared, model)
+    add_relative_biases(work, own, units)
+    _record_motion(err, sigma, 0, x, P, history, hist)
+    for i in range(9, model.reported.shape[0]):
+        state = model.reported[i]
+        err[i] = x[state]
+        sigma[i] = sqrt(P[state, state])
+    work.nees[hist] = normalised_square(P, work.X, work.K, x, model.n_assessed)
+    _check(work, history, hist)
+    for i in range(model.n_state):
+        x[i] = like(x[i], 0.0)
+
+
+@jit
+def _check(work, history, hist):
+    """Set failure code and time of a run when its position error is first not finite (1) or beyond the limit (2)."""
+    x, failed = work.x, work.failed[0]
+    square = x[POS] * x[POS] + x[POS + 1] * x[POS + 1] + x[POS + 2] * x[POS + 2] + 0.0 * work.P[ATT, ATT]
+    good = square <= history.limit * history.limit
+    code = where(square > history.limit * history.limit, 2.0, 1.0)
+    now = where(good, failed, where(failed > 0.0, failed, code))
+    work.t_failed[0] = where((now > 0.0) & (failed == 0.0), history.t[hist], work.t_failed[0])
+    work.failed[0] = now
+
+
+@jit
+def _motion_errors(work, motion, vehicle, tick):
+    """Set the errors of the motion states at the tick that ends here (VehicleModel, or None)."""
+    if vehicle is not None:
+        for i in range(3):
+            work.x[vehicle.motion + i] = vehicle.rate[tick, i] - motion.rate[i]
+            work.x[vehicle.motion + 3 + i] = vehicle.force[tick, i] - motion.force[i]
+
+
+@jit
+def _record_samples(work, motion, samples, model, tick, hist):
+    """Write the errors of the last IMU sample: raw, and corrected by the estimated bias (Samples, or None)."""
+    if samples is not None:
+        n = model.reported.shape[0]
+        for i in range(N_SAMPLE):
+            true = samples.rate[tick, i % 3] if i < 3 else samples.force[tick, i % 3]
+            error = true - motion.sample[i]
+            work.err[hist, n + i] = error
+            work.sigma[hist, n + i] = sqrt(like(error, samples.raw[i]))
+            block, state = samples.par[i // 3], samples.bias[i]
+            variance = like(error, samples.raw[i])
+            if state >= 0:
+                error = error + work.par[block, i % 3]
+                variance = work.P[state, state] + samples.variance[i]
+            work.err[hist, n + 6 + i] = error
+            work.sigma[hist, n + 6 + i] = sqrt(variance)
+
+
+@jit
+def _record_solution(work, held, report, history, model, hist):
+    """Write the error of the receiver's last solution in reporting axes: velocity, position, clock."""
+    if report is not None:
+        axes, at = history.axes[hist], report.first_output
+        err, sigma = work.err[hist], work.sigma[hist]
+        for i in range(3):
+            along = axes[i, 0], axes[i, 1], axes[i, 2]
+            _record_vector(err, sigma, at + i, held.error, held.covariance, RX_VEL, along)
+            _record_vector(err, sigma, at + 3 + i, held.error, held.covariance, RX_POS, along)
+        for k in range(2):
+            err[at + 6 + k] = held.error[RX_BIAS + k]
+            sigma[at + 6 + k] = sqrt(held.covariance[RX_BIAS + k, RX_BIAS + k])
+
+
+@jit
+def _record_misses(work, missed, history, model, hist):
+    """Write the error of the inertial system, and the error of the filter's transition since the previous history time.
+
+    The error state is then set to the true error, from which the transition propagates it.
+    """
+    if missed is not None:
+        _navigation_errors(missed.error[hist], work, history, model, hist)
+        for i in range(model.n_state):
+            error = missed.error[hist, i]
+            missed.missed[hist, i] = error - work.x[i] if hist > 0 else like(error, 0.0)
+            work.x[i] = error
+
+
+@inlined
+def _record_errors(work, parts, case, open_loop, history, tick, hist):
+    """Record the errors of all outputs; those of an open loop (OpenLoop, or None) with its correction applied."""
+    model, options = case.model, case.options
+    if open_loop is not None:
+        apply_correction(work, open_loop, parts.watch, model)
+    _motion_errors(work, parts.motion, options.vehicle, tick)
+    _record_states(work, parts.units, history, case.signals.shared, options.units, model, hist)
+    if open_loop is not None:
+        remove_correction(work, open_loop, model)
+    _record_samples(work, parts.motion, options.samples, model, tick, hist)
+    _record_solution(work, parts.held, options.report, history, model, hist)
+    _record_backup(work, parts.backup, options.backup, history, hist)
+
+
+@inlined
+def record(work, parts, case, missed, history, tick, hist):
+    """Record the errors of a run at a history time, or those of the filter's transition.
+
+    Parameters
+    ----------
+    work, parts, case : Work, Parts, FilterCase
+    missed : Misses, which gets the errors of the transition; None to record estimation errors
+    history : Record, true motion at the history times
+    tick : last tick before the history time
+    hist : history time
+    """
+    if missed is not None:
+        _record_misses(work, missed, history, case.model, hist)
+    else:
+        _record_errors(work, parts, case, parts.open_loop, history, tick, hist)

@@ -1,0 +1,392 @@
+"""Truth side of a run: initial errors, IMU increments, receiver and sensor measurements (one run or eight lanes)."""
+
+import numpy as np
+
+from lvnav_trade.filter.receivers.carrier_smoothing import smooth
+from lvnav_trade.filter.receivers.ekf_gnss import solve
+from lvnav_trade.filter.receivers.receiver import switch_on
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.random import normals
+from lvnav_trade.kernels.strapdown import Q, R, V
+from lvnav_trade.kernels.transition import CONSTANT
+from lvnav_trade.sensors import ranges, receiver_solution
+from lvnav_trade.sensors.family import measure
+from lvnav_trade.simulation.imu_array import begin_units, fuse_tables, gather_units, sense_units, take_difference
+
+_ZERO, _ONE = np.uint64(0), np.uint64(1)
+
+
+@jit
+def begin(work, own, case, truth, key):
+    """Initialise a run at tick 0: draw true IMU parameters, clock and correlated errors, and the initial error.
+
+    Parameters
+    ----------
+    work : Work, updated in place
+    own : UnitWork of an IMU array; None for one IMU
+    case, truth : FilterCase, Truth
+    key : (2,) key words of the seed
+    """
+    run, unit, signals, start, model = work.run[0], truth.unit, case.signals, truth.start, case.model
+    k0, k1 = key
+    q = from_errors(work, start, k0, k1, run)
+    work.nav[Q], work.nav[Q + 1], work.nav[Q + 2], work.nav[Q + 3] = q
+    for i in range(6):
+        work.previous[i] = like(q[0], 0.0)
+        work.remainder[i] = like(q[0], 0.0)
+    for i in range(model.n_state):
+        work.x[i] = like(q[0], 0.0)
+        for j in range(model.n_state):
+            work.P[i, j] = like(q[0], start.P[i, j])
+    processes.zero_all(work.par)
+    processes.zero_all(work.tables)
+    processes.zero_all(work.true_par)
+    processes.start(work.true_par, unit.sigma, unit.sources, k0, k1, run)
+    begin_units(own, case.options.units)
+    _gather_tables(work, own, unit, case.options.units)
+    n0, n1, _, _ = normals(k0, k1, signals.sources[3], run, _ZERO, _ZERO)
+    work.clock[0], work.clock[1] = signals.clock_start[0] * n0, signals.clock_start[1] * n1
+    work.clock_hat[0], work.clock_hat[1] = like(n0, 0.0), like(n0, 0.0)
+    shared = signals.shared
+    for m in range(shared.start.shape[0]):
+        if not shared.given[m]:
+            s0, _, _, _ = normals(k0, k1, shared.sources[m], run, _ZERO, shared.satellites[m])
+            work.shared[m] = shared.start[m] * s0
+    for m in range(model.extra_offset.shape[0]):
+        work.extra[m] = like(n0, 0.0)
+    work.failed[0], work.t_failed[0] = like(n0, 0.0), like(n0, np.nan)
+
+
+@jit
+def _drawn_error(start, block, k0, k1, run):
+    """Return the drawn initial error (3) of a block: 0 attitude (rad), 1 velocity (m/s), 2 position (m), frame i."""
+    n0, n1, n2, _ = normals(k0, k1, start.sources[block], run, _ZERO, _ZERO)
+    root = start.roots[block]
+    x = root[0, 0] * n0 + root[0, 1] * n1 + root[0, 2] * n2
+    y = root[1, 0] * n0 + root[1, 1] * n1 + root[1, 2] * n2
+    z = root[2, 0] * n0 + root[2, 1] * n1 + root[2, 2] * n2
+    return x, y, z
+
+
+@jit
+def from_errors(work, start, k0, k1, run):
+    """Set estimated velocity and position to truth minus drawn errors; return the estimated attitude likewise."""
+    t, dv, dr = start.nav, _drawn_error(start, 1, k0, k1, run), _drawn_error(start, 2, k0, k1, run)
+    for i in range(3):
+        work.nav[V + i], work.nav[R + i] = t[V + i] - dv[i], t[R + i] - dr[i]
+    x, y, z = _drawn_error(start, 0, k0, k1, run)
+    e0, e1, e2, e3 = from_rotation(-x, -y, -z)
+    q0, q1, q2, q3 = multiply(e0, e1, e2, e3, t[Q], t[Q + 1], t[Q + 2], t[Q + 3])
+    return normalise(q0, q1, q2, q3)
+
+
+@jit
+def _gather_tables(work, own, unit, units):
+    """Set the error tables from true parameters; in an IMU array (Units) of each IMU and of the combined triad."""
+    if units is None:
+        processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
+    else:
+        gather_units(own, units, work.true_par, unit.sensors, unit.drivers)
+        fuse_tables(work.true_tables, own, units, 0)
+
+
+@jit
+def _add_scale_factor(table, units, code, axis, value):
+    """Add a scale-factor error of an axis to the table of a sensor; in an IMU array (Units) by its direction."""
+    if units is None:
+        table[processes.OWN + 4 * axis] = table[processes.OWN + 4 * axis] + value
+    else:
+        for j in range(3):
+            at = processes.OWN + 3 * axis + j
+            table[at] = table[at] + units.frames[code // 2, axis, 0, j] * value
+
+
+@jit
+def _add_profiles(tables, unit, units, tick):
+    """Add the deterministic profiles to the tables, for the process step that starts at a tick."""
+    middle = unit.start + unit.dt * (tick + 0.5 * unit.process_ticks)
+    for profile in range(unit.profile_sensor.shape[0]):
+        code = unit.profile_sensor[profile]
+        table = tables[code]
+        for axis in range(3):
+            value = processes.profile_value(unit, profile, axis, middle)
+            if unit.profile_driver[profile] == CONSTANT:
+                table[axis] = table[axis] + value
+            else:
+                _add_scale_factor(table, units, code, axis, value)
+
+
+@jit
+def _set_true_tables(work, own, unit, units, tick):
+    """Set the error tables from true parameters and profiles, for the process step that starts at a tick."""
+    if units is None:
+        processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
+        _add_profiles(work.true_tables, unit, units, tick)
+    else:
+        gather_units(own, units, work.true_par, unit.sensors, unit.drivers)
+        _add_profiles(own.tables, unit, units, tick)
+        fuse_tables(work.true_tables, own, units, tick)
+
+
+@jit
+def _miss_gravity(work, value, seconds):
+    """Add the error by a gravity disturbance (m/s^2) over part of a window to the estimate.
+
+    The disturbance adds value t to the velocity error and value t^2 / 2 to the position error.
+    """
+    for i in range(3):
+        missed = seconds * value[i]
+        work.nav[V + i] = work.nav[V + i] - missed
+        # the strapdown integrates the missing velocity over the whole time, twice the position error; half is restored
+        work.nav[R + i] = work.nav[R + i] + 0.5 * seconds * missed
+
+
+@inlined
+def _sense_ticks(work, own, unit, units, at, tick, count, key):
+    """Set the increments of `count` ticks of one process step, from row `at` on."""
+    if units is None:
+        k0, k1 = key
+        processes.corrupt(
+            work.increments,
+            at,
+            tick,
+            count,
+            unit.dtheta,
+            unit.dvel,
+            work.true_tables[0],
+            work.true_tables[1],
+            unit.white,
+            work.remainder,
+            unit,
+            k0,
+            k1,
+            work.run[0],
+        )
+    else:
+        sense_units(work, own, units, at, tick, count, unit.dt, key)
+
+
+@inlined
+def sense(work, own, unit, units, first, n_tick, key):
+    """Set the increments that the IMU outputs in a window, and step the varying parameters.
+
+    Parameters
+    ----------
+    work : Work, updated in place
+    own : UnitWork of an IMU array; None for one IMU
+    unit : Unit
+    units : Units of an IMU array, whose combined triad is the output; None for one IMU
+    first, n_tick : first tick, number of ticks
+    key : (2,) key words of the seed
+    """
+    k0, k1 = key
+    run, done = work.run[0], 0
+    while done < n_tick:
+        tick = first + done
+        phase = tick % unit.process_ticks
+        if tick == 0 or (unit.drifting and phase == 0):
+            if tick > 0:
+                number = np.uint64(tick // unit.process_ticks)
+                processes.step(work.true_par, unit.decay, unit.walk, unit.sources, k0, k1, run, number)
+            _set_true_tables(work, own, unit, units, tick)
+        count = min(n_tick - done, unit.process_ticks - phase)
+        _sense_ticks(work, own, unit, units, done, tick, count, key)
+        if unit.gravity >= 0:
+            _miss_gravity(work, work.true_par[unit.gravity], unit.dt * count)
+        done += count
+
+
+@jit
+def step_clock(clock, step, interval, jump, n0, n1):
+    """Step bias (m) and drift (m/s) of a clock over an interval (s).
+
+    step : (3,) Cholesky factor of the noise; jump : (2,) jumps by faults; n0, n1 : standard normals
+    """
+    clock[0] = clock[0] + interval * clock[1] + step[0] * n0 + jump[0]
+    clock[1] = clock[1] + step[1] * n0 + step[2] * n1 + jump[1]
+
+
+@jit
+def _step_receiver(work, signals, word, epoch, key):
+    """Step the receiver's clock and the correlated measurement errors to an epoch."""
+    k0, k1 = key
+    run = work.run[0]
+    n0, n1, _, _ = normals(k0, k1, signals.sources[0], run, word, _ZERO)
+    step_clock(work.clock, signals.clock_step, signals.interval, signals.clock_jump[epoch], n0, n1)
+    shared = signals.shared
+    for m in range(shared.walk.shape[0]):
+        if shared.walk[m] > 0.0:
+            s0, _, _, _ = normals(k0, k1, shared.sources[m], run, word, shared.satellites[m])
+            work.shared[m] = shared.decay[m] * work.shared[m] + shared.walk[m] * s0
+
+
+@jit
+def _shared_error(work, shared, epoch, channel):
+    """Return the sum of the correlated errors in the measurement of a channel at an epoch."""
+    total = like(work.clock[0], 0.0)
+    for family in range(shared.member.shape[0]):
+        m = shared.member[family, channel]
+        if m >= 0:
+            total = total + shared.partial[family, epoch, channel] * work.shared[m]
+    return total
+
+
+@jit
+def begin_solver(work, rx, solver):
+    """Switch on a receiver that computes its solution (Solver, or None), with the estimate as its first guess."""
+    if solver is not None:
+        switch_on(rx, work.nav[R], work.nav[R + 1], work.nav[R + 2])
+
+
+@jit
+def _begin_phases(work, further, signals, word, epoch, key):
+    """Draw the ambiguities of newly acquired carriers."""
+    k0, k1 = key
+    shared = signals.shared
+    for s in range(further.ambiguity.shape[0]):
+        m = further.ambiguity[s]
+        if m >= 0 and further.restart[epoch, s]:
+            n0, _, _, _ = normals(k0, k1, shared.sources[m], work.run[0], word, shared.satellites[m])
+            work.shared[m] = shared.start[m] * n0
+
+
+@jit
+def _measure_further(work, last, further, signals, word, epoch, key):
+    """Set the further observables of all satellites; pseudorange and range rate are set already.
+
+    last : (n_sat, n_kind) observables of the previous epoch, with which differences are formed; updated in place
+    """
+    k0, k1 = key
+    _begin_phases(work, further, signals, word, epoch, key)
+    n_kind, run, shared = further.is_phase.shape[0], work.run[0], signals.shared
+    for slot in range(signals.n_used[epoch]):
+        s = signals.used[epoch, slot]
+        m0, _, _, _ = normals(k0, k1, further.source, run, word, signals.words[s])
+        for kind in range(2, n_kind):
+            channel = n_kind * s + kind
+            value = work.ranges[slot, 0]
+            if further.is_phase[kind]:
+                true_phase = further.phase[epoch, s] + _shared_error(work, shared, epoch, channel)
+                value = ranges.observe(true_phase, work.clock[0], signals.sigma[epoch, channel], m0)
+            work.ranges[slot, kind] = value
+            if further.is_difference[kind]:
+                work.ranges[slot, kind] = value - last[s, kind]
+                last[s, kind] = value
+
+
+@jit
+def _repeat(work, further, signals, epoch):
+    """Set the differences of a frozen output to zero."""
+    if further is not None:
+        for slot in range(signals.n_used[epoch]):
+            for kind in range(2, further.is_phase.shape[0]):
+                if further.is_difference[kind]:
+                    work.ranges[slot, kind] = like(work.clock[0], 0.0)
+
+
+@jit
+def _measure_ranges(work, n_kind, signals, word, epoch, key):
+    """Set pseudorange and range rate of every satellite in use. n_kind : channels of a satellite."""
+    k0, k1 = key
+    run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
+    for slot in range(signals.n_used[epoch]):
+        s = signals.used[epoch, slot]
+        at_range, at_rate = n_kind * s, n_kind * s + 1
+        m0, m1, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
+        true_range = signals.range[epoch, s] + _shared_error(work, shared, epoch, at_range)
+        true_rate = signals.rate[epoch, s] + _shared_error(work, shared, epoch, at_rate)
+        work.ranges[slot, 0] = ranges.observe(true_range, work.clock[0], sigma[at_range], m0)
+        work.ranges[slot, 1] = ranges.observe(true_rate, work.clock[1], sigma[at_rate], m1)
+
+
+@jit
+def _measure_directly(work, signals, word, epoch, key):
+    """Set position and velocity of a directly simulated solution."""
+    k0, k1 = key
+    run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
+    p0, p1, p2, _ = normals(k0, k1, signals.sources[2], run, word, _ZERO)
+    v0, v1, v2, _ = normals(k0, k1, signals.sources[2], run, word, _ONE)
+    normal = (p0, p1, p2, v0, v1, v2)
+    for i in range(6):
+        true_value = signals.position[epoch, i] if i < 3 else signals.velocity[epoch, i - 3]
+        true_value = true_value + _shared_error(work, shared, epoch, i)
+        work.solution[i] = receiver_solution.observe(true_value, sigma[i], normal[i])
+
+
+@jit
+def _solve(work, rx, solver, signals, epoch):
+    """Compute the receiver's solution, which the filter takes as its measurement."""
+    solve(
+        rx,
+        solver.point,
+        solver.filter,
+        signals.satellite[epoch],
+        signals.satellite_velocity[epoch],
+        signals.used[epoch],
+        signals.n_used[epoch],
+        work.ranges,
+    )
+    if not signals.frozen[epoch]:  # behind a frozen output the receiver continues internally
+        for i in range(6):
+            work.solution[i] = rx.solution[i]
+
+
+@jit
+def _sensor_error(work, signals, epoch, channel, normal):
+    """Return the error of a scalar of a sensor: white noise plus lasting errors."""
+    return signals.sigma[epoch, channel] * normal + _shared_error(work, signals.shared, epoch, channel)
+
+
+@jit
+def measure_sensors(work, own, sensors, units, signals, key, epoch):
+    """Set the measurements of all sensors other than the receiver (Sensors, or None) at an epoch."""
+    if sensors is not None:
+        zero, (k0, k1) = like(work.clock[0], 0.0), key
+        for k in range(sensors.code.shape[0]):
+            if sensors.on[k, epoch]:
+                n0, n1, n2, _ = normals(k0, k1, sensors.sources[k], work.run[0], np.uint64(epoch + 1), _ZERO)
+                at, count = sensors.channel[k] + signals.shift, sensors.scalars[k]
+                e0 = _sensor_error(work, signals, epoch, at, n0)
+                e1 = _sensor_error(work, signals, epoch, at + 1, n1) if count > 1 else zero
+                e2 = _sensor_error(work, signals, epoch, at + 2, n2) if count > 2 else zero
+                measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
+                take_difference(work, own, units, k)
+
+
+@jit
+def _observe_further(work, last, case, further, key, epoch):
+    """Set the further observables of satellites (Further, or None)."""
+    if further is not None:
+        _measure_further(work, last, further, case.signals, np.uint64(epoch + 1), epoch, key)
+
+
+@jit
+def observe(work, parts, case, solver, key, epoch):
+    """Step the receiver to an epoch and set its measurements; a frozen output is not changed.
+
+    Parameters
+    ----------
+    work, parts : Work, Parts; updated in place
+    case : FilterCase
+    solver : Solver of a receiver that computes its solution; None if it is simulated directly or not used
+    key : (2,) key words of the seed
+    epoch : index
+    """
+    word, signals, model, further = np.uint64(epoch + 1), case.signals, case.model, case.options.further
+    _step_receiver(work, signals, word, epoch, key)
+    if solver is not None:
+        _measure_ranges(work, 2, signals, word, epoch, key)
+        smooth(parts.rx, work, solver.smoothing, signals, word, epoch, key)
+        _solve(work, parts.rx, solver, signals, epoch)
+        return
+    if signals.frozen[epoch]:
+        _repeat(work, further, signals, epoch)
+        return
+    if model.tight:
+        _measure_ranges(work, model.n_kind, signals, word, epoch, key)
+        _observe_further(work, parts.last, case, further, key, epoch)
+    else:
+        _measure_directly(work, signals, word, epoch, key)

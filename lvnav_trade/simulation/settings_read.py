@@ -1,0 +1,233 @@
+"""Settings with an effect on a case: those that are read, minus those that are read without effect."""
+
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.gnss.fault_cards import (
+    ClockDrift,
+    ClockJump,
+    CycleSlip,
+    DegradedNoise,
+    Jamming,
+    Jump,
+    RangeBias,
+    SatelliteOutage,
+    Spoofing,
+    WildSamples,
+)
+from lvnav_trade.gnss.receiver_cards import DirectSolution
+from lvnav_trade.quantities.per_axis import rms
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.quantities.shared_cards import idle_tables
+from lvnav_trade.quantities.state_layout import PARAMETERS, ExtraBlock
+from lvnav_trade.scenario.filter_models import smoothing_of, solves
+from lvnav_trade.scenario.scenario import Scenario
+from lvnav_trade.sensors.family import RANGES, SENSOR_STATES
+from lvnav_trade.sensors.receiver_observables import DIFFERENCES, PHASES
+from lvnav_trade.simulation.preparation.cache import seen_in
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+_FLIGHT_LOOP = ("filter.feedback",)
+_CONTROL = ("control", "filter.envelope", "trajectory")
+
+
+class Used(NamedTuple):
+    """Settings with an effect on a case, by dotted path in the scenario.
+
+    read : Fields that were read during preparation.
+    whole : Settings that are read completely after that.
+    idle : Settings without effect although they were read, with the reason.
+    exact : Filter states that are known exactly; a card may name them for IMUs with larger errors.
+    """
+
+    read: frozenset[str]
+    whole: tuple[str, ...]
+    idle: Mapping[str, str]
+    exact: frozenset[str] = frozenset()
+
+
+def used(prepared: Prepared, read: Collection[str]) -> Used:
+    """Return the settings with an effect on a case; read: paths of the fields that its preparation read.
+
+    The simulation and the vehicle under control read further cards later. These are listed here, and a test simulates a
+    case to check that the list is complete.
+    """
+    scenario = prepared.scenario
+    whole: tuple[str, ...] = _FLIGHT_LOOP
+    if scenario.control is not None:
+        steered = (name for name, card in scenario.sensors.items() if card and card.measurement == "attitude")
+        whole += (*_CONTROL, *(f"sensors.{name}" for name in steered))
+    if prepared.plan is not None:
+        whole += ("trajectory.control",)  # runs fly it
+    exact = dict(_exact(prepared))
+    idle = dict(
+        [
+            *_untouched(prepared),
+            *_late(prepared),
+            *_of_ranges(scenario),
+            *_of_noise(scenario),
+            *_of_phases(prepared),
+            *_of_clock(scenario),
+            *_of_faults(scenario),
+            *_of_outages(prepared),
+            *_of_tests(scenario),
+        ]
+    )
+    return Used(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
+
+
+def _named(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield path and name of the states that the filter card names."""
+    for field in ("extra_states", "consider", "as_noise"):
+        for number, name in enumerate(getattr(prepared.scenario.filter, field)):
+            yield f"filter.{field}.{number}", name
+
+
+def _uncertain(prepared: Prepared) -> set[str]:
+    """Return the names of the states with an initial sigma or with driving noise."""
+    blocks: list[Any] = [*prepared.layout.extras, *prepared.layout.parameters]
+    return {block.name for block in blocks if rms(block.sigma) > 0.0 or rms(block.walk) > 0.0}
+
+
+def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield the states on which no measurement depends: their Jacobian column is zero at every epoch."""
+    layout, measured = prepared.layout, prepared.model.measured
+    entering = [
+        _enters(prepared, block, partial)
+        for block, partial in zip(layout.extras, prepared.signals.partial, strict=True)
+    ]
+    touched = {
+        block.name
+        for block, row in zip(layout.extras, entering, strict=True)
+        if np.any(row & (block.member >= 0) & measured)
+    }
+    for path, name in _named(prepared):
+        if name in SENSOR_STATES and name not in touched & _uncertain(prepared):
+            yield path, f"{name}: no sensor has such an error"
+        elif name not in PARAMETERS and name not in touched:
+            yield path, f"{name}: no measurement of the filter depends on it"
+
+
+def _enters(prepared: Prepared, block: ExtraBlock, partial: Floats) -> Bools:
+    """Return whether a block of states enters the channels, (n_channel,); a constant does not enter a difference."""
+    enters = np.asarray(np.any(partial != 0.0, axis=0))
+    if np.isinf(block.time_constant) and block.walk == 0.0:
+        for name in prepared.scenario.filter.differences:
+            channels = prepared.channels.of(name)
+            enters[channels] &= np.any(np.diff(partial[:, channels], axis=0) != 0.0, axis=0)
+    return enters
+
+
+def _exact(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    for path, name in _named(prepared):
+        if name not in _uncertain(prepared):
+            yield path, f"{name}: its one-sigma is zero, and nothing drives it"
+
+
+def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield delay compensation without a delay, and settings that only an extrapolated solution has."""
+    card, late = prepared.scenario.filter.delay_compensation, prepared.options.late
+    if card is None:
+        return
+    is_late = late is not None and (np.any(late.delay > 0.0) or any(np.any(d.delay > 0.0) for d in prepared.devices))
+    if not is_late:
+        yield "filter.delay_compensation", "nothing arrives late: no latency of the receiver or of a sensor"
+    elif card.kind == "buffered":
+        for field in ("delay_sigma", "acceleration_sigma", "base"):
+            yield f"filter.delay_compensation.{field}", "only an extrapolated solution has it; this one is buffered"
+
+
+def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield the noise factors of measurements that receiver or filter do not take."""
+    model, listed = scenario.filter.receiver, scenario.filter.measurements
+    observables = [DIFFERENCES.get(name, name) for name in listed]
+    solved = (*RANGES, "carrier_phase") if smoothing_of(scenario) is not None else RANGES
+    for path, tables, measured in (
+        ("receiver", scenario.receiver.noise_by, solved if solves(scenario) else observables),
+        ("filter.receiver", () if isinstance(model, str) else model.noise_by, () if solves(scenario) else observables),
+    ):
+        for number in idle_tables(tables, measured):
+            yield f"{path}.noise_by.{number}", "no effect: none of these measurements is taken"
+
+
+def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield faults of ranges and satellites if no ranges are used, and a receiver solution that is not used."""
+    if scenario.filter.tight or solves(scenario):
+        return
+    if not isinstance(scenario.receiver.solution, DirectSolution):
+        yield "receiver.solution", "no effect: the filter does not take the solution, and it is not reported"
+    what = "solution is simulated, not solved from ranges" if scenario.filter.loose else "measurements are not taken"
+    reason = f"no effect: the receiver's {what}"
+    for number, fault in enumerate(scenario.faults):
+        if isinstance(fault, RangeBias | ClockJump | ClockDrift) or (
+            not scenario.filter.loose and isinstance(fault, Spoofing | Jamming)
+        ):
+            yield f"faults.{number}", reason
+        elif isinstance(fault, DegradedNoise | WildSamples):
+            for field in (*fault.by_elevation, *(("satellites",) if fault.satellites else ())):
+                yield f"faults.{number}.{field}", reason
+    if scenario.receiver.is_dual and scenario.atmosphere.ionosphere.kind == "none":
+        yield "receiver.frequencies", f"{reason}, and there is no ionosphere"
+
+
+def _of_clock(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield the process noise of a clock without memory (differences with a reference satellite)."""
+    if scenario.filter.clock == "differenced":
+        for number, _ in enumerate(scenario.filter.region_noise):
+            for field in ("clock_bias", "clock_drift"):
+                yield f"filter.region_noise.{number}.{field}", "no effect: differences forget the clock at every epoch"
+
+
+def _of_faults(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield faults of zero duration; as a level of an axis, a zero duration is the case without the fault."""
+    for number, fault in enumerate(scenario.faults):
+        if not isinstance(fault, Jump) and fault.duration == 0.0:
+            yield f"faults.{number}", "no effect: it lasts no time"
+
+
+def _of_outages(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield outages that do not change the tracked satellites.
+
+    They keep all satellites, affect elevations without satellites, or lie within another outage.
+    """
+    scenario, start = prepared.scenario, float(prepared.reference.t[0])
+    for number, fault in enumerate(scenario.faults):
+        if isinstance(fault, SatelliteOutage) and fault.duration != 0.0:
+            others = (*scenario.faults[:number], *scenario.faults[number + 1 :])
+            sound = scenario.model_copy(update={"faults": others})
+            sky = seen_in(sound, prepared.trajectory, prepared.t_epoch, start)
+            if np.array_equal(sky.tracked, prepared.sky.tracked):
+                yield f"faults.{number}", _no_loss(fault, len(sky.names), int(sky.tracked.sum(axis=1).max(initial=0)))
+
+
+def _no_loss(fault: SatelliteOutage, n_sat: int, most: int) -> str:
+    """Return the reason why an outage removes no satellite; most: largest number of satellites tracked at once."""
+    if fault.keep >= n_sat:
+        return f"no effect: it keeps {fault.keep} satellites, and the constellation has {n_sat}"
+    if fault.keep >= most:
+        return f"no effect: it keeps {fault.keep} satellites, and the receiver tracks {most} at most"
+    return "no effect: the receiver tracks the same satellites without it"
+
+
+def _of_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield settings of fault tests for measurements that the filter does not process."""
+    if not (scenario.filter.tight or scenario.filter.loose):
+        yield "filter.integrity", "no effect: what the receiver measures is tested, and the filter takes nothing of it"
+    elif scenario.filter.loose:
+        for field in ("isolation", "exclusions"):
+            yield f"filter.integrity.{field}", "no effect: a solution has no redundancy, only ranges are compared"
+
+
+def _of_phases(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield settings of carrier phases in a case that neither measures them nor smooths pseudoranges by them."""
+    scenario = prepared.scenario
+    if smoothing_of(scenario) is not None or any(name in PHASES for name in prepared.channels.further):
+        return
+    reason = "no effect: no carrier phase is measured (carrier_phase, tdcp), and none smooths pseudoranges (smoothing)"
+    for field in ("carrier_phase_sigma", "cycle_slips"):
+        yield f"receiver.{field}", reason
+    for number, fault in enumerate(scenario.faults):
+        if isinstance(fault, CycleSlip):
+            yield f"faults.{number}", reason

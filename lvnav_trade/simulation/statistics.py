@@ -1,0 +1,383 @@
+"""Statistics of a block of runs: sums, histograms, one row per run and event; mergeable in run order."""
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.quantities.records import (
+    NO_CHANGES,
+    NO_DECISIONS,
+    NO_INJECTIONS,
+    NO_LOST,
+    Bools,
+    Floats,
+    Ints,
+    Output,
+    RunBlock,
+)
+from lvnav_trade.simulation.sums import ErrorBins, ErrorSums, LagSums, Spans, add_errors, add_lags, count_bins
+
+# Axis name of the norm of a three-axis quantity.
+NORM = "3d"
+# Width of a histogram bin in ln(|error| / scale): quantiles come out within half of it, 1 %.
+BIN = 0.02
+# Range of |error| / scale that the bins resolve; below is one bin, above another.
+LOWEST, HIGHEST = 1e-3, 1e3
+N_BIN = int(np.ceil(np.log(HIGHEST / LOWEST) / BIN)) + 2
+# Lags of the innovation products: 0 to 10 epochs.
+N_LAG = 11
+_COUNTED = 8  # blocks whose bins are counted together
+NOT_FINITE = 1
+NO_COUNTS = np.zeros((0, 0, N_BIN), dtype=np.uint32)
+
+
+class BlockSummary(NamedTuple):
+    """Streamed statistics of some runs, SI. A *column* is an output or, after the outputs, the norm of a three-axis
+    quantity.
+
+    A failed run counts in the sums until it fails. Per run and event there is a row for failed runs too.
+
+    runs : (n_run,). Run numbers.
+    failed : (n_run,). Failure codes, as in RunBlock.
+    t_failed : (n_run,) s since lift-off. Time of the failure, NaN without.
+    t : (n_hist,) s since lift-off. History times.
+    scale : (n_hist, n_column). Scale of the histogram: true sigma by linear covariance.
+    n_good : (n_hist,). Number of runs in the sums at the history time.
+    n_good_epoch : (n_epoch,). Number of runs in the sums at the epoch.
+    total : (n_hist, n_column). Sum of the error, of a norm the sum of the norm.
+    squares : (n_hist, n_column). Sum of the squared error.
+    sigma_squares : (n_hist, n_column). Sum of the filter's own variance, of a norm the sum of the trace.
+    bins : (n_run, n_hist, n_column). Histogram bin of |error| / scale in a block; the last bin from a failure on.
+    nees : (n_hist,). Sum of the normalised estimation error squared.
+    t_epoch : (n_epoch,) s since lift-off. Epochs.
+    nis : (n_epoch,). Sum of squared normalised innovations.
+    n_row : (n_epoch,). Sum of accepted scalar measurements.
+    n_reject : (n_epoch,). Sum of rejected scalar measurements.
+    lag_sum : (N_LAG, n_channel). Sum of products of two normalised innovations, by their distance in epochs.
+    lag_count : (N_LAG, n_channel). Number of these products.
+    events : Names of the events, in time order.
+    t_event : (n_event,) s since lift-off.
+    event_error : (n_run, n_event, n_column). Error at the event.
+    event_sigma : (n_run, n_event, n_column). Standard deviation in the filter's own covariance at the event.
+    event_nees : (n_run, n_event). Normalised estimation error squared at the event.
+    t_bound : (n_interval + 1,) s since lift-off. Events and both ends of the history.
+    worst : (n_run, n_interval, n_column). Largest |error| in the interval, both bounds included.
+    mean_square : (n_run, n_interval, n_column). Mean over time of the squared error (trapezoidal rule).
+    changes : (n_change, 5). Mode changes, as in RunBlock.
+    decisions : (n_decision, 4). Fault decisions, as in RunBlock.
+    injections : (n_run, n). How guided ascents end, as in RunBlock; no rows without guidance.
+    lost : (n_draw, 4). Draws of the vehicles that do not reach their cut-off, as in RunBlock.
+    histogram : (n_hist, n_column, N_BIN). Counts of `bins` after blocks are merged.
+    """
+
+    runs: Ints
+    failed: NDArray[np.int8]
+    t_failed: Floats
+    t: Floats
+    scale: Floats
+    n_good: Ints
+    n_good_epoch: Ints
+    total: Floats
+    squares: Floats
+    sigma_squares: Floats
+    bins: NDArray[np.uint16]
+    nees: Floats
+    t_epoch: Floats
+    nis: Floats
+    n_row: Ints
+    n_reject: Ints
+    lag_sum: Floats
+    lag_count: Ints
+    events: tuple[str, ...]
+    t_event: Floats
+    event_error: Floats
+    event_sigma: Floats
+    event_nees: Floats
+    t_bound: Floats
+    worst: Floats
+    mean_square: Floats
+    changes: Floats = NO_CHANGES
+    decisions: Floats = NO_DECISIONS
+    injections: Floats = NO_INJECTIONS
+    lost: Floats = NO_LOST
+    histogram: NDArray[np.uint32] = NO_COUNTS
+
+    @property
+    def first_run(self) -> int:
+        """Number of the first run."""
+        return int(self.runs[0])
+
+    @property
+    def n_run(self) -> int:
+        """Number of runs, failed runs included."""
+        return len(self.runs)
+
+
+_SUMMED = (
+    "n_good",
+    "n_good_epoch",
+    "total",
+    "squares",
+    "sigma_squares",
+    "nees",
+    "nis",
+    "n_row",
+    "n_reject",
+    "lag_sum",
+    "lag_count",
+)
+_PER_RUN = ("runs", "failed", "t_failed")
+_ROWS = (
+    "event_error",
+    "event_sigma",
+    "event_nees",
+    "worst",
+    "mean_square",
+    "changes",
+    "decisions",
+    "injections",
+    "lost",
+)
+_SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
+
+
+def norm_groups(outputs: tuple[Output, ...]) -> dict[str, list[int]]:
+    """Return the indices of the outputs of each quantity that has exactly three axes, by name of the quantity."""
+    by_quantity: dict[str, list[int]] = {}
+    for index, output in enumerate(outputs):
+        by_quantity.setdefault(output.quantity, []).append(index)
+    return {quantity: indices for quantity, indices in by_quantity.items() if len(indices) == 3}
+
+
+def columns(outputs: tuple[Output, ...]) -> tuple[Output, ...]:
+    """Return the outputs, followed by one `Output` with axis "3d" per three-axis quantity."""
+    return (*outputs, *(outputs[indices[0]]._replace(axis=NORM) for indices in norm_groups(outputs).values()))
+
+
+def add_norms(components: Floats, outputs: tuple[Output, ...]) -> Floats:
+    """Append to components (..., n_out) the root sum of squares of each three-axis quantity: (..., n_column)."""
+    squares = (components[..., indices] ** 2 for indices in norm_groups(outputs).values())
+    return np.concatenate([components, *(np.sqrt(np.sum(part, axis=-1))[..., None] for part in squares)], axis=-1)
+
+
+def summarise(
+    block: RunBlock, event_times: dict[str, float], scale: Floats, outputs: tuple[Output, ...]
+) -> BlockSummary:
+    """Return the streamed statistics of a block of runs.
+
+    Parameters
+    ----------
+    block
+        Errors in the axes of `outputs`.
+    event_times
+        s since lift-off, by name of the event; each must be a history time.
+    scale
+        (n_hist, n_out) SI. True sigma by linear covariance, the unit of the histograms; the same for all blocks of a
+        case.
+    outputs
+        Error components (Prepared.outputs); three-axis quantities get a norm.
+
+    Raises
+    ------
+    ValueError
+        If an event is not a history time.
+    """
+    names = tuple(sorted(event_times, key=lambda name: (event_times[name], name)))
+    t_event = np.array([event_times[name] for name in names], dtype=float)
+    at_event = _history_index(block.t, names, t_event)
+    failed = np.where(np.isfinite(block.err).all(axis=(1, 2)) | (block.failed != 0), block.failed, NOT_FINITE)
+    until = _sound_until(block, failed)
+    alive, alive_epoch = (None if until is None else t < until[:, None] for t in (block.t, block.t_epoch))
+    until = np.full(len(failed), np.inf) if until is None else until
+    unit = add_norms(scale, outputs)
+    unit = np.where(np.isfinite(unit) & (unit > 0), unit, 1.0)  # errors of zero sigma are binned in SI units
+    lag_sum, lag_count = _lag_products(block, until)
+    t_bound = np.unique(np.concatenate([block.t[[0, -1]], block.t[at_event]]))
+    return BlockSummary(
+        runs=np.arange(block.first_run, block.first_run + len(failed), dtype=np.int64),
+        failed=failed.astype(np.int8),
+        t_failed=np.asarray(block.t_failed, dtype=float),
+        t=block.t,
+        scale=unit,
+        n_good=_count(alive, len(failed), block.t),
+        n_good_epoch=_count(alive_epoch, len(failed), block.t_epoch),
+        **_errors(block, until, unit, np.searchsorted(block.t, t_bound), outputs),
+        nees=_or(block.nees, alive).sum(axis=0),
+        t_epoch=block.t_epoch,
+        nis=_or(block.nis, alive_epoch).sum(axis=0),
+        n_row=_or(block.n_row, alive_epoch).sum(axis=0, dtype=np.int64),
+        n_reject=_or(block.n_reject, alive_epoch).sum(axis=0, dtype=np.int64),
+        lag_sum=lag_sum,
+        lag_count=lag_count,
+        events=names,
+        t_event=t_event,
+        event_error=add_norms(block.err[:, at_event], outputs),
+        event_sigma=add_norms(block.sigma[:, at_event], outputs),
+        event_nees=block.nees[:, at_event],
+        t_bound=t_bound,
+        changes=block.changes,
+        decisions=block.decisions,
+        injections=block.injections,
+        lost=block.lost,
+    )
+
+
+def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:
+    """Return until when (s) each run counts: its failure, or its first error that is not finite; None if none fails."""
+    if not failed.any():
+        return None
+    sound = np.all(np.isfinite(block.err), axis=2)
+    first_bad = np.where(np.all(sound, axis=1), np.inf, block.t[np.argmin(sound, axis=1)])
+    stated = np.where(np.isnan(block.t_failed), np.inf, block.t_failed)
+    return np.asarray(np.where(failed == 0, np.inf, np.minimum(first_bad, stated)))
+
+
+def _or(values: Any, alive: Bools | None, after: float = 0.0) -> Any:
+    """Return values (n_run, n, ...) where a run counts (n_run, n), and `after` where it has failed before."""
+    return values if alive is None else np.where(alive.reshape(*alive.shape, *[1] * (values.ndim - 2)), values, after)
+
+
+def _count(alive: Bools | None, runs: int, t: Floats) -> Ints:
+    """Return the number of runs that count at the times, (n,)."""
+    return np.full(len(t), runs, dtype=np.int64) if alive is None else alive.sum(axis=0, dtype=np.int64)
+
+
+def _errors(block: RunBlock, until: Floats, unit: Floats, at: Ints, outputs: tuple[Output, ...]) -> dict[str, Any]:
+    """Return the sums over the errors of runs, and by span between the times with indices `at`."""
+    (n_run, n_hist, _), n_column, n_span = block.err.shape, unit.shape[1], len(at) - 1
+    groups = np.array(list(norm_groups(outputs).values()), dtype=np.int64).reshape(-1, 3)
+    total, squares, sigma_squares = np.zeros((3, n_hist, n_column))
+    worst, mean_square = np.zeros((2, n_run, n_span, n_column))
+    bins = np.empty((n_run, n_hist, n_column), dtype=np.uint16)
+    sums = ErrorSums(
+        total=total.ravel(),
+        squares=squares.ravel(),
+        sigma_squares=sigma_squares.ravel(),
+        bins=bins.reshape(n_run, -1),
+        worst=worst,
+        mean_square=mean_square,
+    )
+    error, sigma = np.ascontiguousarray(block.err), np.ascontiguousarray(block.sigma)
+    counted = np.searchsorted(block.t, until)
+    size = ErrorBins((unit * LOWEST).ravel(), BIN, N_BIN)
+    add_errors(error, sigma, groups, counted, size, Spans(block.t, at), sums, np.empty((n_hist, n_column)))
+    mean_square /= np.diff(block.t[at])[:, None]
+    return {
+        "total": total,
+        "squares": squares,
+        "sigma_squares": sigma_squares,
+        "bins": bins,
+        "worst": worst,
+        "mean_square": mean_square,
+    }
+
+
+def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArray[np.intp]:
+    index = np.clip(np.searchsorted(t, t_event - 1e-9), 0, len(t) - 1)
+    for name, wanted, nearest in zip(names, t_event, t[index], strict=True):
+        if abs(wanted - nearest) > 1e-6:
+            raise ValueError(f"event {name} at {wanted} s is not a history time (nearest after it {nearest} s)")
+    return index
+
+
+def _lag_products(block: RunBlock, until: Floats) -> tuple[Floats, Ints]:
+    """Return sums and numbers of products of innovations by lag in epochs and channel; see `add_lags`."""
+    innovation = np.ascontiguousarray(block.innovation)
+    _, n_epoch, n_channel = innovation.shape
+    used = np.flatnonzero(np.isfinite(innovation).any(axis=(0, 1)))
+    sums = LagSums(
+        total=np.zeros((N_LAG, len(used))),
+        number=np.zeros((N_LAG, len(used))),
+        value=np.zeros((n_epoch, len(used))),
+        there=np.zeros((n_epoch, len(used))),
+        count_of_run=np.zeros((N_LAG, len(used))),
+    )
+    add_lags(innovation, block.t_epoch, until, used, sums)
+    total, count = np.zeros((2, N_LAG, n_channel))
+    total[:, used], count[:, used] = sums.total, sums.number
+    return total, count.astype(np.int64)
+
+
+def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
+    """Return the summary of all parts together, merged in run order.
+
+    Parameters
+    ----------
+    parts
+        Summaries: a list in any order, or an iterator in run order, which is consumed one part at a time.
+    rows
+        Whether fields with a row per run are merged. Otherwise they are empty, and memory grows by 17 bytes per run.
+
+    Raises
+    ------
+    ValueError
+        If parts overlap or belong to different histories, or if there is no part.
+    """
+    stream = iter(parts) if not isinstance(parts, list) else iter(sorted(parts, key=lambda part: part.first_run))
+    try:
+        first = next(stream)
+    except StopIteration:
+        raise ValueError("there is no part to merge") from None
+    sums: dict[str, Any] = {name: getattr(first, name).copy() for name in _SUMMED}
+    histogram = sums["histogram"] = counts(first)
+    joined = {name: [getattr(first, name)] for name in (_PER_RUN + _ROWS if rows else _PER_RUN)}
+    none = {} if rows else {name: getattr(first, name)[:0].copy() for name in _ROWS}
+    first = first._replace(**sums, **none, bins=first.bins[:0].copy())  # frees the bins of the first part
+    bins = []
+    for part in stream:
+        _check_follows(first, joined["runs"][-1], part)
+        for name in _SUMMED:
+            sums[name] += getattr(part, name)
+        for name, values in joined.items():
+            values.append(getattr(part, name))
+        bins.append(part.bins)
+        if len(bins) == _COUNTED:  # the histogram is far larger than the bins of a block
+            count_bins(histogram, np.concatenate(bins))
+            bins.clear()
+    if bins:
+        count_bins(histogram, np.concatenate(bins))
+    whole: dict[str, Any] = {name: np.concatenate(values) for name, values in joined.items()}
+    return first._replace(**sums, **whole)
+
+
+def _check_follows(first: BlockSummary, runs_before: Ints, part: BlockSummary) -> None:
+    if part.first_run <= runs_before[-1]:
+        raise ValueError(f"run {part.first_run} is in two parts, or the parts are not in run order")
+    same = all(np.array_equal(getattr(first, name), getattr(part, name)) for name in _SHARED)
+    if not same or first.events != part.events:
+        raise ValueError(f"the part that starts at run {part.first_run} belongs to another history")
+
+
+def counts(summary: BlockSummary) -> NDArray[np.uint32]:
+    """Return the histogram (n_hist, n_column, N_BIN) of merged summaries, or of a block."""
+    if not len(summary.bins):
+        return summary.histogram
+    histogram = np.zeros((*summary.bins.shape[1:], N_BIN), dtype=np.uint32)
+    count_bins(histogram, summary.bins)
+    return histogram
+
+
+def compile_kernels() -> None:
+    """Compile the kernels of the statistics, or load them from the cache, with a block of one run at one time."""
+    one, none = np.zeros(1), np.zeros((1, 1, 0))
+    whole = np.zeros((1, 1), dtype=np.int32)
+    block = RunBlock(0, one, none, none, one[None], one, one[None], whole, whole, none, np.zeros(1, np.int8), one)
+    merge([summarise(block, {}, none[0], ())])
+
+
+def quantiles(summary: BlockSummary, *probabilities: float) -> list[Floats]:
+    """Return quantiles of |error|, (n_hist, n_column) SI each, accurate to half a bin (1 %).
+
+    A quantile is the geometric mean of the bin with the run of rank ceil(probability * n), n including failed runs. It
+    is 0 below the bins and infinite above.
+    """
+    ranks = [max(1, int(np.ceil(probability * summary.n_run - 1e-9))) for probability in probabilities]
+    bins = np.empty((len(ranks), *summary.total.shape), dtype=np.int64)
+    for k, histogram in enumerate(counts(summary)):  # one time after another: cumulated, they are as large again
+        cumulated = np.cumsum(histogram, axis=-1, dtype=np.uint32)
+        for place, rank in zip(bins, ranks, strict=True):
+            place[k] = np.argmax(cumulated >= rank, axis=-1)
+    middle = summary.scale * LOWEST * np.exp((bins - 0.5) * BIN)
+    return list(np.where(bins == 0, 0.0, np.where(bins == N_BIN - 1, np.inf, middle)))

@@ -1,0 +1,202 @@
+"""Kernels of the statistics of a block of runs: one pass over its errors, one over its innovations.
+
+Inner loops run over neighbours in memory and use few arrays each, so that the compiler vectorises them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.random import log_unit
+from lvnav_trade.quantities.records import Floats, Ints
+
+
+class ErrorBins(NamedTuple):
+    """Bins of errors, of equal width in the logarithm of their size.
+
+    unit : (n * n_column,). Upper edge of the first bin.
+    width : Width of a bin in ln(|error| / unit).
+    number : Number of bins; the last is for all larger errors, and for those that are not counted.
+    """
+
+    unit: Floats
+    width: float
+    number: int
+
+
+class Spans(NamedTuple):
+    """Spans of the history over which errors are bounded.
+
+    t : (n,) s. Times of the history.
+    at : (n_span + 1,). Indices of the bounds of the spans.
+    """
+
+    t: Floats
+    at: Ints
+
+
+class ErrorSums(NamedTuple):
+    """Sums over the errors of a block of runs.
+
+    total, squares : (n * n_column,). Sums of errors and of their squares.
+    sigma_squares : (n * n_column,). Sums of the squares of the filter's standard deviations.
+    bins : (n_run, n * n_column). Bin of each error.
+    worst : (n_run, n_span, n_column). Largest magnitude of an error in each span.
+    mean_square : (n_run, n_span, n_column). Mean square in each span, times its length (s).
+    """
+
+    total: Floats
+    squares: Floats
+    sigma_squares: Floats
+    bins: NDArray[np.uint16]
+    worst: Floats
+    mean_square: Floats
+
+
+@jit
+def add_errors(
+    error: Floats,
+    sigma: Floats,
+    groups: Ints,
+    counted: Ints,
+    size: ErrorBins,
+    spans: Spans,
+    sums: ErrorSums,
+    row: Floats,
+) -> None:
+    """Add errors and standard deviations of runs to the sums, and find their bins and largest magnitudes.
+
+    Parameters
+    ----------
+    error, sigma
+        (n_run, n, n_out). Errors, and standard deviations in the filter's covariance.
+    groups
+        (n_norm, 3). Outputs of three-axis quantities; their norms are the columns after the outputs.
+    counted
+        (n_run,). Number of times of each run that count in the sums: those before a failure.
+    size, spans
+        Bins, spans.
+    sums
+        Sums, updated in place.
+    row
+        (n, n_column). Scratch.
+    """
+    total, squares, sigma_squares, bins = sums.total, sums.squares, sums.sigma_squares, sums.bins
+    worst, mean_square, t, at = sums.worst, sums.mean_square, spans.t, spans.at
+    n_run, n, _ = error.shape
+    n_column, n_span = row.shape[1], worst.shape[1]
+    flat = row.reshape(n * n_column)
+    for run in range(n_run):
+        n_cell = counted[run] * n_column
+        _with_norms(sigma[run], groups, row)
+        for cell in range(n_cell):
+            sigma_squares[cell] += flat[cell] * flat[cell]
+        _with_norms(error[run], groups, row)
+        for cell in range(n_cell):
+            total[cell] += flat[cell]
+            squares[cell] += flat[cell] * flat[cell]
+        _find_bins(flat[:n_cell], size.unit, size.width, size.number, bins[run])
+        bins[run, n_cell:] = size.number - 1
+        for span in range(n_span):
+            for k in range(at[span], at[span + 1] + 1):
+                for c in range(n_column):
+                    magnitude = abs(row[k, c])
+                    if magnitude > worst[run, span, c] or magnitude != magnitude:  # not-a-number is propagated
+                        worst[run, span, c] = magnitude
+            for k in range(at[span], at[span + 1]):
+                step = t[k + 1] - t[k]
+                for c in range(n_column):
+                    mean_square[run, span, c] += step * (row[k + 1, c] ** 2 + row[k, c] ** 2) / 2.0
+
+
+@jit
+def _with_norms(values: Floats, groups: Ints, row: Floats) -> None:
+    """Copy values (n, n_out) to rows (n, n_column), followed by the norms of the groups."""
+    n, n_out = values.shape
+    for k in range(n):
+        for c in range(n_out):
+            row[k, c] = values[k, c]
+        for g in range(len(groups)):
+            x, y, z = values[k, groups[g, 0]], values[k, groups[g, 1]], values[k, groups[g, 2]]
+            row[k, n_out + g] = np.sqrt(x * x + y * y + z * z)
+
+
+@jit
+def _find_bins(error: Floats, unit: Floats, width: float, n_bin: int, bins: Ints) -> None:
+    """Set the bins of errors (n,), by the logarithm of their magnitude."""
+    for cell in range(len(error)):
+        place = log_unit(abs(error[cell]) / unit[cell]) / width
+        bins[cell] = int(min(max(place + 1.0, 0.0), n_bin - 1.0))
+
+
+@jit
+def count_bins(histogram: Ints, bins: Ints) -> None:
+    """Count the bins (n_run, n, n_column) of runs in a histogram (n, n_column, n_bin)."""
+    n_run, n, n_column = bins.shape
+    for k in range(n):
+        for run in range(n_run):
+            for c in range(n_column):
+                histogram[k, c, bins[run, k, c]] += 1
+
+
+class LagSums(NamedTuple):
+    """Sums of products of innovations by lag in epochs, and scratch.
+
+    total : (n_lag, n_used). Sums of products.
+    number : (n_lag, n_used). Numbers of products.
+    value : (n_epoch, n_used). Innovations of a run; 0 without a measurement.
+    there : (n_epoch, n_used). 1 where the run has an innovation.
+    count_of_run : (n_lag, n_used). Numbers of products of a run.
+    """
+
+    total: Floats
+    number: Floats
+    value: Floats
+    there: Floats
+    count_of_run: Floats
+
+
+@jit
+def add_lags(innovation: Floats, t: Floats, until: Floats, channels: Ints, sums: LagSums) -> None:
+    """Add products of innovations by lag in epochs, where both exist and before a run fails.
+
+    Parameters
+    ----------
+    innovation
+        (n_run, n, n_channel). Normalised innovations.
+    t
+        (n,) s. Epochs.
+    until
+        (n_run,) s. Time from which a run does not count.
+    channels
+        (n_used,). Channels with any innovation.
+    sums
+        Sums, updated in place.
+    """
+    total, number, value, there, count_of_run = sums
+    n_run, n, _ = innovation.shape
+    for run in range(n_run):
+        is_other = run == 0  # most runs have their innovations at the same epochs
+        for k in range(n):
+            for c in range(len(channels)):
+                e = innovation[run, k, channels[c]]
+                is_there = np.isfinite(e) and t[k] < until[run]
+                value[k, c] = e if is_there else 0.0
+                is_other |= is_there != (there[k, c] == 1.0)
+                there[k, c] = 1.0 if is_there else 0.0
+        if is_other:
+            count_of_run[:] = 0.0
+        for lag in range(min(len(total), n)):
+            for k in range(lag, n):
+                _add_products(value[k - lag], value[k], total[lag])
+                if is_other:
+                    _add_products(there[k - lag], there[k], count_of_run[lag])
+        number += count_of_run
+
+
+@jit
+def _add_products(early: Floats, late: Floats, total: Floats) -> None:
+    for c in range(len(total)):
+        total[c] += early[c] * late[c]

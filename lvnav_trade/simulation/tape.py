@@ -1,0 +1,139 @@
+"""Record of one run of a filter: its inputs, and its estimates before and after the measurements of every epoch."""
+
+from typing import NamedTuple
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import zeros_of
+from lvnav_trade.quantities.records import Floats
+
+
+class Estimates(NamedTuple):
+    """Estimates of a filter at some times, (n_time, ...).
+
+    nav : (n_time, 10). Navigation state: attitude quaternion body to i, velocity (m/s), position (m), frame i.
+    x : (n_time, n_state). Error state, truth minus estimate, SI.
+    P : (n_time, n_state, n_state). Covariance of the error state, SI.
+    par : (n_time, n_par, 3). IMU parameters, SI.
+    clock : (n_time, 2) m, m/s. Clock bias and drift.
+    extra : (n_time, n_extra). Extra states, SI.
+    """
+
+    nav: Floats
+    x: Floats
+    P: Floats
+    par: Floats
+    clock: Floats
+    extra: Floats
+
+
+class Tape(NamedTuple):
+    """Record of a run: inputs and estimates of its filter.
+
+    start : (10,). Navigation state at tick 0.
+    increments : (n_imu, 6) rad, m/s. Increments as the IMU outputs them.
+    ranges : (n_epoch, n_slot, n_kind). Measured observables of the satellites.
+    solution : (n_epoch, 6) m, m/s. Measured position and velocity, frame i.
+    covariance : (n_epoch, 6, 6). Covariance reported with the solution.
+    observed : (n_epoch, n_sensor, 4). Measurements of the other sensors.
+    before : Estimates (n_epoch). Estimates before the measurements of every epoch.
+    after : Estimates (n_epoch + 1). Estimates after them; the last is that at the end of the run.
+    """
+
+    start: Floats
+    increments: Floats
+    ranges: Floats
+    solution: Floats
+    covariance: Floats
+    observed: Floats
+    before: Estimates
+    after: Estimates
+
+
+def _new_estimates(work, n_time: int) -> Estimates:
+    n = work.x.size
+    shapes = {
+        "nav": (n_time, 10),
+        "x": (n_time, n),
+        "P": (n_time, n, n),
+        "par": (n_time, *work.par.shape),
+        "clock": (n_time, 2),
+        "extra": (n_time, work.extra.size),
+    }
+    return Estimates(**zeros_of(shapes))
+
+
+def new_tape(work, n_imu: int, n_epoch: int) -> Tape:
+    """Return an empty tape for a run with the arrays `work` (Work)."""
+    shapes = {
+        "start": (10,),
+        "increments": (n_imu, 6),
+        "ranges": (n_epoch, *work.ranges.shape),
+        "solution": (n_epoch, 6),
+        "covariance": (n_epoch, 6, 6),
+        "observed": (n_epoch, *work.observed.shape),
+    }
+    before, after = _new_estimates(work, n_epoch), _new_estimates(work, n_epoch + 1)
+    return Tape(**zeros_of(shapes), before=before, after=after)
+
+
+@jit
+def _copy(to, source):
+    for i in range(to.shape[0]):
+        to[i] = source[i]
+
+
+@jit
+def _copy_rows(to, source):
+    for i in range(to.shape[0]):
+        for j in range(to.shape[1]):
+            to[i, j] = source[i, j]
+
+
+@jit
+def _copy_estimates(to, work, at):
+    _copy(to.nav[at], work.nav)
+    _copy(to.x[at], work.x)
+    _copy_rows(to.P[at], work.P)
+    _copy_rows(to.par[at], work.par)
+    _copy(to.clock[at], work.clock_hat)
+    _copy(to.extra[at], work.extra)
+
+
+@jit
+def tape_start(tape, work):
+    """Record the initial estimate (Tape, or None)."""
+    if tape is not None:
+        _copy(tape.start, work.nav)
+
+
+@jit
+def tape_increments(tape, work, first, n_tick):
+    """Record the increments of a window before they are compensated."""
+    if tape is not None:
+        for k in range(n_tick):
+            _copy(tape.increments[first + k], work.increments[k])
+
+
+@jit
+def tape_epoch(tape, work, rx, epoch):
+    """Record the measurements of an epoch. rx : Receiver that reports a covariance, or None."""
+    if tape is not None:
+        _copy_rows(tape.ranges[epoch], work.ranges)
+        _copy(tape.solution[epoch], work.solution)
+        _copy_rows(tape.observed[epoch], work.observed)
+        if rx is not None:
+            _copy_rows(tape.covariance[epoch], rx.covariance)
+
+
+@jit
+def tape_before(tape, work, epoch):
+    """Record the estimates before the measurements of an epoch are processed."""
+    if tape is not None:
+        _copy_estimates(tape.before, work, epoch)
+
+
+@jit
+def tape_after(tape, work, epoch):
+    """Record the estimates after the measurements of an epoch have been processed; -1: at the end of the run."""
+    if tape is not None:
+        _copy_estimates(tape.after, work, epoch)

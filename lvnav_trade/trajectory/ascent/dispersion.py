@@ -1,0 +1,107 @@
+"""Off-nominal missions: an ascent of a dispersed vehicle with the steering of the nominal vehicle."""
+
+import math
+
+import numpy as np
+
+from lvnav_trade.quantities.errors import InputError, Mistake
+from lvnav_trade.trajectory.ascent.dispersion_card import Dispersion
+from lvnav_trade.trajectory.ascent.legs import Aim, Flight, fly_ascent, law_span
+from lvnav_trade.trajectory.ascent.targeting import left_in_orbit, require_possible, solve
+from lvnav_trade.trajectory.ascent.vehicle import Boosters, Stage, VehicleAscent
+
+_EMPTY = 1e-6  # kg; less propellant counts as none
+_GROUND = 1e3  # m below the start, because the Earth is not a sphere
+_DEPLETION = 20  # largest number of corrections of the depletion time
+
+
+def flown(card: VehicleAscent) -> tuple[VehicleAscent, Aim, Flight]:
+    """Return vehicle, aim and ascent of a card, dispersed if the card says so.
+
+    With guidance the result is nominal, because vehicles differ between runs. InputError if the nominal vehicle does
+    not reach the orbit, or the dispersed vehicle cannot fly.
+    """
+    aim = solve(card)
+    if card.dispersion is None or card.guidance != "nominal":
+        return card, aim, fly_ascent(card, aim)
+    return fly_dispersed(card, aim, card.dispersion)
+
+
+def fly_dispersed(card: VehicleAscent, aim: Aim, dispersion: Dispersion) -> tuple[VehicleAscent, Aim, Flight]:
+    """Return the dispersed vehicle, its aim and its ascent.
+
+    A stage cut off in orbit burns as long as the nominal one, or until it is empty.
+    """
+    vehicle = dispersed(card, dispersion)
+    require_possible(vehicle)
+    span, aim = law_span(card, aim), pitched(aim, dispersion.pitch_program)
+    last, twice = len(card.vehicle.stages), card.parking is not None
+    burns = [(card.inserting, "burn")] if not twice or card.inserting < last else []
+    for number, name in [*burns, (last, "burn_2")] if twice else burns:
+        aim = _until_empty(vehicle, aim, span, number, name)
+    flight = fly_ascent(vehicle, aim, span=span)
+    _require_aloft(flight)
+    return vehicle, aim, flight
+
+
+def _require_aloft(flight: Flight) -> None:
+    """Raise InputError if a flight falls more than a kilometre below its start."""
+    start = float(np.linalg.norm(flight.legs[0].y[0, :3]))
+    for leg in flight.legs:
+        low = np.linalg.norm(leg.y[:, :3], axis=1) < start - _GROUND
+        if np.any(low):
+            message = f"the dispersed vehicle falls to the ground {leg.t[np.argmax(low)]:.0f} s after lift-off"
+            raise InputError(records=[Mistake(message, "trajectory.dispersion")])
+
+
+def dispersed(card: VehicleAscent, dispersion: Dispersion) -> VehicleAscent:
+    """Return a vehicle card with dispersed thrust, specific impulse and masses; InputError if it cannot fly."""
+    vehicle = card.vehicle
+    fairing = vehicle.fairing
+    changed = vehicle.model_copy(
+        update={
+            "stages": tuple(_motor(stage, dispersion) for stage in vehicle.stages),
+            "boosters": tuple(_motor(group, dispersion) for group in vehicle.boosters),
+            "payload": vehicle.payload * dispersion.mass,
+            "fairing": fairing and fairing.model_copy(update={"mass": fairing.mass * dispersion.mass}),
+        }
+    )
+    for fault in changed._faults():
+        raise InputError(records=[Mistake(f"the dispersed vehicle cannot be flown: {fault}", "trajectory.dispersion")])
+    return card.model_copy(update={"vehicle": changed})
+
+
+def _motor(motor: Stage | Boosters, dispersion: Dispersion) -> Stage | Boosters:
+    update = {
+        "specific_impulse": motor.specific_impulse * dispersion.specific_impulse,
+        "dry": motor.dry * dispersion.mass,
+    }
+    if motor.thrust is not None:
+        update["thrust"] = motor.thrust * dispersion.thrust
+    if motor.burn_time is not None:
+        update["burn_time"] = motor.burn_time * (dispersion.specific_impulse / dispersion.thrust)
+    return motor.model_copy(update=update)
+
+
+def pitched(aim: Aim, up: float) -> Aim:
+    """Return an aim with the pitch programme raised by an angle `up` (rad): less kick, and a law of more elevation."""
+    if up == 0.0:
+        return aim
+    first, last = (math.tan(math.atan(slope) + up) for slope in (aim.tangent, aim.tangent_end))
+    return aim._replace(kick=aim.kick - up, tangent=first, tangent_end=last)
+
+
+def _until_empty(card: VehicleAscent, aim: Aim, span: float, number: int, burn: str) -> Aim:
+    """Return the aim with the burn of a stage limited by its propellant."""
+    stage = card.vehicle.stages[number - 1]
+    flow = stage.full_thrust / stage.exhaust_speed
+    for _ in range(_DEPLETION):
+        remaining = left_in_orbit(card, fly_ascent(card, aim, final_coast=False, span=span), number)
+        if remaining >= -_EMPTY:
+            return aim
+        shorter = getattr(aim, burn) + remaining / flow
+        if shorter <= 0.0:
+            break
+        aim = aim._replace(**{burn: shorter})
+    message = f"stage {stage.name!r} of the dispersed vehicle is empty before it lights"
+    raise InputError(records=[Mistake(message, "trajectory.dispersion")])

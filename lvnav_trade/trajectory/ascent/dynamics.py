@@ -1,0 +1,198 @@
+"""Equations of motion of a point-mass launch vehicle, and their integration over a leg."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_j4
+from lvnav_trade.kernels.jit import jit, making_arrays
+from lvnav_trade.kernels.media.atmosphere import atmosphere
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.ascent.steering_law import Steering, direction
+
+Rates = tuple[float, float, float, float, float, float, float]
+
+
+class Unthrottled(NamedTuple):
+    """Total of the burning motors that cannot be throttled: thrust and mass flow linear in time.
+
+    At time `since` (s): vacuum thrust (N) and mass flow (kg/s), and their slopes (N/s, kg/s^2); exit area (m^2).
+    """
+
+    since: float
+    thrust: float
+    thrust_slope: float
+    mass_flow: float
+    flow_slope: float
+    exit_area: float
+
+
+NOTHING = Unthrottled(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class Engine(NamedTuple):
+    """Propulsion of a leg: an engine that can be throttled, and motors that cannot.
+
+    Of the engine: vacuum thrust (N), mass flow (kg/s), exit area (m^2), and limit of thrust over mass (m/s^2, infinite
+    for none).
+    """
+
+    thrust: float
+    mass_flow: float
+    exit_area: float
+    max_load: float
+    beside: Unthrottled = NOTHING
+
+
+class Drag(NamedTuple):
+    """Reference area (m^2) and drag coefficients over Mach number, constant outside the table."""
+
+    area: float
+    mach: Floats
+    coefficient: Floats
+
+
+@jit
+def height_above(x: float, y: float, z: float) -> float:
+    """Return the height in m over the ellipsoid along the radius, within 0.2 % of the geodetic height in a launch."""
+    p2 = x * x + y * y
+    r2 = p2 + z * z
+    return math.sqrt(r2) - SEMI_MAJOR * math.sqrt((1.0 - ECCENTRICITY_2) * r2 / (r2 - ECCENTRICITY_2 * p2))
+
+
+@jit
+def thrust_of(mass: float, pressure: float, engine: Engine, beside: float = 0.0) -> tuple[float, float]:
+    """Return thrust (N) and throttle of what can be throttled, at a mass (kg) and ambient pressure (Pa).
+
+    The limit, less the thrust `beside` (N) of other motors, is a smooth minimum over 2 % of it: the load bends within a
+    second or so and stays below the limit.
+    """
+    if engine.thrust == 0.0:
+        return 0.0, 0.0
+    full = engine.thrust - pressure * engine.exit_area
+    limit = engine.max_load * mass
+    if limit == math.inf:
+        return full, 1.0
+    width = 0.02 * limit
+    limit = limit - beside
+    thrust = min(full, limit) - width * math.log1p(math.exp(-abs(full - limit) / width))
+    if beside > 0.0:
+        thrust = max(0.0, thrust)  # the others alone may exceed the limit
+    return thrust, thrust / full
+
+
+@jit
+def thrust_beside(t: float, pressure: float, motors: Unthrottled) -> tuple[float, float]:
+    """Return thrust (N) and mass flow (kg/s) of motors that cannot be throttled, at time t (s) and pressure (Pa)."""
+    if motors.thrust == 0.0:
+        return 0.0, 0.0
+    span = t - motors.since
+    thrust = motors.thrust + motors.thrust_slope * span - pressure * motors.exit_area
+    return max(0.0, thrust), motors.mass_flow + motors.flow_slope * span
+
+
+@jit
+def coefficient_at(mach: float, drag: Drag) -> float:
+    """Return the drag coefficient at a Mach number, as `np.interp`, which takes 3 s to compile."""
+    last = drag.mach.size - 1
+    if mach >= drag.mach[last]:
+        return drag.coefficient[last]
+    if mach <= drag.mach[0]:
+        return drag.coefficient[0]
+    k = 0
+    while mach >= drag.mach[k + 1]:
+        k += 1
+    slope = (drag.coefficient[k + 1] - drag.coefficient[k]) / (drag.mach[k + 1] - drag.mach[k])
+    return slope * (mach - drag.mach[k]) + drag.coefficient[k]
+
+
+@jit
+def drag_factor(r: tuple[float, float, float], w: tuple[float, float, float], drag: Drag) -> tuple[float, float]:
+    """Return the drag force per airspeed (N s/m) and the ambient pressure (Pa) at position r and airspeed vector w."""
+    density, pressure, _, sound = atmosphere(height_above(r[0], r[1], r[2]))
+    speed = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+    return 0.5 * density * speed * coefficient_at(speed / sound, drag) * drag.area, pressure
+
+
+@jit
+def rates(t: float, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Rates:
+    """Return the time derivative of the state y (7,): position (m) and velocity (m/s) in frame i, mass (kg)."""
+    r = (y[0], y[1], y[2])
+    v = (y[3], y[4], y[5])
+    w = (v[0] + OMEGA * r[1], v[1] - OMEGA * r[0], v[2])
+    push, pressure = drag_factor(r, w, drag)
+    other, flow = thrust_beside(t, pressure, engine.beside)
+    thrust, throttle = thrust_of(y[6], pressure, engine, other)
+    thrust += other
+    u = direction(t, r, v, steering)
+    g = gravity_j4(r[0], r[1], r[2])
+    ax = g[0] + (thrust * u[0] - push * w[0]) / y[6]
+    ay = g[1] + (thrust * u[1] - push * w[1]) / y[6]
+    az = g[2] + (thrust * u[2] - push * w[2]) / y[6]
+    return v[0], v[1], v[2], ax, ay, az, -engine.mass_flow * throttle - flow
+
+
+@making_arrays
+def _along(y: Floats, h: float, k: Rates) -> Floats:
+    """Return y + h k (7,). Loops over scalars here: array expressions compile for seconds."""
+    out = np.empty(7)
+    for i in range(7):
+        out[i] = y[i] + h * k[i]
+    return out
+
+
+@making_arrays
+def step(t: float, h: float, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Floats:
+    """Return y (7,) advanced by h with the classical Runge-Kutta step of fourth order."""
+    k1 = rates(t, y, steering, engine, drag)
+    k2 = rates(t + 0.5 * h, _along(y, 0.5 * h, k1), steering, engine, drag)
+    k3 = rates(t + 0.5 * h, _along(y, 0.5 * h, k2), steering, engine, drag)
+    k4 = rates(t + h, _along(y, h, k3), steering, engine, drag)
+    out = np.empty(7)
+    for i in range(7):
+        out[i] = y[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+    return out
+
+
+@making_arrays
+def fly(
+    t0: float, duration: float, n_step: int, y0: Floats, steering: Steering, engine: Engine, drag: Drag
+) -> tuple[Floats, Floats]:
+    """Return times (n_step + 1,) and states (n_step + 1, 7) over a leg that starts at t0 with state y0 (7,)."""
+    t, y = np.empty(n_step + 1), np.empty((n_step + 1, 7))
+    for k in range(n_step + 1):
+        t[k] = t0 + duration * k / n_step
+    here = y0
+    for k in range(n_step + 1):
+        if k > 0:
+            here = step(t[k - 1], t[k] - t[k - 1], here, steering, engine, drag)
+        for i in range(7):
+            y[k, i] = here[i]
+    return t, y
+
+
+@making_arrays
+def time_to_mass(t0: float, mass: float, h: float, y0: Floats, steering: Steering, engine: Engine, drag: Drag) -> float:
+    """Return the burn time (s) from t0, state y0 (7,), to a remaining `mass` (kg), integrated with step h (s)."""
+    t, y = t0, y0
+    while y[6] > mass:
+        before = y
+        y = step(t, h, y, steering, engine, drag)
+        t += h
+    t -= h
+    part = h
+    for _ in range(4):  # secant on the last step, where the flow hardly changes
+        part *= (before[6] - mass) / (before[6] - y[6])
+        y = step(t, part, before, steering, engine, drag)
+    return t + part - t0
+
+
+@making_arrays
+def accelerations(t: Floats, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Floats:
+    """Return the inertial acceleration (n, 3) at times t (n,) and states y (n, 7) of a leg."""
+    out = np.empty((t.size, 3))
+    for k in range(t.size):
+        rate = rates(t[k], y[k], steering, engine, drag)
+        out[k, 0], out[k, 1], out[k, 2] = rate[3], rate[4], rate[5]
+    return out

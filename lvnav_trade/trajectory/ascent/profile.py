@@ -1,0 +1,307 @@
+"""Ascent rebuilt from a record of speed and altitude: the card, and the flight along a great-circle ground track."""
+
+import math
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.optimize import root_scalar
+
+from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_along
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.units import (
+    AccelerationLimit,
+    Angle,
+    AngularRateLimit,
+    Duration,
+    Length,
+    Pause,
+    Speed,
+    TimeConstant,
+)
+from lvnav_trade.trajectory.ascent.dynamics import Drag, accelerations, fly
+from lvnav_trade.trajectory.ascent.launch import achieved, pad_knots, site_phase
+from lvnav_trade.trajectory.ascent.legs import COASTING, site_axes
+from lvnav_trade.trajectory.ascent.plausibility import OutsideFlight, Peak, within_limits
+from lvnav_trade.trajectory.ascent.record import LONGEST_HOLE, Climb, Record, force_along, read, residual_facts, smooth
+from lvnav_trade.trajectory.ascent.steering_law import (
+    Steering,
+    ascent_attitude,
+    smoothsteps,
+    stretch_knots,
+    thrust_directions,
+)
+from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, Roll, Site
+from lvnav_trade.trajectory.discontinuities import bridged, described
+from lvnav_trade.trajectory.disturbances import OscillationCard
+from lvnav_trade.trajectory.jumps import missing_events
+from lvnav_trade.trajectory.truth import NOTE, WARNING, Phase, Trajectory, joined, motion, position_spline
+
+_STEP = 0.5  # s between knots
+_COARSEST = 5.0  # s; longest interval over which the force is averaged to distinguish a jump from noise
+_UPRIGHT = (4.0, 12.0)  # s; thrust is vertical before, along the specific force after, blended between
+_BREAK = re.compile(r"stage\d+_(ignition|cutoff)(_\d+)?$")
+
+
+class RecordedAscent(OutsideFlight):
+    """A trajectory rebuilt from a record of Earth-relative speed and altitude against time.
+
+    The file is CSV with the header ``time_s,speed_m_s,altitude_m``; lines that begin with # are comments. Altitude is
+    relative to the site. Thrust jumps at the events ``stageN_ignition`` and ``stageN_cutoff``, and is zero from a
+    cut-off to the next ignition.
+    """
+
+    kind: Literal["profile"] = "profile"
+    site: Site  # launch site
+    azimuth: Angle | None = Field(None, description="azimuth of the ground track at the site, from north towards east")
+    inclination: Angle | None = Field(
+        None, description="inclination of the final orbit; determines the azimuth if that is not stated"
+    )
+    direction: Literal["ascending", "descending"] = "ascending"  # of the ground track at the site, by inclination
+    file: str = Field(description="the record", json_schema_extra={"path": True})
+    events: dict[str, Duration] = Field(description="times of the named events, from lift-off")
+    speed_noise: Annotated[Speed, Field(gt=0.0)] = Field(description="one-sigma error of a recorded speed")
+    altitude_noise: Annotated[Length, Field(gt=0.0)] = Field(description="one-sigma error of a recorded altitude")
+    pad_hold: Pause = 60.0  # rest on the pad before lift-off
+    roll: Roll = Roll()  # roll angle on the pad and in flight
+    coast_after_injection: TimeConstant = 20.0  # time from injection to the end of the flight
+    oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
+    highest_load: AccelerationLimit = Field(
+        147.09975,  # 15 g: launchers end a burn with 4 to 7 g, the lightest of solid motors with 13 g
+        description="largest specific force; a trajectory beyond it is refused",
+    )
+    highest_spin: AngularRateLimit = Field(
+        0.5235987755982988,  # 30 deg/s: a record holds no attitude, so that it cannot show a spin
+        description="largest body rate about the roll axis; a trajectory beyond it is refused",
+    )
+    highest_misfit: Annotated[float, Field(gt=0.0)] = Field(
+        2.0,
+        description="largest RMS of trajectory minus record, in sigmas of the stated noise; a trajectory beyond it is"
+        " refused",
+    )
+
+    def _faults(self) -> Iterator[str]:
+        if (self.azimuth is None) == (self.inclination is None):
+            yield "give the azimuth or the inclination, one of the two"
+        if "injection" not in self.events:
+            yield "events must name injection"
+
+
+Course = list[tuple[Floats, Floats, Floats]]  # of each stretch between breaks: t (n,), r_i and v_i (n, 3)
+
+
+class Stretch(NamedTuple):
+    """A phase of a rebuilt flight and its position spline, frame i."""
+
+    name: str
+    start: float
+    end: float
+    position: BSpline
+
+
+def course(site: Site, azimuth: float, climb: Climb, breaks: list[float], theta0: float) -> Course:
+    """Return the flight over the great circle of normals that leaves the site by the azimuth (rad), to injection."""
+    way: Course = []
+    angle = 0.0
+    for begin, end in pairwise([0.0, *breaks, float(climb.altitude.t[-1])]):
+        t = stretch_knots(begin, end)
+        inside = np.clip(t, begin + 1e-9, end - 1e-9)  # one-sided values at the breaks
+        psi = _range_angle(site, azimuth, t, climb, inside, angle)
+        angle = float(psi[-1])
+        r_e, v_e = _on_the_way(site, azimuth, psi, climb, inside)
+        theta = earth_angle(theta0, t)
+        v_i = eci_from_ecef(v_e + np.cross([0.0, 0.0, OMEGA], r_e), theta)
+        way.append((t, eci_from_ecef(r_e, theta), v_i))
+    return way
+
+
+def _on_circle(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return latitude and longitude (n,) rad along the circle, and its derivatives north and east (n, 2) m/rad.
+
+    psi : (n,) rad. Angles from the site.
+    height : (n,) m. Heights.
+    """
+    sine = math.sin(site.latitude)
+    ratio = (1.0 - ECCENTRICITY_2) / (1.0 - ECCENTRICITY_2 * sine * sine)  # of the radii of meridian and prime vertical
+    up, downrange, _ = site_axes(site, math.atan2(ratio * math.sin(azimuth), math.cos(azimuth)))
+    normal = np.cos(psi)[:, None] * up + np.sin(psi)[:, None] * downrange
+    tangent = np.cos(psi)[:, None] * downrange - np.sin(psi)[:, None] * up
+    latitude, longitude = np.arcsin(normal[:, 2].copy()), np.arctan2(normal[:, 1].copy(), normal[:, 0].copy())
+    north, east, _ = np.einsum("kij,kj->ik", rotation_e_n(latitude, longitude), tangent)
+    across = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * normal[:, 2] ** 2)
+    meridian = across**3 * (1.0 - ECCENTRICITY_2) / SEMI_MAJOR**2
+    return latitude, longitude, np.stack([(meridian + height) * north, (across + height) * east], axis=1)
+
+
+def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Floats, first: float) -> Floats:
+    """Return the angle (n,) rad along the circle at times t (n,) s; `first` is the angle at the start.
+
+    The rate is horizontal speed over the radius of curvature, which hardly depends on the angle: four iterations of the
+    quadrature are accurate to 1e-11 rad.
+    """
+    level, height = climb.level(inside), site.height + climb.altitude(inside)
+    psi = np.full_like(t, first)
+    for _ in range(4):
+        rate = level / np.hypot(*_on_circle(site, azimuth, psi, height)[2].T)
+        psi = first + make_interp_spline(t, rate, k=5).antiderivative()(t)
+    return np.asarray(psi)
+
+
+def _on_the_way(site: Site, azimuth: float, psi: Floats, climb: Climb, t: Floats) -> tuple[Floats, Floats]:
+    """Return position (m) and Earth-relative velocity (m/s), each (n, 3) in frame e."""
+    height = site.height + climb.altitude(t)
+    latitude, longitude, heading = _on_circle(site, azimuth, psi, height)
+    v_n = np.column_stack([climb.level(t)[:, None] * unit(heading), -climb.altitude(t, 1)])
+    v_e = np.einsum("kji,kj->ki", rotation_e_n(latitude, longitude), v_n)
+    return ecef_from_geodetic(latitude, longitude, height), v_e
+
+
+def _injected(way: Course) -> dict[str, float]:
+    """Return perigee, apogee and inclination at injection."""
+    _, r_i, v_i = way[-1]
+    return achieved(np.concatenate([r_i[-1], v_i[-1]]))
+
+
+def tracks_of(way: Course, coast: float) -> list[Stretch]:
+    """Return the phases to injection and the final coast of `coast` seconds.
+
+    Velocity is interpolated and integrated to position, each phase from the end of the previous phase, so that both are
+    continuous. The position differs from the fitted altitude by less than a millimetre.
+    """
+    stretches: list[Stretch] = []
+    for number, (t, r, v) in enumerate(way, start=1):
+        position = make_interp_spline(t, v, k=5).antiderivative()
+        position.c += stretches[-1].position(t[0]) if stretches else r[0]
+        stretches.append(Stretch(f"stretch {number}", float(t[0]), float(t[-1]), position))
+    return [*stretches, _final_coast(stretches[-1], coast)]
+
+
+def _final_coast(last: Stretch, duration: float) -> Stretch:
+    state = np.concatenate([last.position(last.end), last.position(last.end, 1), [1.0]])
+    none, no_vectors = np.zeros(0), np.zeros((0, 3))
+    # Without thrust and drag the steering has no effect.
+    idle = Steering(np.eye(3)[2], np.eye(3)[0], 0.0, np.inf, 1.0, 0.0, np.inf, 1.0, none, no_vectors, none, none)
+    vacuum = Drag(0.0, np.array([0.0, 1.0]), np.zeros(2))
+    t, y = fly(last.end, duration, max(8, int(np.ceil(duration / _STEP))), state, idle, COASTING, vacuum)
+    ends = accelerations(t[[0, -1]], y[[0, -1]], idle, COASTING, vacuum)
+    return Stretch("final coast", last.end, float(t[-1]), position_spline(t, y[:, :3], y[[0, -1], 3:6], ends))
+
+
+def _pointing(
+    card: RecordedAscent, azimuth: float, stretches: list[Stretch], coasts: list[tuple[float, float]]
+) -> BSpline:
+    """Return the attitude spline over pad and flight, x along the specific force of the powered stretches."""
+    up_e, _, right_e = site_axes(card.site, azimuth)
+    theta0 = gmst(card.epoch)
+    free = [begin for begin, _ in coasts] + [stretches[-1].start]
+    times = [stretch_knots(stretch.start, stretch.end) for stretch in stretches]
+    thrusts = [
+        None if s.start in free else make_interp_spline(t, unit(s.position(t, 2) - gravity_along(s.position(t))), k=5)
+        for s, t in zip(stretches, times, strict=True)
+    ]
+    before = pad_knots(card.pad_hold, _STEP)
+    t = np.concatenate([before, joined(times)])
+    along = np.concatenate([np.zeros((before.size, 3)), *thrust_directions(times, thrusts)])
+    upright = eci_from_ecef(up_e, earth_angle(theta0, t))
+    weight = smoothsteps((t - _UPRIGHT[0]) / (_UPRIGHT[1] - _UPRIGHT[0]))[:, None]
+    x = unit((1.0 - weight) * upright + weight * along)
+    return ascent_attitude(t, x, right_e, theta0, card.roll)
+
+
+def rebuild(card: RecordedAscent) -> Trajectory:
+    """Return the true trajectory of a recorded ascent.
+
+    Altitude and horizontal speed are fitted together to the record. The ground track is a great circle of the normals
+    of the ellipsoid (fixed to the Earth), which leaves the site by the azimuth. The body x axis lies along the specific
+    force, without a distinction of drag and thrust, and rotates smoothly in coasts.
+
+    Raises
+    ------
+    InputError
+        The record cannot be read or does not reach injection, the site cannot reach the inclination, or the flight
+        exceeds a limit of the card.
+    """
+    record, notes = _until_injection(card, read(card.file))
+    breaks = sorted(time for name, time in card.events.items() if _BREAK.match(name) and time < record.t[-1])
+    cutoffs = [time for name, time in card.events.items() if _BREAK.match(name) and "cutoff" in name]
+    coasts = [span for span in pairwise([*breaks, card.events["injection"]]) if span[0] in cutoffs]
+    climb = smooth(record, breaks, coasts, card.speed_noise, card.altitude_noise)
+    azimuth, theta0 = _azimuth(card, climb, breaks), gmst(card.epoch)
+    way = course(card.site, azimuth, climb, breaks, theta0)
+    tracks = tracks_of(way, card.coast_after_injection)
+    attitude = _pointing(card, azimuth, tracks, coasts)
+    pad = site_phase(card.site, theta0, card.pad_hold, attitude)
+    phases = (*pad, *(Phase(*track, attitude) for track in tracks))
+    flight = Trajectory(phases, {"liftoff": 0.0, **card.events}, theta0, card.epoch)
+    powered = motion(flight, np.linspace(0.0, flight.end, 4000))
+    flight.facts.update(
+        {
+            "record": card.source,
+            **_injected(way),
+            "azimuth_rad": azimuth,
+            "max_load_g": float(np.max(np.linalg.norm(powered.f_b, axis=1))) / STANDARD_GRAVITY,
+            "smoothing_misfit": climb.misfit,
+            **residual_facts("smoothing", record, climb.speed(record.t), climb.altitude(record.t)),
+        }
+    )
+    noise = card.speed_noise + STANDARD_GRAVITY * card.altitude_noise / np.maximum(record.speed, 1.0)  # of the climb
+    missing = missing_events(record.t, force_along(record), flight.events, _COARSEST, noise)
+    flight = flight.remarked(NOTE, notes).remarked(WARNING, [missing] if missing else [])
+    return within_limits(flight, card, card.file, (_misfit(card, record, climb),))
+
+
+def _misfit(card: RecordedAscent, record: Record, climb: Climb) -> Peak:
+    """Return the normalised RMS misfit, with the time of the worst row."""
+    speed = (climb.speed(record.t) - record.speed) / card.speed_noise
+    altitude = (climb.altitude(record.t) - record.altitude) / card.altitude_noise
+    return Peak("highest_misfit", climb.misfit, float(record.t[np.argmax(np.hypot(speed, altitude))]))
+
+
+def _until_injection(card: RecordedAscent, record: Record) -> tuple[Record, list[str]]:
+    """Return the rows from lift-off, at rest, to injection, and the remarks on gaps in them."""
+    injection = card.events["injection"]
+    for name, time in card.events.items():
+        if not 0.0 <= time <= injection:
+            raise InputError(f"{card.name}: event {name!r} at {time:g} s is outside lift-off to injection")
+    usual = float(np.median(np.diff(record.t)))
+    if record.t[0] > 0.0:
+        record = Record(*(np.append(0.0, column) for column in record))
+    first, end = np.searchsorted(record.t, [0.0, injection], side="right")  # and a row on either side
+    record = Record(*(column[max(first - 1, 0) : end + 1] for column in record))
+    short, last = bridged(record.t, injection - usual, LONGEST_HOLE, card.file)
+    record = Record(*(column[: None if last is None else last.row + 1] for column in record))
+    if record.t[-1] < injection - usual:
+        raise InputError(
+            f"{card.file}: the record goes from {record.t[0]:g} to {record.t[-1]:g} s, lift-off to injection at "
+            f"{injection:g} s is needed"
+        )
+    t = np.concatenate([[0.0], record.t[(record.t > 0.0) & (record.t < injection)], [injection]])
+    return Record(t, *(np.interp(t, record.t, column) for column in record[1:])), described(short)
+
+
+def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:
+    """Return the azimuth (rad) of the card, or the azimuth that leads to the card's inclination."""
+    if card.azimuth is not None:
+        return card.azimuth
+    inclination = card.inclination or 0.0
+    sine = math.cos(inclination) / math.cos(card.site.latitude)
+    if abs(sine) >= 1.0:
+        raise InputError(
+            f"{card.name}: an inclination of {math.degrees(inclination):.2f} deg cannot be reached from a latitude of "
+            f"{math.degrees(card.site.latitude):.2f} deg"
+        )
+    first = math.asin(sine) if card.direction == "ascending" else math.pi - math.asin(sine)
+
+    def excess(azimuth: float) -> float:
+        return _injected(course(card.site, azimuth, climb, breaks, gmst(card.epoch)))["inclination_rad"] - inclination
+
+    solution = root_scalar(excess, x0=first, x1=first + 0.01, xtol=1e-10, maxiter=30)
+    if not solution.converged or abs(excess(solution.root)) > 1e-6:
+        raise InputError(f"{card.name}: no azimuth ends in an inclination of {math.degrees(inclination):.2f} deg")
+    return float(solution.root)

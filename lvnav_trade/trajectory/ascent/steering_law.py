@@ -1,0 +1,194 @@
+"""Directions of thrust and body: steering laws blended smoothly, and the attitude spline with its roll."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.kernels.jit import jit, making_arrays
+from lvnav_trade.quantities.frames import earth_angle, eci_from_ecef, quaternions, unit
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.ascent.vehicle import Roll
+from lvnav_trade.trajectory.truth import attitude_spline, body_axes
+
+Direction = tuple[float, float, float]
+_STEP = 0.5  # s between knots of the attitude
+_DAMPING = 5.0  # s; time in which the body rate decays if no thrust follows
+_PEAK = 1.875  # peak slope of the quintic smoothstep
+
+
+class Steering(NamedTuple):
+    """Steering of one ascent. Directions are unit vectors.
+
+    In a linear-tangent law the thrust turns within `slew` to elevation atan(tangent + rate (t - law_start)) above the
+    local horizontal. A law that is not in use starts at infinity.
+
+    up_e : (3,). Local vertical at the site, frame e.
+    downrange_e : (3,). Horizontal launch direction at the site, frame e.
+    theta0 : rad. Earth rotation angle at lift-off.
+    kick_start : s since lift-off. Start of the tilt from up to downrange.
+    kick_duration : s. Duration of the tilt.
+    kick_angle : rad. Angle of the tilt.
+    follow_start : s since lift-off. Start of the transition to the direction of the Earth-relative velocity.
+    slew : s. Duration of the transition to a linear-tangent law.
+    law_start : (n_law,) s since lift-off. Start of each law.
+    normal_i : (n_law, 3). Normal of the plane of the thrust, frame i.
+    tangent : (n_law,). Tangent of the elevation at the start.
+    rate : (n_law,) 1/s. Rate of that tangent.
+    """
+
+    up_e: Floats
+    downrange_e: Floats
+    theta0: float
+    kick_start: float
+    kick_duration: float
+    kick_angle: float
+    follow_start: float
+    slew: float
+    law_start: Floats
+    normal_i: Floats
+    tangent: Floats
+    rate: Floats
+
+
+@jit
+def smoothstep(x: float) -> float:
+    """Return the quintic that rises from 0 to 1 for x from 0 to 1, with no slope and no curvature at the ends."""
+    x = min(max(x, 0.0), 1.0)
+    return x * x * x * (10.0 + x * (6.0 * x - 15.0))
+
+
+@jit
+def _blend(weight: float, a: Direction, b: Direction) -> Direction:
+    """Return the unit vector that goes from the direction a (weight 0) to b (weight 1)."""
+    x = a[0] + weight * (b[0] - a[0])
+    y = a[1] + weight * (b[1] - a[1])
+    z = a[2] + weight * (b[2] - a[2])
+    n = math.sqrt(x * x + y * y + z * z)
+    return x / n, y / n, z / n
+
+
+@jit
+def _tilted(t: float, s: Steering) -> Direction:
+    """Return the Earth-fixed direction of rise and kick, in frame i."""
+    angle = s.kick_angle * smoothstep((t - s.kick_start) / s.kick_duration)
+    c, d = math.cos(angle), math.sin(angle)
+    x = c * s.up_e[0] + d * s.downrange_e[0]
+    y = c * s.up_e[1] + d * s.downrange_e[1]
+    theta = s.theta0 + OMEGA * t
+    ct, st = math.cos(theta), math.sin(theta)
+    return ct * x - st * y, st * x + ct * y, c * s.up_e[2] + d * s.downrange_e[2]
+
+
+@jit
+def _linear_tangent(t: float, r: Direction, k: int, s: Steering) -> Direction:
+    """Return the direction of law k at position r, in frame i."""
+    n = s.normal_i[k]
+    hx, hy, hz = n[1] * r[2] - n[2] * r[1], n[2] * r[0] - n[0] * r[2], n[0] * r[1] - n[1] * r[0]
+    h = math.sqrt(hx * hx + hy * hy + hz * hz)
+    length = math.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    slope = s.tangent[k] + s.rate[k] * (t - s.law_start[k])
+    level = 1.0 / math.sqrt(1.0 + slope * slope)
+    along, out = level / h, level * slope / length
+    return along * hx + out * r[0], along * hy + out * r[1], along * hz + out * r[2]
+
+
+@jit
+def direction(t: float, r: Direction, v: Direction, s: Steering) -> Direction:
+    """Return the unit vector of the thrust in frame i at time t, position r (m) and inertial velocity v (m/s).
+
+    Successive laws are blended with a quintic weight, so that the rate of the direction is continuous. This includes
+    ignition and cut-off, because in a gravity turn thrust and drag do not rotate the velocity.
+    """
+    u = _tilted(t, s)
+    weight = smoothstep((t - s.follow_start) / s.kick_duration)
+    if weight > 0.0:
+        wx, wy, wz = v[0] + OMEGA * r[1], v[1] - OMEGA * r[0], v[2]
+        w = math.sqrt(wx * wx + wy * wy + wz * wz)
+        u = _blend(weight, u, (wx / w, wy / w, wz / w))
+    for k in range(s.law_start.size):
+        if t > s.law_start[k]:
+            u = _blend(smoothstep((t - s.law_start[k]) / s.slew), u, _linear_tangent(t, r, k, s))
+    return u
+
+
+@making_arrays
+def directions(t: Floats, y: Floats, s: Steering) -> Floats:
+    """Return `direction` (n, 3) at times t (n,) and states y (n, 6 or more) of position and velocity."""
+    out = np.empty((t.size, 3))
+    for k in range(t.size):
+        u = direction(t[k], (y[k, 0], y[k, 1], y[k, 2]), (y[k, 3], y[k, 4], y[k, 5]), s)
+        out[k, 0], out[k, 1], out[k, 2] = u
+    return out
+
+
+def roll_angle(roll: Roll, t: Floats) -> Floats:
+    """Return the roll angle (n,) in rad at times t (n,): quintic between the card's angles, at most at its rate."""
+    change = roll.flight - roll.pad
+    if change == 0.0:
+        return np.full_like(t, roll.pad)
+    return np.asarray(roll.pad + change * smoothsteps((t - roll.start) * roll.rate / (_PEAK * abs(change))))
+
+
+def smoothsteps(x: Floats) -> Floats:
+    """Return the quintic step of `smoothstep` at every x (n,)."""
+    x = np.clip(x, 0.0, 1.0)
+    return np.asarray(x**3 * (10.0 + x * (6.0 * x - 15.0)))
+
+
+def ascent_attitude(t: Floats, x: Floats, right_e: Floats, theta0: float, roll: Roll) -> BSpline:
+    """Return the quaternion spline of a body whose x axis is x (n, 3), frame i, at times t (n,).
+
+    All phases share this spline, so that attitude and body rate are continuous between them.
+
+    right_e : (3,), frame e. Right-hand side of the launch plane, to which zero roll refers.
+    """
+    right = eci_from_ecef(right_e, earth_angle(theta0, t))
+    return attitude_spline(t, quaternions(body_axes(x, right, roll_angle(roll, t))))
+
+
+def stretch_knots(begin: float, end: float) -> Floats:
+    """Return the knots (n,) of the attitude over a stretch (s), both ends included, at least nine."""
+    return np.linspace(begin, end, max(8, int(np.ceil((end - begin) / _STEP))) + 1)
+
+
+def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]) -> list[Floats]:
+    """Return the directions (n, 3) at the knots of successive phases, with each common knot only once.
+
+    times : Knots (s) of each phase.
+    thrusts : Spline of the direction of the specific force in each phase, of unit length at its knots. None in a coast,
+        in which the body turns from the previous thrust to the next. At least one phase is powered.
+    """
+    powered = [k for k, thrust in enumerate(thrusts) if thrust is not None]
+    directions = []
+    for k, (t, thrust) in enumerate(zip(times, thrusts, strict=True)):
+        knots = t if k == len(times) - 1 else t[:-1]
+        if thrust is not None:
+            directions.append(thrust(knots))
+            continue
+        earlier = max((i for i in powered if i < k), default=None)
+        later = min((i for i in powered if i > k), default=None)
+        before = None if earlier is None else (thrusts[earlier], float(times[earlier][-1]))
+        after = None if later is None else (thrusts[later], float(times[later][0]))
+        directions.append(_through_coast(knots, before, after))
+    return directions
+
+
+def _through_coast(t: Floats, before: tuple[Any, float] | None, after: tuple[Any, float] | None) -> Floats:
+    """Return the directions (n, 3) in a coast, from the thrust `before` (spline and end in s) to that `after` (start).
+
+    Both are extrapolated at constant rate and blended by a quintic. If one is missing, the rate of the other decays.
+    """
+    known = [side for side in (before, after) if side is not None]
+    if len(known) == 1:
+        (thrust, edge), sign = known[0], -1.0 if before is None else 1.0
+        faded = sign * _DAMPING * -np.expm1(-sign * (t - edge)[:, None] / _DAMPING)
+        return unit(thrust(edge) + faded * thrust(edge, 1))
+    (leaving, begin), (arriving, end) = known
+    weight = smoothsteps((t - begin) / (end - begin))[:, None]
+    from_before = leaving(begin) + (t - begin)[:, None] * leaving(begin, 1)
+    to_after = arriving(end) + (t - end)[:, None] * arriving(end, 1)
+    return unit((1.0 - weight) * from_before + weight * to_after)

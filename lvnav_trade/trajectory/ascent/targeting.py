@@ -1,0 +1,316 @@
+"""Targeting: the steering of an ascent for its target orbit, or the missing velocity of the vehicle."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import OptimizeResult, brentq, minimize_scalar, root
+
+from lvnav_trade.kernels.earth import GM, OMEGA, SEMI_MAJOR
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import earth_velocity, elements_from_state
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.ascent.dynamics import thrust_beside
+from lvnav_trade.trajectory.ascent.legs import Aim, Flight, engine, fly_ascent, impulse_speed, lift_off_mass, mass_above
+from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent
+
+_CLIMB_AT_SEPARATION = math.radians(30.0)  # where the search for the kick starts
+_LOST = 1e6  # residual of an aim that is not finite
+_SMALL = 1e-6  # norm of the scaled residuals that counts as solved: 10 mm, 1e-5 m/s, 1e-9 rad
+_RESIDUAL = np.array([1e4, 10.0, 1e-2, 1e-3])  # m, m/s, rad, rad: residuals of one are about alike
+_LONGEST = 3.0  # times a whole burn; longer burns are not integrated
+_PATIENCE = 5  # unsuccessful kicks before a vehicle counts as too weak
+_PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.0)  # of a payload that is too heavy: payloads tried instead
+_UNKNOWN = np.array([1e-3, 0.1, 0.1, 1.0])  # rad, tan, tan, s: so are steps of one
+
+
+def solve(card: VehicleAscent) -> Aim:
+    """Return the aim with which the vehicle reaches the card's orbit; InputError if it cannot.
+
+    For a given kick there are four unknowns (azimuth, or yaw if that is prescribed; two of the tangent law; burn) and
+    four conditions at the cut-off in orbit (radius, speed, flight-path angle, inclination). The kick is that of the
+    card, or the kick with the shortest burn.
+    """
+    require_possible(card)
+    if impulse_speed(card.vehicle, card.vehicle.payload) < _least_speed(card):
+        _refuse_too_heavy(card)
+    kick = _best_kick(card) if card.kick_angle is None else card.kick_angle
+    solution = _reach(card, kick, _first_guess(card))
+    aim = _aim(card, solution.x, kick)
+    if np.linalg.norm(solution.fun) > _SMALL:
+        _refuse_too_heavy(card)
+    _require_converged(card, aim, solution)
+    if card.parking is not None:
+        aim = _raise_orbit(card, aim)
+    _require_propellant(card, aim)
+    return aim
+
+
+def require_possible(card: VehicleAscent) -> None:
+    """Raise InputError if a vehicle does not lift off, or the site cannot reach the inclination."""
+    weight, push = lift_off_mass(card) * STANDARD_GRAVITY, engine(card.vehicle, 1, 0.0, 0.0, 1.0)
+    thrust = push.thrust - 101325.0 * push.exit_area + thrust_beside(push.beside.since, 101325.0, push.beside)[0]
+    if thrust <= weight:
+        raise InputError(
+            f"{card.name}: the first stage does not lift off: {thrust / 1e3:.0f} kN of thrust at sea level, "
+            f"{(weight - thrust) / 1e3:.0f} kN less than the weight"
+        )
+    if abs(math.cos(card.target.inclination)) >= math.cos(card.site.latitude):
+        inclination, latitude = math.degrees(card.target.inclination), math.degrees(card.site.latitude)
+        short = math.acos(min(1.0, abs(math.cos(card.target.inclination))))
+        raise InputError(
+            f"{card.name}: an inclination of {inclination:.2f} deg cannot be reached from a latitude of {latitude:.2f} "
+            f"deg without a turn of the plane: it misses by {math.degrees(abs(card.site.latitude) - short):.2f} deg"
+        )
+
+
+def _first_guess(card: VehicleAscent) -> Floats:
+    """Return the initial values: azimuth (or yaw), tangents at both ends of the law, burn of the stage cut off."""
+    azimuth = math.asin(math.cos(card.target.inclination) / math.cos(card.site.latitude))
+    if card.target.direction == "descending":
+        azimuth = math.pi - azimuth
+    azimuth -= card.azimuth or 0.0
+    stage = card.vehicle.stages[card.inserting - 1]
+    burn = 0.95 * stage.propellant * STANDARD_GRAVITY * stage.specific_impulse / stage.full_thrust
+    twice = card.parking is not None and card.inserting == len(card.vehicle.stages)
+    return np.array([azimuth, 0.5, -0.1, 0.8 * burn if twice else burn])
+
+
+def _aim(card: VehicleAscent, x: Floats, kick: float) -> Aim:
+    first, tangent, tangent_end, burn = x.tolist()
+    aim = Aim(first, kick, tangent, tangent_end, burn)
+    return aim if card.azimuth is None else aim._replace(azimuth=card.azimuth, yaw=first)
+
+
+class Point(NamedTuple):
+    """Point at which an orbit is entered: radius (m), speed (m/s), flight-path angle (rad)."""
+
+    radius: float
+    speed: float
+    climb: float = 0.0
+
+
+def _residuals(y: Floats, at: Point, inclination: float) -> Floats:
+    """Return the residuals (4,) of a state y (7,): radius (m), speed (m/s), flight-path angle, inclination (rad)."""
+    length, pace = (float(np.linalg.norm(part)) for part in (y[:3], y[3:6]))
+    turn = float(elements_from_state(y[:3], y[3:6]).inclination) - inclination
+    return np.array([length - at.radius, pace - at.speed, _climb(y[:3], y[3:6]) - at.climb, turn])
+
+
+def _climb(r_i: Floats, v: Floats) -> float:
+    """Return the flight-path angle (rad) of a velocity above the horizontal at a position."""
+    return math.asin(max(-1.0, min(1.0, float(r_i @ v) / float(np.linalg.norm(r_i) * np.linalg.norm(v)))))
+
+
+def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> Point:
+    """Return the perigee or apogee of an orbit given by its altitudes (m)."""
+    low, high = SEMI_MAJOR + perigee, SEMI_MAJOR + apogee
+    radius = high if at_apogee else low
+    return Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))))
+
+
+def entry_of(card: VehicleAscent) -> Point:
+    """Return the point of the target orbit at its card's true anomaly, or the perigee of the parking orbit."""
+    orbit = card.target
+    if card.parking is not None or orbit.anomaly == 0.0:
+        return _apse((card.parking or orbit).perigee, orbit.apogee)
+    low, high = SEMI_MAJOR + orbit.perigee, SEMI_MAJOR + orbit.apogee
+    e = (high - low) / (high + low)
+    along, out = 1.0 + e * math.cos(orbit.anomaly), e * math.sin(orbit.anomaly)
+    radius = low * (1.0 + e) / along
+    return Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))), math.atan2(out, along))
+
+
+def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> OptimizeResult:
+    """Solve for azimuth, law and burn of an insertion; x of the result is in the units of `_aim`."""
+    entry = entry_of(card)
+    longest = _LONGEST * card.vehicle.stages[card.inserting - 1].full_burn
+
+    def miss(z: Floats) -> Floats:
+        if not np.all(np.isfinite(z)):  # the iteration diverged
+            return np.full(z.size, _LOST)
+        aim = _aim(card, guess + z * _UNKNOWN, kick)
+        astray = max(0.0, aim.burn - longest)  # a diverging iteration may have a burn of days
+        flight = fly_ascent(card, aim._replace(burn=aim.burn - astray), final_coast=False)
+        residuals = _residuals(flight.legs[-1].y[-1], entry, card.target.inclination) / _RESIDUAL
+        return np.asarray(residuals + astray)
+
+    result = root(miss, np.zeros(4), method="hybr", options={"xtol": 1e-12, "maxfev": most})
+    result.x = guess + result.x * _UNKNOWN
+    return result
+
+
+def _state_at(flight: Flight, t: float) -> Floats:
+    """Return the state y (7,) at the end of the leg that ends at time t."""
+    return next(leg.y[-1] for leg in flight.legs if leg.t[-1] >= t)
+
+
+def _best_kick(card: VehicleAscent) -> float:
+    """Return the kick angle in rad that reaches the orbit with the shortest last burn."""
+    guess = _first_guess(card)
+    start = _kick_for_climb(card, guess)
+    tried = 0
+
+    def burn(kick: float) -> float:
+        nonlocal guess, tried
+        result = _reach(card, kick, guess)
+        if np.linalg.norm(result.fun) > _SMALL:
+            tried += 1
+            if tried == _PATIENCE:
+                _refuse_too_heavy(card)
+            return 1e6 * (1.0 + float(np.linalg.norm(result.fun)))
+        guess, tried = result.x, _PATIENCE
+        return float(result.x[3])
+
+    best = minimize_scalar(burn, bounds=(0.7 * start, 1.3 * start), method="bounded", options={"xatol": 0.01 * start})
+    return float(best.x)
+
+
+def _kick_for_climb(card: VehicleAscent, guess: Floats) -> float:
+    """Return the kick angle (rad) for which the first stage separates at a moderate climb angle."""
+
+    def climb(kick: float) -> float:
+        flight = fly_ascent(card, _aim(card, np.array([*guess[:3], 0.0]), kick), final_coast=False)
+        y = _state_at(flight, flight.events["stage1_separation"])
+        return _climb(y[:3], earth_velocity(y[:3], y[3:6])) - _CLIMB_AT_SEPARATION
+
+    angles = np.radians([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
+    climbs = [climb(float(angle)) for angle in angles]
+    k = next((k for k in range(len(angles) - 1) if climbs[k] > 0.0 >= climbs[k + 1]), None)
+    if k is None:
+        return float(angles[np.argmin(np.abs(climbs))])
+    return float(brentq(climb, angles[k], angles[k + 1], xtol=1e-4))
+
+
+def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
+    """Return the aim that cuts off at the parking perigee and a second time at the target's apogee.
+
+    The given aim reaches the parking orbit for a spherical Earth after cut-off. Oblateness moves the apogee by some
+    kilometres, so that both burns are solved together: six unknowns (all but the second tangent, which is level) and
+    six conditions (radius and level flight at the first cut-off, the four of `_residuals` at the second).
+    """
+    assert card.parking is not None
+    start = _second_burn(card, aim)
+    first = start.azimuth if card.azimuth is None else start.yaw
+    begin = np.array([first, start.tangent, start.tangent_end, start.burn])
+    low = Point(SEMI_MAJOR + card.parking.perigee, 0.0)
+    high = _apse(card.target.perigee, card.target.apogee, at_apogee=True)
+
+    def full(z: Floats) -> Aim:
+        changed = _aim(card, begin + z[:4] * _UNKNOWN, aim.kick)
+        return changed._replace(coast=start.coast + 10.0 * z[4], burn_2=start.burn_2 + z[5])
+
+    def miss(z: Floats) -> Floats:
+        if not np.all(np.isfinite(z)):
+            return np.full(z.size, _LOST)
+        flight = fly_ascent(card, full(z), final_coast=False)
+        y = _state_at(flight, flight.events[f"stage{card.inserting}_cutoff"])
+        last = _residuals(flight.legs[-1].y[-1], high, card.target.inclination) / _RESIDUAL
+        return np.append(last, (_residuals(y, low, 0.0) / _RESIDUAL)[[0, 2]])
+
+    result = root(miss, np.zeros(6), method="hybr", options={"xtol": 1e-12, "maxfev": 100})
+    _require_converged(card, full(result.x), result)
+    return full(result.x)
+
+
+def _second_burn(card: VehicleAscent, aim: Aim) -> Aim:
+    """Return the aim with coast and second burn of a Hohmann transfer, as initial values."""
+    assert card.parking is not None
+    stage, mass = card.vehicle.stages[-1], mass_above(card, card.inserting)
+    exhaust = stage.exhaust_speed
+    if card.inserting == len(card.vehicle.stages):
+        mass = float(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1, 6])
+    high = card.target.apogee
+    there, before = (_apse(low, high, at_apogee=True).speed for low in (card.target.perigee, card.parking.perigee))
+    burn = mass * exhaust / stage.full_thrust * -math.expm1(-(there - before) / exhaust)
+    a = SEMI_MAJOR + 0.5 * (card.parking.perigee + high)
+    return aim._replace(coast=math.pi * math.sqrt(a**3 / GM) - 0.5 * burn, burn_2=burn)
+
+
+def _require_converged(card: VehicleAscent, aim: Aim, result: OptimizeResult) -> None:
+    if np.linalg.norm(result.fun) <= _SMALL:
+        return
+    missed = np.asarray(result.fun) * _RESIDUAL[: len(result.fun)]
+    raise InputError(
+        f"{card.name}: no steering reaches the orbit: the nearest misses it by {abs(missed[0]) / 1e3:.1f} km, "
+        f"{abs(missed[1]):.1f} m/s and {math.degrees(abs(missed[2])):.2f} deg of flight-path angle "
+        f"(kick {math.degrees(aim.kick):.2f} deg)"
+    )
+
+
+def propellant_left(card: VehicleAscent, aim: Aim, number: int) -> float:
+    """Return the remaining usable propellant (kg) of a stage cut off in orbit; negative for a shortfall."""
+    return left_in_orbit(card, fly_ascent(card, aim, final_coast=False), number)
+
+
+def left_in_orbit(card: VehicleAscent, flight: Flight, number: int) -> float:
+    """Return the remaining usable propellant (kg), as `propellant_left`, of an ascent that is already simulated."""
+    y = flight.legs[-1].y[-1]
+    if number < len(card.vehicle.stages):
+        y = _state_at(flight, flight.events[f"stage{number}_cutoff"])
+    return float(y[6] - card.vehicle.stages[number - 1].dry - mass_above(card, number))
+
+
+def _require_propellant(card: VehicleAscent, aim: Aim) -> None:
+    """Raise InputError, with the missing delta-v, if an aim burns more propellant than available."""
+    for number, stage in enumerate(card.vehicle.stages[card.inserting - 1 :], start=card.inserting):
+        remaining = propellant_left(card, aim, number)
+        if remaining >= 0.0:
+            continue
+        empty = stage.dry + mass_above(card, number)
+        if empty + remaining <= 0.5 * empty:  # the final mass is unphysical, and no measure of the missing velocity
+            _refuse_too_heavy(card)
+        lacking = stage.exhaust_speed * math.log(empty / (empty + remaining))
+        raise InputError(
+            f"{card.name}: vehicle {card.vehicle.name!r} lacks {lacking:.0f} m/s of delta-v for the target orbit: "
+            f"stage {stage.name!r} would need {-remaining:.0f} kg more propellant with the payload of "
+            f"{card.vehicle.payload:.0f} kg"
+        )
+
+
+def _refuse_too_heavy(card: VehicleAscent) -> None:
+    """Raise InputError, with the missing delta-v, if the payload is too heavy for the orbit.
+
+    The largest payload that reaches the orbit is bracketed with the kick for a moderate climb. The shortfall is the
+    difference of the ideal velocity gains with the two payloads. If even the vehicle without payload fails, a lower
+    bound is computed from the energy of the orbit, without losses.
+    """
+    vehicle = card.vehicle
+    payload, gain = vehicle.payload, impulse_speed(vehicle, vehicle.payload)
+    say = f"{card.name}: vehicle {vehicle.name!r} lacks "
+    possible = next((part * payload for part in _PARTS if _reaches(card, part * payload)), None)
+    if possible is None:
+        lacking = _least_speed(card) - gain
+        if lacking > 0.0:
+            raise InputError(
+                f"{say}at least {lacking:.0f} m/s of delta-v for the target orbit, losses not counted; no payload, "
+                "however light, gets there"
+            )
+        return
+    above = min(part * payload for part in (1.0, *_PARTS) if part * payload > possible)
+    for _ in range(5):
+        middle = 0.5 * (possible + above)
+        possible, above = (middle, above) if _reaches(card, middle) else (possible, middle)
+    lacking = impulse_speed(vehicle, possible) - gain
+    raise InputError(
+        f"{say}about {lacking:.0f} m/s of delta-v for the target orbit: it carries about {possible:.0f} kg there, the "
+        f"payload is {payload:.0f} kg"
+    )
+
+
+def _reaches(card: VehicleAscent, payload: float) -> bool:
+    """Whether the (first) orbit is reached with a payload in kg, within the propellant."""
+    light = card.model_copy(update={"vehicle": card.vehicle.model_copy(update={"payload": payload})})
+    if impulse_speed(light.vehicle, payload) < _least_speed(light):
+        return False
+    guess = _first_guess(light)
+    kick = light.kick_angle or _kick_for_climb(light, guess)
+    solution = _reach(light, kick, guess, 80)
+    aim = _aim(light, solution.x, kick)
+    return float(np.linalg.norm(solution.fun)) <= _SMALL and propellant_left(light, aim, light.inserting) >= 0.0
+
+
+def _least_speed(card: VehicleAscent) -> float:
+    """Return the velocity gain (m/s) from the ground for the energy of the orbit, with the help of Earth rotation."""
+    a = SEMI_MAJOR + 0.5 * ((card.parking or card.target).perigee + card.target.apogee)
+    return math.sqrt(2.0 * GM / SEMI_MAJOR - GM / a) - OMEGA * SEMI_MAJOR * math.cos(card.target.inclination)

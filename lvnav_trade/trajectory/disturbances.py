@@ -1,0 +1,294 @@
+"""Coning and vibration: cards, and their evaluation as sums of sinusoids."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.kernels.waves import sum_of_waves
+from lvnav_trade.quantities import units
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.events import Instant, resolve
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.units import Card, require_rising
+
+Complex = NDArray[np.complex128]
+Axis = Literal["x", "y", "z"]
+
+
+class Coning(Card):
+    """Coning: `axis` describes a cone, and the rotation vector of constant length turns in the plane across it."""
+
+    angle: Annotated[units.Angle, Field(gt=0.0, lt=0.5)] = Field(description="half-angle of the cone")
+    frequency: units.Frequency
+    axis: Axis = "x"
+    phase: units.Angle = 0.0
+
+
+class Tone(Card):
+    """A sinusoid along or about a body axis, such as a thrust oscillation or a bending mode, given by its peak."""
+
+    frequency: units.Frequency
+    axis: Axis
+    phase: units.Angle = 0.0
+    acceleration: units.AccelerationSigma | None = Field(None, description="peak acceleration along the axis")
+    angle: units.AngleSigma | None = Field(None, description="peak angle about the axis")
+
+    def _faults(self) -> Iterator[str]:
+        if (self.acceleration is None) == (self.angle is None):
+            yield "give acceleration or angle, one of the two"
+
+
+class Noise(Card):
+    """Random vibration: a one-sided spectral density over a band, as `lines` sinusoids of fixed frequency and phase.
+
+    The density is interpolated on logarithmic axes between the breakpoints. Phases differ by axis and depend on `name`
+    alone, so that the vibration is the same in every run, case and campaign.
+    """
+
+    name: str = "vibration"
+    frequency: tuple[units.Frequency, ...] = Field(
+        min_length=2, description="frequencies of the breakpoints of the density, increasing"
+    )
+    acceleration: tuple[units.AccelerationDensity, ...] | None = Field(None, description="along each axis")
+    rate: tuple[units.RateDensity, ...] | None = Field(None, description="of the body rate about each axis")
+    axes: tuple[Axis, ...] = ("x", "y", "z")
+    lines: int = Field(64, ge=4, le=1024)
+
+    def _faults(self) -> Iterator[str]:
+        if (self.acceleration is None) == (self.rate is None):
+            yield "give acceleration or rate, one of the two"
+        density = self.acceleration or self.rate or ()
+        if len(density) != len(self.frequency):
+            yield f"{len(self.frequency)} frequencies but {len(density)} densities"
+        if any(value <= 0.0 for value in density):
+            yield "a density on logarithmic axes is greater than zero"
+        require_rising("frequency", self.frequency)
+
+
+class Mode(Card):
+    """Sway of a vehicle on its pad: rocking or bending about a body axis, or torsion, excited by wind.
+
+    The IMU is rotated by an angle and displaced by that angle times the lever arm. With a damping ratio the motion is
+    random and has the spectral density of a damped oscillator under white torque. It is a sum of `lines` sinusoids of
+    equal power, whose frequencies and phases depend on `name` and axis alone, so that it is the same in every run, case
+    and campaign. Without a damping ratio it is a single sinusoid.
+    """
+
+    name: str = "sway"
+    frequency: units.Frequency
+    axis: Axis
+    angle: Annotated[units.Angle, Field(gt=0.0, lt=0.1)] = Field(description="root mean square at the IMU")
+    lever: tuple[units.Length, units.Length, units.Length] = Field(
+        (0.0, 0.0, 0.0),
+        description="vector from the axis of rotation to the IMU, body axes; for a bending mode, deflection divided "
+        "by slope",
+    )
+    damping: units.Share | None = Field(None, gt=0.0, lt=0.5, description="damping ratio; none: one sinusoid")
+    lines: int = Field(32, ge=8, le=1024)
+
+
+class OscillationCard(Card):
+    """Coning and vibration between two times of the flight, with a ramp of length `ramp` at either end.
+
+    They are added to the trajectory; the mean position and attitude of the IMU do not change.
+    """
+
+    start: Instant = Field(description="event, also with a duration added, or a time since lift-off")
+    end: Instant
+    ramp: units.TimeConstant = 0.5
+    coning: tuple[Coning, ...] = ()
+    tones: tuple[Tone, ...] = ()
+    noise: tuple[Noise, ...] = ()
+    modes: tuple[Mode, ...] = ()
+
+    def _faults(self) -> Iterator[str]:
+        if not (self.coning or self.tones or self.noise or self.modes):
+            yield "an oscillation needs coning, tones, noise or modes"
+
+
+class Oscillation(NamedTuple):
+    """A small motion: the real part of a sum of k complex sinusoids, times a window with ramps.
+
+    start, end : s since lift-off.
+    ramp : s. Length of the ramps.
+    omega : (k,) rad/s. Angular frequencies.
+    turn : (k, 3) rad. Complex amplitude of the rotation vector at `start`, body axes.
+    shift : (k, 3) m. Complex amplitude of the displacement at `start`, body axes.
+    """
+
+    start: float
+    end: float
+    ramp: float
+    omega: Floats
+    turn: Complex
+    shift: Complex
+
+
+class Small(NamedTuple):
+    """Small motion of the body relative to its mean motion at n times, body axes.
+
+    turn, turn_rate : (n, 3) rad, rad/s. Rotation vector and its derivative.
+    shift, shift_rate, shift_acceleration : (n, 3) m, m/s, m/s^2. Displacement and its two derivatives.
+    """
+
+    turn: Floats
+    turn_rate: Floats
+    shift: Floats
+    shift_rate: Floats
+    shift_acceleration: Floats
+
+
+def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> Small:
+    """Return the sum of oscillations at times t (n,), body axes; zero outside their windows."""
+    total = Small(*(np.zeros((t.size, 3)) for _ in Small._fields))
+    for oscillation in oscillations:
+        within = (oscillation.start < t) & (t < oscillation.end)
+        for whole, part in zip(total, _motion_of(oscillation, t[within]), strict=True):
+            whole[within] += part
+    return total
+
+
+def _motion_of(oscillation: Oscillation, t: Floats) -> Small:
+    w, dw, ddw = (column[:, None] for column in _window(oscillation, t))
+    parts = (np.hstack([amplitude.real, amplitude.imag]) for amplitude in (oscillation.turn, oscillation.shift))
+    waves = sum_of_waves(t - oscillation.start, oscillation.omega, *parts)
+    turn, turn_rate, shift, rate, acceleration = np.split(waves, 5, axis=1)
+    return Small(
+        w * turn,
+        dw * turn + w * turn_rate,
+        w * shift,
+        dw * shift + w * rate,
+        ddw * shift + 2.0 * dw * rate + w * acceleration,
+    )
+
+
+def _window(oscillation: Oscillation, t: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the window (n,) and its two derivatives.
+
+    Its ramps are quintics w = 10 x^3 - 15 x^4 + 6 x^5 with zero slope and curvature at both ends, so that attitude,
+    body rate, velocity and specific force have no jump.
+    """
+    ramp = oscillation.ramp
+    rising, falling = (t - oscillation.start) / ramp, (oscillation.end - t) / ramp
+    x = np.clip(np.minimum(rising, falling), 0.0, 1.0)
+    sign = np.where(rising <= falling, 1.0, -1.0) / ramp
+    w = x**3 * (10.0 + x * (6.0 * x - 15.0))
+    dw = 30.0 * x**2 * (1.0 - x) ** 2 * sign
+    ddw = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / ramp**2
+    return w, dw, ddw
+
+
+def oscillations(
+    cards: Iterable[OscillationCard], events: Mapping[str, float], span: tuple[float, float]
+) -> tuple[Oscillation, ...]:
+    """Return the oscillations of a flight.
+
+    Parameters
+    ----------
+    cards : iterable of OscillationCard
+    events : mapping
+        Times (s) of the events by name.
+    span : (float, float)
+        First and last time (s) of the flight.
+
+    Raises
+    ------
+    InputError
+        A time lies outside the flight, or a window is too short for its ramps.
+    """
+    instants, result = {"start": span[0], "end": span[1], **events}, []
+    for k, card in enumerate(cards, start=1):
+        start, end = resolve(card.start, instants), resolve(card.end, instants)
+        where = f"oscillation {k}: "
+        if end - start < 2.0 * card.ramp:
+            raise InputError(f"{where}from {start:g} to {end:g} s there is no room for two ramps of {card.ramp:g} s")
+        if start < span[0] or end > span[1]:
+            raise InputError(f"{where}{start:g} to {end:g} s is not within the flight, {span[0]:g} to {span[1]:g} s")
+        rows = [*map(_cone, card.coning), *map(_tone, card.tones), *chain.from_iterable(map(_lines, card.noise))]
+        rows += chain.from_iterable(map(_sway, card.modes))
+        result.append(Oscillation(start, end, card.ramp, *map(np.array, zip(*rows, strict=True))))
+    return tuple(result)
+
+
+Row = tuple[float, Complex, Complex]
+_NONE: Complex = np.zeros(3, dtype=complex)
+
+
+def _unit(axis: Axis, step: int = 0) -> Complex:
+    """Return the unit vector of the axis `step` positions after `axis` in the cycle x, y, z."""
+    return np.eye(3, dtype=complex)[("xyz".index(axis) + step) % 3]
+
+
+def _cone(card: Coning) -> Row:
+    vector = card.angle * np.exp(1j * card.phase) * (_unit(card.axis, 1) - 1j * _unit(card.axis, 2))
+    return 2.0 * math.pi * card.frequency, vector, _NONE
+
+
+def _tone(card: Tone) -> Row:
+    omega, wave = 2.0 * math.pi * card.frequency, -1j * np.exp(1j * card.phase) * _unit(card.axis)
+    if card.angle is not None:
+        return omega, card.angle * wave, _NONE
+    assert card.acceleration is not None
+    return omega, _NONE, -card.acceleration / omega**2 * wave
+
+
+def _lines(card: Noise) -> Iterable[Row]:
+    """Yield the lines of a band: equal steps of log frequency, each with one line that has the power of the step.
+
+    Frequencies within a step and phases are drawn from a fixed stream, so that lines of two axes do not beat.
+    """
+    density = card.acceleration or card.rate or ()
+    edges = np.geomspace(card.frequency[0], card.frequency[-1], card.lines + 1)
+    for axis in card.axes:
+        word = source_word(f"{card.name} {axis} {'acceleration' if card.rate is None else 'rate'}")
+        raw = np.random.Philox(key=int(word)).random_raw(2 * card.lines)
+        where, phase = raw.reshape(2, card.lines) / 2.0**64
+        frequency = edges[:-1] * (edges[1:] / edges[:-1]) ** where
+        power = np.diff(_cumulated(np.array(card.frequency), np.array(density), edges))
+        for f, a, p in zip(frequency, np.sqrt(2.0 * power), 2.0 * np.pi * phase, strict=True):
+            omega, wave = 2.0 * math.pi * f, a * np.exp(1j * p) * _unit(axis)
+            yield (omega, wave / (1j * omega), _NONE) if card.rate is not None else (omega, _NONE, -wave / omega**2)
+
+
+_SLOWEST, _FASTEST = 0.02, 20.0  # times the frequency of a mode: less than 1e-4 of the power lies outside
+
+
+def _sway(card: Mode) -> Iterator[Row]:
+    """Yield the lines of a mode: of equal power, with fixed frequencies within equal parts of the density."""
+    if card.damping is None:
+        yield _swaying(card, card.frequency, math.sqrt(2.0) * card.angle, 0.0)
+        return
+    word = source_word(f"{card.name} {card.axis} mode")
+    where, phase = np.random.Philox(key=int(word)).random_raw(2 * card.lines).reshape(2, card.lines) / 2.0**64
+    ratio = np.geomspace(_SLOWEST, _FASTEST, 20001)
+    density = 1.0 / ((1.0 - ratio**2) ** 2 + (2.0 * card.damping * ratio) ** 2)
+    power = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(ratio))])
+    at = np.interp((np.arange(card.lines) + where) / card.lines, power / power[-1], ratio)
+    peak = card.angle * math.sqrt(2.0 / card.lines)
+    for factor, turns in zip(at.tolist(), phase.tolist(), strict=True):
+        yield _swaying(card, factor * card.frequency, peak, 2.0 * math.pi * turns)
+
+
+def _swaying(card: Mode, frequency: float, peak: float, phase: float) -> Row:
+    """Return a sinusoid of a mode: its rotation vector, and the displacement of the IMU at the lever arm."""
+    turn = -1j * peak * np.exp(1j * phase) * _unit(card.axis)
+    return 2.0 * math.pi * frequency, turn, np.cross(turn, card.lever)
+
+
+def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
+    """Return the power (n,) between f[0] and `at` (n,) of a density that is linear on logarithmic axes between f.
+
+    Each piece is density f^s, with the integral f^(s + 1) / (s + 1), or log f for s = -1.
+    """
+    slope = np.diff(np.log(density)) / np.diff(np.log(f))
+    total = np.zeros_like(at)
+    for k, p in enumerate(slope + 1.0):
+        upper = np.clip(at, f[k], f[k + 1]) / f[k]
+        total += density[k] * f[k] * np.log(upper) if abs(p) < 1e-12 else density[k] * f[k] / p * (upper**p - 1.0)
+    return total

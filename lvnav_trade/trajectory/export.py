@@ -1,0 +1,182 @@
+"""Export of a true trajectory as a trajectory file of the user's format, with its card."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_i_n
+from lvnav_trade.quantities.limits import DATA_ROWS
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.ascent.plausibility import OutsideFlight, peaks
+from lvnav_trade.trajectory.files.columns import OWN_EVENTS, TableTrajectory
+from lvnav_trade.trajectory.flight import TrajectoryCard, build
+from lvnav_trade.trajectory.truth import Trajectory, motion
+
+COLUMNS = (
+    "time_s",
+    "latitude_deg",
+    "longitude_deg",
+    "height_m",
+    "north_m_s",
+    "east_m_s",
+    "down_m_s",
+    "q0",
+    "q1",
+    "q2",
+    "q3",
+)
+_SAME = 1e-6  # s; times closer than this count as equal
+_SPARE = 1.02  # limit of an exported peak over the peak of the trajectory
+_STEP = 0.0317  # s between the times at which two trajectories are compared; no multiple of a usual step
+
+
+class Exported(NamedTuple):
+    """An exported trajectory.
+
+    text : Text of the CSV file.
+    card : Fields of its card.
+    flight : The trajectory, without oscillations.
+    """
+
+    text: str
+    card: dict[str, Any]
+    flight: Trajectory
+
+
+def exported(card: TrajectoryCard, file: str, name: str, rate: float) -> Exported:
+    """Return the trajectory of a card as CSV rows and a card.
+
+    Rows have geodetic position, velocity relative to the Earth (ned) and the quaternion from body to frame i, with all
+    digits. There is a row at every jump of force. Oscillations are not in the rows but remain settings of the card.
+
+    Parameters
+    ----------
+    card : TrajectoryCard
+    file : str
+        Name of the CSV file in the exported card.
+    name : str
+        Name of the exported card.
+    rate : float
+        Rate of the rows (Hz).
+
+    Raises
+    ------
+    InputError
+        The trajectory cannot be computed, or has more rows than can be read.
+    """
+    flight = build(card.model_copy(update={"oscillation": (), "named_times": {}}))
+    hold = flight.phases[0].end - flight.start if flight.phases[0].name == "pad" else 0.0
+    events = _events(flight, hold)
+    t = _times(flight.start + hold, flight.end, list(events.values()), rate)
+    source = f"Rows of the card {card.name}, {rate:g} Hz, written by lvnav-trade export-trajectory; {card.source}"
+    fields = _layout() | {
+        "name": name,
+        "source": " ".join(source.split()),
+        "epoch": card.epoch,
+        "file": file,
+        "events": {event: f"{time!r} s" for event, time in events.items() if event not in OWN_EVENTS},
+        "largest_force_angle": "180 deg",  # no check: the attitude is correct whatever the direction of the force
+        **_limits(card, flight),
+        **_kept(card),
+    }
+    if hold > 0.0:
+        fields["pad_hold"] = f"{hold!r} s"
+    return Exported(_text(card, flight, t), fields, flight)
+
+
+def _layout() -> dict[str, Any]:
+    """Return the fields of a card that describe the columns."""
+    return {
+        "kind": "table",
+        "time": {"column": COLUMNS[0], "unit": "s"},
+        "position": {"frame": "geodetic", "columns": [*COLUMNS[1:4]], "unit": "deg", "height_unit": "m"},
+        "velocity": {"frame": "ned", "columns": [*COLUMNS[4:7]], "unit": "m/s"},
+        "attitude": {
+            "form": "quaternion",
+            "frame": "eci",
+            "columns": [*COLUMNS[7:]],
+            "scalar": "first",
+            "turns": "body_to_frame",
+        },
+    }
+
+
+def _events(flight: Trajectory, hold: float) -> dict[str, float]:
+    """Return the times (s) of the events in order, with names for jumps of force without an event."""
+    events = dict(flight.events)
+    ends = [phase.start for phase in flight.phases[1:]]
+    unnamed = [time for time in ends if time > flight.start + hold + _SAME]
+    for time in unnamed:
+        if all(abs(time - known) > _SAME for known in events.values()):
+            number = 1 + sum(name.startswith("change_") for name in events)
+            events[f"change_{number}"] = time
+    return dict(sorted(events.items(), key=lambda event: event[1]))
+
+
+def _times(begin: float, end: float, events: list[float], rate: float) -> Floats:
+    """Return the times (s) of the rows: a grid from `begin`, and the events in place of grid points close to them."""
+    if not rate > 0.0:
+        raise InputError("the rate of the rows should be above zero")
+    if (end - begin) * rate > DATA_ROWS:
+        raise InputError(f"{(end - begin) * rate:.0f} rows; at most {DATA_ROWS} are read: give a lower rate")
+    kept = np.unique([begin, *(time for time in events if begin < time < end), end])
+    kept = kept[np.diff(kept, prepend=-math.inf) > _SAME]
+    grid = np.arange(math.ceil(begin * rate), math.floor(end * rate) + 1) / rate
+    after = np.clip(np.searchsorted(kept, grid), 1, kept.size - 1)
+    apart = np.minimum(np.abs(grid - kept[after]), np.abs(grid - kept[after - 1]))
+    return np.sort(np.concatenate([kept, grid[apart > 0.99 / rate]]))
+
+
+def _text(card: TrajectoryCard, flight: Trajectory, t: Floats) -> str:
+    at = motion(flight, t)
+    theta = earth_angle(flight.theta0, t)
+    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(at.r_i, theta))
+    v_n = np.einsum("kij,kj->ki", rotation_i_n(at.r_i, theta), earth_velocity(at.r_i, at.v_i))
+    rows = np.column_stack([t, np.degrees(latitude), np.degrees(longitude), height, v_n, at.q_b_i])
+    title = f"# Flight of the card {' '.join(card.name.split())}, written by lvnav-trade export-trajectory"
+    return "\n".join([title, ",".join(COLUMNS), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n"
+
+
+def _limits(card: TrajectoryCard, flight: Trajectory) -> dict[str, str]:
+    """Return the fields of a card with limits that the trajectory needs above the default limits."""
+    limits = {}
+    for field, unit in (("highest_load", "m/s^2"), ("highest_rate", "rad/s"), ("highest_spin", "rad/s")):
+        usual = float(TableTrajectory.model_fields[field].default)
+        size = next(peak.size for peak in peaks(flight) if peak.field == field) * _SPARE
+        limit = getattr(card, field) if isinstance(card, OutsideFlight) else usual
+        if max(size, limit) > usual:
+            limits[field] = f"{max(size, limit)!r} {unit}"
+    return limits
+
+
+def _kept(card: TrajectoryCard) -> dict[str, Any]:
+    """Return the fields that the export copies from the card."""
+    data = card.model_dump(mode="json", exclude_defaults=True)
+    return {field: data[field] for field in ("oscillation", "named_times") if data.get(field)}
+
+
+def difference(flight: Trajectory, other: Trajectory) -> dict[str, float]:
+    """Return the largest differences of two trajectories in their common time, SI, by quantity and unit.
+
+    The quantities are position, velocity, attitude, specific force and body rate. Times within 1 us of a jump are
+    excluded.
+    """
+    begin, end = max(flight.start, other.start), min(flight.end, other.end)
+    t = np.arange(begin, end, _STEP)[1:]
+    jumps = np.array([phase.start for trajectory in (flight, other) for phase in trajectory.phases])
+    t = t[np.min(np.abs(t[:, None] - jumps), axis=1) > _SAME]
+    a, b = motion(flight, t), motion(other, t)
+
+    def worst(p: Floats, q: Floats) -> float:
+        return float(np.max(np.linalg.norm(p - q, axis=1)))
+
+    turned = np.minimum(np.linalg.norm(a.q_b_i - b.q_b_i, axis=1), np.linalg.norm(a.q_b_i + b.q_b_i, axis=1))
+    return {
+        "position_m": worst(a.r_i, b.r_i),
+        "velocity_m_s": worst(a.v_i, b.v_i),
+        "attitude_rad": float(np.max(4.0 * np.arcsin(np.minimum(1.0, 0.5 * turned)))),
+        "specific_force_m_s2": worst(a.f_b, b.f_b),
+        "body_rate_rad_s": worst(a.w_ib_b, b.w_ib_b),
+    }

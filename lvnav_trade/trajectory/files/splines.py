@@ -1,0 +1,225 @@
+"""Splines of a user's file: through its rows, with jumps of force at events, and along the path without attitude."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.optimize import brentq
+from scipy.sparse import block_array, csc_array, csr_array, diags_array
+from scipy.sparse.linalg import splu
+
+from lvnav_trade.kernels.earth import gravity_along
+from lvnav_trade.quantities import frames
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.ascent.steering_law import ascent_attitude, smoothsteps, stretch_knots, thrust_directions
+from lvnav_trade.trajectory.ascent.vehicle import Roll
+from lvnav_trade.trajectory.truth import joined, pad_times
+
+_CLOSEST = 0.1  # s; smallest interval of knots, because closer knots turn the rounding of the rows into force
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the square of the derivatives below
+_TIE = 1e-4  # weight of the next lower derivative, which determines the spline in a part with few rows
+_EXACT = -9.0  # log10 of the weight of roughness at which the spline passes through the rows
+_SMOOTHEST = 8.0
+_REFINEMENTS = 2  # of the normal equations, which lose half of the digits
+_COAST = 0.5  # m/s^2; a part with less specific force (median) is a coast
+_EDGE = 1e-9  # s; distance of the first and last time from the ends of a part, because force jumps there
+
+
+class Fit(NamedTuple):
+    """A spline through rows.
+
+    spline : Spline of m components.
+    steps : (n_step, m). Steps of the rows.
+    misfit : RMS of spline minus rows, after removal of the steps.
+    """
+
+    spline: BSpline
+    steps: Floats
+    misfit: float
+
+
+class _Rows(NamedTuple):
+    """Least-squares problem of the fit.
+
+    values : Matrix from coefficients (and steps, as last columns) to values at the data.
+    rough : Matrix from coefficients to weighted derivatives.
+    data : (n, m). The data.
+    """
+
+    values: csr_array
+    rough: csr_array
+    data: Floats
+
+    def solve(self, log_weight: float) -> tuple[Floats, float]:
+        """Return the coefficients for a weight of the roughness (log10), and the RMS misfit."""
+        rough = 10.0 ** (0.5 * log_weight) * self.rough
+        normal = csc_array(self.values.T @ self.values + rough.T @ rough)
+        # The matrix is nearly singular if a step hardly differs from a bend of the spline.
+        factors = splu(csc_array(normal + 1e-14 * diags_array(normal.diagonal())))
+        c = np.zeros((normal.shape[0], self.data.shape[1]))
+        for _ in range(1 + _REFINEMENTS):
+            c += factors.solve(self.values.T @ (self.data - self.values @ c) - rough.T @ (rough @ c))
+        return c, float(np.sqrt(np.mean((self.values @ c - self.data) ** 2)))
+
+
+def fit(t: Floats, y: Floats, breaks: Sequence[float], degree: int, noise: float, steps: Sequence[float] = ()) -> Fit:
+    """Return the smoothest spline through rows, within their noise.
+
+    The smoothest spline has the least integrated square of derivative degree - 1: for a velocity of degree 4 and a
+    position of degree 5 this is the derivative of jerk.
+
+    Parameters
+    ----------
+    t : (n,) s
+        Times of the rows, rising.
+    y : (n, m)
+        Rows.
+    breaks : sequence of float
+        Times (s) within the rows, rising, at which derivatives of order degree - 3 and above may jump: force, for the
+        degrees above.
+    degree : int
+        Degree of the spline.
+    noise : float
+        One sigma of a component of a row: RMS of spline minus rows. With 0 the spline passes through every row, as far
+        as rows closer than 0.1 s allow.
+    steps : sequence of float
+        Times (s) after which the rows may have a constant offset, which the spline does not follow.
+    """
+    spans = [float(t[0]), *breaks, float(t[-1])]
+    knots = _knots(t, spans, degree)
+    rows = _rows(t, y, knots, degree, steps)
+    size = len(knots) - degree - 1
+
+    def made(log_weight: float) -> Fit:
+        c, misfit = rows.solve(log_weight)
+        return Fit(BSpline(knots, c[:size], degree), c[size:], misfit)
+
+    exact = made(_EXACT)
+    if noise <= exact.misfit:
+        return exact
+    smoothest = made(_SMOOTHEST)
+    if smoothest.misfit <= noise:
+        return smoothest
+    return made(float(brentq(lambda weight: rows.solve(weight)[1] - noise, _EXACT, _SMOOTHEST, xtol=0.05)))
+
+
+def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
+    """Return knots at the rows, at least `_CLOSEST` apart, and four at each break."""
+    inner: list[float] = []
+    for number, (begin, end) in enumerate(pairwise(spans)):
+        inner += [] if number == 0 else [begin] * 4
+        last = begin
+        for time in t[(t > begin) & (t < end)]:
+            if time - last > 0.99 * _CLOSEST and end - time > 0.5 * _CLOSEST:
+                inner.append(float(time))
+                last = float(time)
+    return np.array([spans[0]] * (degree + 1) + inner + [spans[-1]] * (degree + 1))
+
+
+def _rows(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[float]) -> _Rows:
+    """Return the least-squares problem; the weight of the roughness does not depend on the interval of the rows."""
+    values = csr_array(BSpline.design_matrix(t, knots, degree))
+    ends = np.unique(knots)
+    length = np.diff(ends)
+    at = (ends[:-1, None] + 0.5 * length[:, None] * (1.0 + _NODES)).ravel()
+    cell, usual = (0.5 * length[:, None] * _WEIGHTS).ravel(), float(np.median(np.diff(t)))
+    weights = {degree - 1: 1.0, degree - 2: _TIE}
+    scales = {order: weight * np.sqrt(cell * usual ** (2 * order - 1)) for order, weight in weights.items()}
+    rough = block_array([[diags_array(s) @ _derivative(knots, degree, order, at)] for order, s in scales.items()])
+    if steps:
+        after = csr_array((t[:, None] >= np.asarray(steps)).astype(float))
+        values = csr_array(block_array([[values, after]]))
+        rough = block_array([[rough, csr_array((rough.shape[0], len(steps)))]])
+    return _Rows(values, csr_array(rough), y)
+
+
+def _derivative(knots: Floats, degree: int, order: int, at: Floats) -> csr_array:
+    """Return the matrix from coefficients to the derivative of `order` at times within the intervals of the knots."""
+    lower: csr_array | None = None
+    for k in range(degree, degree - order, -1):
+        size = len(knots) - k - 1
+        span = knots[k + 1 : -1] - knots[1:size]
+        slope = np.divide(float(k), span, out=np.zeros_like(span), where=span > 0.0)  # zero for coincident knots
+        step = csr_array(diags_array([-slope, slope], offsets=[0, 1], shape=(size - 1, size)))
+        lower = step if lower is None else csr_array(step @ lower)
+        knots = knots[1:-1]
+    assert lower is not None
+    return csr_array(csr_array(BSpline.design_matrix(at, knots, degree - order)) @ lower)
+
+
+_SLOW, _FAST = 1.0, 20.0  # m/s; upright below, along the velocity above, blended between
+
+
+def along_path(
+    position: BSpline, edges: list[float], theta0: float, along: Literal["thrust", "velocity"], roll: Roll, hold: float
+) -> BSpline:
+    """Return the quaternion spline of a body that points along its thrust or its velocity.
+
+    Parameters
+    ----------
+    position : BSpline
+        Position (m, frame i).
+    edges : (n + 1,) s
+        Edges of its n parts.
+    theta0 : float
+        Earth angle at lift-off (rad).
+    along : {"thrust", "velocity"}
+        Direction of the x axis.
+    roll : Roll
+    hold : float
+        Time (s) at rest on the Earth before the first edge.
+
+    Raises
+    ------
+    InputError
+        The x axis should lie along a thrust, and no part has any.
+    """
+    times = [stretch_knots(begin, end) for begin, end in pairwise(edges)]
+    t = joined(times)
+    x = _along_force(position, times) if along == "thrust" else _along_velocity(position, t, theta0)
+    right_e = _right_of_path(position, edges, theta0)
+    if hold > 0.0:
+        before = pad_times(edges[0], hold)[:-1]
+        fixed = frames.ecef_from_eci(x[0], frames.earth_angle(theta0, edges[0]))
+        x = np.concatenate([frames.eci_from_ecef(fixed, frames.earth_angle(theta0, before)), x])
+        t = np.concatenate([before, t])
+    return ascent_attitude(t, x, right_e, theta0, roll)
+
+
+def _along_force(position: BSpline, times: list[Floats]) -> Floats:
+    """Return the directions (n, 3) of the specific force; in coasts a rotation from one thrust to the next."""
+    thrusts: list[BSpline | None] = []
+    for t in times:
+        inside = np.clip(t, t[0] + _EDGE, t[-1] - _EDGE)
+        force = position(inside, 2) - gravity_along(position(inside))
+        powered = float(np.median(np.linalg.norm(force, axis=1))) > _COAST
+        thrusts.append(make_interp_spline(t, frames.unit(force), k=5) if powered else None)
+    if all(thrust is None for thrust in thrusts):
+        raise InputError("there is no thrust to point along: give columns of attitude, or pointing: velocity")
+    directions = zip(thrust_directions(times, thrusts), thrusts, strict=True)
+    return np.concatenate([part if thrust is None else frames.unit(part) for part, thrust in directions])
+
+
+def _along_velocity(position: BSpline, t: Floats, theta0: float) -> Floats:
+    """Return the directions (n, 3) of the Earth-relative velocity, blended with the vertical at low speed."""
+    r = position(t)
+    v = frames.earth_velocity(r, position(t, 1))
+    speed = np.linalg.norm(v, axis=1)
+    theta = frames.earth_angle(theta0, t)
+    latitude, longitude, _ = frames.geodetic_from_ecef(frames.ecef_from_eci(r, theta))
+    up = frames.eci_from_ecef(-frames.rotation_e_n(latitude, longitude)[:, 2], theta)
+    weight = smoothsteps((speed - _SLOW) / (_FAST - _SLOW))[:, None]
+    return frames.unit((1.0 - weight) * up + weight * v / np.maximum(speed, _SLOW)[:, None])
+
+
+def _right_of_path(position: BSpline, edges: list[float], theta0: float) -> Floats:
+    """Return the unit vector (3,), frame e, to the right of the path; for a vertical path it points south."""
+    first, last = (frames.ecef_from_eci(position(t), frames.earth_angle(theta0, t)) for t in (edges[0], edges[-1]))
+    latitude, longitude, _ = frames.geodetic_from_ecef(first)
+    north, _, down = frames.rotation_e_n(latitude, longitude)
+    right = np.cross(last - first, -down)
+    length = float(np.linalg.norm(right))
+    return np.asarray(right / length if length > 1.0 else -north)

@@ -1,0 +1,100 @@
+"""True trajectory of a trajectory card, and the digest that identifies it."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from lvnav_trade.imu.error_model import ImuCard
+from lvnav_trade.quantities.errors import InputError, Mistake
+from lvnav_trade.quantities.events import resolve
+from lvnav_trade.quantities.marks import without_marks
+from lvnav_trade.trajectory.ascent.profile import RecordedAscent, rebuild
+from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.disturbances import oscillations
+from lvnav_trade.trajectory.files.columns import TableTrajectory
+from lvnav_trade.trajectory.files.contradiction import require_consistent
+from lvnav_trade.trajectory.files.table_flight import content_of, from_table, residuals, undeclared
+from lvnav_trade.trajectory.flights.orbital import OrbitalFlight, orbit
+from lvnav_trade.trajectory.flights.sounding import SoundingFlight, launch
+from lvnav_trade.trajectory.guided.controlled_flight import flown_ascent
+from lvnav_trade.trajectory.truth import Phase, Trajectory, motion, oscillating, reference
+
+__all__ = [
+    "Phase",
+    "Trajectory",
+    "TrajectoryCard",
+    "build",
+    "content",
+    "identity",
+    "motion",
+    "reference",
+    "refuse_contradiction",
+]
+
+TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory | SoundingFlight | OrbitalFlight
+_BUILDERS: dict[str, Callable[[Any], Trajectory]] = {
+    "vehicle": flown_ascent,
+    "profile": rebuild,
+    "table": from_table,
+    "sounding": launch,
+    "orbital": orbit,
+}
+
+
+def build(card: TrajectoryCard) -> Trajectory:
+    """Return the true trajectory of a card, with its oscillations, and with its named times among the events.
+
+    Raises
+    ------
+    InputError
+        The trajectory cannot be computed, or an oscillation or a named time lies outside it.
+    """
+    flight = _BUILDERS[card.kind](card)
+    if card.named_times:
+        flight = replace(flight, events=flight.events | _named(flight, card.named_times))
+    return oscillating(flight, oscillations(card.oscillation, flight.events, (flight.start, flight.end)))
+
+
+def _named(flight: Trajectory, wanted: Mapping[str, str]) -> dict[str, float]:
+    """Return the named times (s) of a card; InputError for a time outside the flight or the name of an event."""
+    times = {}
+    for name, text in wanted.items():
+        try:
+            if not name.isidentifier() or name in flight.instants:
+                raise InputError(f"{name!r} is an event already, or no name for one")
+            times[name] = resolve(text, flight.instants)
+            if not flight.start <= times[name] <= flight.end:
+                raise InputError(f"{text!r} ({times[name]:g} s) is outside the flight")
+        except InputError as error:
+            raise InputError(records=[Mistake(str(error), path=f"trajectory.named_times.{name}")]) from None
+    return times
+
+
+def content(card: TrajectoryCard) -> str:
+    """Return the digest of the file of a card, empty without a file, so that a changed file is another trajectory."""
+    return content_of(card.file) if isinstance(card, RecordedAscent | TableTrajectory) else ""
+
+
+def identity(card: TrajectoryCard) -> str:
+    """Return 16 hexadecimal digits that identify the nominal trajectory: all numbers of the card, and its file.
+
+    Settings that only affect guided runs do not count, because navigation is simulated on the nominal trajectory.
+    """
+    unread = {"name", "source", "file", "named_times"}
+    dumped = card.model_dump(mode="json", exclude_defaults=True, exclude=unread)
+    if isinstance(card, VehicleAscent):
+        dumped["vehicle"].pop("dispersions", None)  # they change runs, not the nominal trajectory
+        guided = dumped.pop("guidance", None) is not None
+        for name in ("cutoff", "dispersion", "control", "attitude_lag") if guided else ():
+            dumped.pop(name, None)
+    data = without_marks(dumped)
+    text = json.dumps([type(card).__name__, data, content(card)], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def refuse_contradiction(card: TrajectoryCard, imu: ImuCard) -> None:
+    """Raise InputError if a user's file contradicts itself by more than is allowed for an IMU."""
+    if isinstance(card, TableTrajectory):
+        require_consistent(residuals(card), imu, card.file, undeclared(card))

@@ -1,0 +1,284 @@
+"""Flight of a point mass in phases, attitude laws of its body, and the splines of both."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.interpolate import BSpline, PPoly
+
+from lvnav_trade.kernels.earth import gravity_along, gravity_j4
+from lvnav_trade.kernels.media.atmosphere import atmosphere
+from lvnav_trade.quantities import frames
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.ascent.dynamics import Drag
+from lvnav_trade.trajectory.ascent.steering_law import smoothsteps
+from lvnav_trade.trajectory.truth import Phase, body_axes, joined, product, rotation_quaternions, splined
+
+Axes = Callable[[Floats, Floats], Floats]  # times (n,) and states (n, 6 or more) to C_b_i (n, 3, 3)
+_TOLERANCE = 1e-11  # relative, of the integration; 1e-12 moves the end of an orbit by millimetres
+_LONGEST_STEP = 20.0  # s; so that the integrator does not step over a thin layer of air
+
+
+class Mode(NamedTuple):
+    """An attitude law.
+
+    start : s since lift-off. Start of the law.
+    slew : s. Duration of the turn from the previous law.
+    axes : Function of times and states that returns the attitude.
+    """
+
+    start: float
+    slew: float
+    axes: Axes
+
+
+def attitude(modes: Sequence[Mode], t: Floats, y: Floats) -> Floats:
+    """Return quaternions q_b_i (n, 4), of continuous sign, at rising times t (n,) s and states y (n, 6 or more).
+
+    A turn is about the axis of the rotation from one law's attitude to that of the next, with the angle a quintic in
+    time, and takes the shorter way. For half a turn, where both ways are equal, successive times use the same way.
+    """
+    q = frames.quaternions(modes[0].axes(t, y))
+    for mode in modes[1:]:
+        first = int(np.searchsorted(t, mode.start, side="right"))
+        if first == t.size:
+            continue
+        here = slice(first, None)
+        way = product(q[here] * [1.0, -1.0, -1.0, -1.0], frames.quaternions(mode.axes(t[here], y[here])))
+        way *= np.where(way[0, 0] < 0.0, -1.0, 1.0)
+        length = np.linalg.norm(way[:, 1:], axis=1)
+        angle = 2.0 * np.arctan2(length, way[:, 0].copy())
+        done = smoothsteps((t[here] - mode.start) / mode.slew) if mode.slew > 0.0 else np.ones(t.size - first)
+        axis = way[:, 1:] / np.where(length > 0.0, length, 1.0)[:, None]
+        q[here] = product(q[here], rotation_quaternions((done * angle)[:, None] * axis))
+    return q
+
+
+def nose(modes: Sequence[Mode], t: float, y: Floats) -> Floats:
+    """Return the direction (3,) of the body x axis, frame i, at time t (s) and state y (6 or more)."""
+    at, state = np.array([t]), y[None]
+    begun = [modes[0], *(mode for mode in modes[1:] if mode.start < t)]
+    turned_to = len(begun) == 1 or t >= begun[-1].start + begun[-1].slew
+    axes = begun[-1].axes(at, state) if turned_to else frames.matrices(attitude(begun, at, state))
+    return np.asarray(axes[0, :, 0])
+
+
+def along_airspeed(right_e: Floats, theta0: float, at_rest: Floats | None = None) -> Axes:
+    """Return the attitude law of a body with its x axis along the velocity through air that rotates with the Earth.
+
+    right_e : (3,), frame e. Direction of the y axis.
+    at_rest : (3,), frame e. Direction of the x axis of a body at rest on the Earth; None: the body moves.
+    """
+
+    def axes(t: Floats, y: Floats) -> Floats:
+        theta = frames.earth_angle(theta0, t)
+        airspeed = frames.earth_velocity(y[:, :3], y[:, 3:6])
+        x = frames.unit(airspeed) if at_rest is None else frames.eci_from_ecef(at_rest, theta)
+        return body_axes(x, frames.eci_from_ecef(right_e, theta), np.zeros(t.size))
+
+    return axes
+
+
+def fixed_to_stars(C_b_i: Floats) -> Axes:
+    """Return the attitude law of a body with constant inertial attitude C_b_i (3, 3)."""
+    return lambda t, y: np.broadcast_to(C_b_i, (t.size, 3, 3)).copy()
+
+
+def along_velocity(sign: float = 1.0) -> Axes:
+    """Return the attitude law with the x axis along (sign 1) or against (-1) the inertial velocity, z axis down."""
+
+    def axes(t: Floats, y: Floats) -> Floats:
+        across = frames.unit(np.cross(y[:, 3:6], y[:, :3]))  # v x r points to the right of forward flight
+        return body_axes(sign * frames.unit(y[:, 3:6]), sign * across, np.zeros(t.size))
+
+    return axes
+
+
+def level(t: Floats, y: Floats) -> Floats:
+    """Return the attitude (n, 3, 3) with x axis horizontal in the orbital plane, forward, and z axis to the centre."""
+    across = frames.unit(np.cross(y[:, 3:6], y[:, :3]))
+    return body_axes(frames.unit(np.cross(y[:, :3], across)), across, np.zeros(t.size))
+
+
+def turned(axes: Axes, pitch: float, yaw: float) -> Axes:
+    """Return an attitude law rotated from another by a yaw to the right, then a pitch up (rad), about body axes."""
+    if pitch == 0.0 and yaw == 0.0:
+        return axes
+    first, second = (rotation_quaternions(np.array([turn])) for turn in ([0.0, 0.0, yaw], [0.0, pitch, 0.0]))
+    offset = frames.matrices(product(first, second))[0]
+    return lambda t, y: axes(t, y) @ offset
+
+
+Law = Callable[[float, Floats], Floats]  # time and state (7,) to the unit vector of the thrust, or to a rate (7,)
+Condition = Callable[[float, Floats], float]
+
+
+class Thrust(NamedTuple):
+    """A burning motor.
+
+    vacuum : N. Vacuum thrust.
+    flow : kg/s. Mass flow.
+    exit_area : m^2. Exit area of the nozzle.
+    direction : Function of time and state that returns the unit vector of the thrust, frame i.
+    """
+
+    vacuum: float
+    flow: float
+    exit_area: float
+    direction: Law
+
+
+class Stretch(NamedTuple):
+    """An integrated phase of flight.
+
+    name : Name of the phase.
+    t : (n,) s. Times.
+    y : (n, 7) m, m/s, kg. Position and velocity in frame i, and mass.
+    rate : Function of time and state that returns the rate of the state.
+    """
+
+    name: str
+    t: Floats
+    y: Floats
+    rate: Law
+
+
+def newton(air: Drag | None, thrust: Thrust | None, theta0: float) -> Law:
+    """Return the equations of motion: the rate (7,) of position, velocity and mass as a function of time and state.
+
+    Forces are gravitation to J4, drag in air that rotates with the Earth, and thrust.
+
+    air : Drag of the body; None: no drag.
+    thrust : Burning motor; None: coast.
+    theta0 : rad. Earth angle at lift-off.
+    """
+
+    def rate(t: float, y: Floats) -> Floats:
+        out = np.empty(7)
+        out[:3], out[6] = y[3:6], 0.0
+        a = np.array(gravity_j4(y[0], y[1], y[2]))
+        pressure = 0.0
+        if air is not None or (thrust is not None and thrust.exit_area > 0.0):
+            density, pressure, _, sound = atmosphere(height(t, y, theta0))
+            if air is not None and density > 0.0:
+                wind = frames.earth_velocity(y[:3], y[3:6])
+                speed = float(np.linalg.norm(wind))
+                coefficient = np.interp(speed / sound, air.mach, air.coefficient)
+                a += -0.5 * density * speed * coefficient * air.area / y[6] * wind
+        if thrust is not None:
+            a += (thrust.vacuum - pressure * thrust.exit_area) / y[6] * thrust.direction(t, y)
+            out[6] = -thrust.flow
+        out[3:6] = a
+        return out
+
+    return rate
+
+
+def height(t: float, y: Floats, theta0: float) -> float:
+    """Return the height (m) over the ellipsoid at time t (s) and state y; theta0 : rad, Earth angle at lift-off."""
+    return float(frames.geodetic_from_ecef(frames.ecef_from_eci(y[:3], frames.earth_angle(theta0, t)))[2])
+
+
+def climb(y: Floats) -> float:
+    """Return the rate of climb (m/s) along the radius at a state."""
+    return float(y[:3] @ y[3:6] / np.linalg.norm(y[:3]))
+
+
+def fly(
+    name: str, t0: float, y0: Floats, rate: Law, longest: float, step: float, until: Condition | None = None
+) -> Stretch:
+    """Return the integrated phase from time t0 (s) and state y0 (7,).
+
+    Parameters
+    ----------
+    name : str
+    t0 : float
+    y0 : (7,)
+    rate : Law
+        Equations of motion.
+    longest : float
+        Longest duration (s).
+    step : float
+        Interval of the knots (s), slightly reduced to fit; there are at least eight intervals.
+    until : Condition, optional
+        Function of time and state that ends the phase at its zero.
+    """
+    events = None if until is None else [lambda t, y: until(t, y)]
+    if events is not None:
+        events[0].terminal = True  # type: ignore[attr-defined]
+    solution = solve_ivp(
+        rate,
+        (t0, t0 + longest),
+        y0,
+        "DOP853",
+        dense_output=True,
+        rtol=_TOLERANCE,
+        atol=1e-9,
+        events=events,
+        max_step=_LONGEST_STEP,
+    )
+    end = float(solution.t[-1])
+    t = np.linspace(t0, end, max(8, int(np.ceil((end - t0) / step - 1e-9))) + 1)
+    y = solution.sol(t).T
+    y[0] = y0
+    return Stretch(name, t, y, rate)
+
+
+def phases(stretches: Sequence[Stretch], attitude: BSpline, spin: PPoly | None = None) -> list[Phase]:
+    """Return the phases of the true trajectory, with a position spline for each, and common attitude and roll angle."""
+    ends = [np.array([s.rate(float(s.t[k]), s.y[k]) for k in (0, -1)]) for s in stretches]  # rates of the state
+    return [
+        splined(s.name, s.t, s.y[:, :3], rate[:, :3], rate[:, 3:6], attitude, spin)
+        for s, rate in zip(stretches, ends, strict=True)
+    ]
+
+
+def knots(stretches: Sequence[Stretch]) -> tuple[Floats, Floats]:
+    """Return the times (n,) and states (n, 7) of successive phases, with each common sample only once."""
+    return joined([s.t for s in stretches]), joined([s.y for s in stretches])
+
+
+def greatest_load(stretches: Sequence[Stretch]) -> float:
+    """Return the largest specific force (m/s^2) of a flight, at its knots."""
+    samples = [(s.rate(t, y)[3:6], y[:3]) for s in stretches for t, y in zip(s.t.tolist(), s.y, strict=True)]
+    a, r = np.swapaxes(np.array(samples), 0, 1)
+    return float(np.max(np.linalg.norm(a - gravity_along(r.copy()), axis=1)))
+
+
+class Flown:
+    """A flight during its integration: time (s), state y (7,), attitude laws (`modes`), phases and events (s)."""
+
+    def __init__(self, theta0: float, y: Floats, air: Drag | None) -> None:
+        self.t, self.theta0, self.y, self.air = 0.0, theta0, y, air
+        self.modes: list[Mode] = []
+        self.stretches: list[Stretch] = []
+        self.events: dict[str, float] = {}
+
+    @property
+    def height(self) -> float:
+        """Present height, m."""
+        return height(self.t, self.y, self.theta0)
+
+    def above(self, mark: float) -> Condition:
+        """Return the condition whose zero is at the height `mark` (m)."""
+        return lambda t, y: height(t, y, self.theta0) - mark
+
+    def axes(self, modes: Sequence[Mode] = ()) -> Floats:
+        """Return the present attitude C_b_i (3, 3), by the laws of the flight or other laws."""
+        return np.asarray(frames.matrices(attitude(modes or self.modes, np.array([self.t]), self.y[None]))[0])
+
+    def ahead(
+        self, name: str, longest: float, step: float, thrust: Thrust | None = None, until: Condition | None = None
+    ) -> Stretch:
+        """Return the phase from the present state, as `fly` does."""
+        return fly(name, self.t, self.y, newton(self.air, thrust, self.theta0), longest, step, until)
+
+    def keep(self, stretch: Stretch) -> None:
+        """Append a phase and advance to its end."""
+        self.stretches.append(stretch)
+        self.t, self.y = float(stretch.t[-1]), stretch.y[-1].copy()
+
+    def thrust(self, vacuum: float, flow: float, exit_area: float = 0.0) -> Thrust:
+        """Return a burning motor (N, kg/s, m^2) with thrust along the body x axis."""
+        return Thrust(vacuum, flow, exit_area, lambda t, y: nose(self.modes, t, y))

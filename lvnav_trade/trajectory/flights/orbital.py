@@ -1,0 +1,250 @@
+"""Flight in orbit: coasts, burns, and the way down to an altitude, its braking and parachutes."""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.kernels.earth import SEMI_MAJOR
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.frames import (
+    Elements,
+    earth_angle,
+    earth_velocity,
+    ecef_from_eci,
+    gmst,
+    state_from_elements,
+    unit,
+)
+from lvnav_trade.quantities.units import Angle, Area, Card, Epoch, Force, Length, Mass, TimeConstant
+from lvnav_trade.trajectory.ascent.dynamics import Drag
+from lvnav_trade.trajectory.ascent.launch import achieved
+from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, FlightCard, refuse_drag_table
+from lvnav_trade.trajectory.disturbances import OscillationCard
+from lvnav_trade.trajectory.flights.free_flight import (
+    Axes,
+    Flown,
+    Mode,
+    along_airspeed,
+    along_velocity,
+    attitude,
+    fixed_to_stars,
+    greatest_load,
+    knots,
+    level,
+    phases,
+    turned,
+)
+from lvnav_trade.trajectory.truth import Trajectory, attitude_spline
+
+Pointing = Literal["prograde", "retrograde", "horizontal", "airspeed", "inertial"]
+
+_COAST, _POWERED, _CANOPY = 2.0, 0.25, 0.05  # s between knots: where forces are smooth, in burns and air, at openings
+_AIR = 200e3  # m; knots below it are as close as in a burn
+_WIDEST = 2.5  # rad; largest turn in a burn: near half a turn the direction, and thus the thrust, is ambiguous
+_ENTRY = 100e3  # m; altitude of the event entry
+_SLEW = 60.0  # s
+_LONGEST = 20000.0  # s of a coast down: three orbits
+
+
+class Start(Card):
+    """Osculating orbit at t = 0: altitudes above the equatorial radius, and the place at which the flight begins."""
+
+    perigee: Length
+    apogee: Length
+    inclination: Angle
+    node: Angle = Field(0.0, description="longitude of the ascending node in the Earth-fixed frame at t = 0")
+    perigee_argument: Angle = 0.0
+    latitude_argument: Angle = Field(0.0, description="angle from the ascending node to the start")
+
+    def _faults(self) -> Iterator[str]:
+        if self.apogee < self.perigee:
+            yield "apogee lies below perigee"
+        if self.perigee <= -SEMI_MAJOR:
+            yield f"perigee: {self.perigee * 1e-3:.6g} km is below the Earth's centre; it counts from the surface"
+
+
+class Leg(Card):
+    """A coast or a burn, with an attitude law to which the body turns at its start.
+
+    prograde, retrograde: x axis along or against the inertial velocity; horizontal: x axis level in the orbital plane;
+    airspeed: x axis along the velocity through the air; inertial: constant inertial attitude of the start of the leg.
+    Pitch and yaw are rotations from the law about body axes.
+    """
+
+    name: str = Field(
+        pattern="^[a-z][a-z0-9_]*$", description="name of the event; a burn has NAME_ignition and NAME_cutoff"
+    )
+    duration: TimeConstant
+    thrust: Force | None = Field(None, description="vacuum thrust along the x axis; none: a coast")
+    specific_impulse: TimeConstant | None = None
+    attitude: Pointing = "inertial"
+    pitch: Angle = 0.0
+    yaw: Angle = 0.0
+    slew: TimeConstant = Field(_SLEW, description="time to turn to the attitude law")
+
+    @property
+    def flow(self) -> float:
+        """Mass flow in kg/s."""
+        if self.thrust is None or self.specific_impulse is None:
+            return 0.0
+        return self.thrust / (STANDARD_GRAVITY * self.specific_impulse)
+
+    def _faults(self) -> Iterator[str]:
+        if (self.thrust is None) != (self.specific_impulse is None):
+            yield "a burn needs thrust and specific_impulse, a coast neither"
+
+
+class Canopy(Card):
+    """A parachute that opens at an altitude and is replaced by the next parachute."""
+
+    name: str = Field(pattern="^[a-z][a-z0-9_]*$")
+    below: Length
+    drag_area: Annotated[Area, Field(gt=0.0)] = Field(description="area times drag coefficient")
+
+
+class Descent(Card):
+    """The last coast, through the air down to an altitude."""
+
+    altitude: Length = Field(description="height at which the flight ends, at the last whole second before it")
+    attitude: Pointing = "airspeed"
+    pitch: Angle = 0.0
+    yaw: Angle = 0.0
+    slew: TimeConstant = 60.0
+    parachutes: tuple[Canopy, ...] = ()
+
+    def _faults(self) -> Iterator[str]:
+        marks = [canopy.below for canopy in self.parachutes] + [self.altitude]
+        if any(later >= earlier for earlier, later in pairwise(marks)):
+            yield "parachutes open one below the other, above the altitude of the end"
+
+
+class OrbitalFlight(FlightCard):
+    """A trajectory that begins in orbit at t = 0: legs, and optionally a descent to an altitude.
+
+    Drag acts throughout, with the present mass; there is none without a reference area.
+    """
+
+    kind: Literal["orbital"] = "orbital"
+    epoch: Epoch = Field(description="t = 0, ISO 8601 UTC")
+    orbit: Start  # at t = 0
+    mass: Annotated[Mass, Field(gt=0.0)]  # at t = 0
+    reference_area: Area = 0.0  # area that the drag coefficients refer to
+    mach: tuple[float, ...] = Field((0.0, 1.0), min_length=2, description="Mach numbers of the drag table, increasing")
+    drag_coefficient: tuple[float, ...] = Field((2.2, 2.2), min_length=2)  # at the Mach numbers
+    legs: tuple[Leg, ...] = Field(min_length=1)  # coasts and burns in order
+    descent: Descent | None = None  # to the end altitude; none: the flight ends with its last leg
+    oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
+
+    pad_hold: ClassVar[float] = 0.0  # the flight begins with its first event
+    coast_after_injection: ClassVar[float] = 0.0  # and ends with the last one
+
+    def _faults(self) -> list[str]:
+        refuse_drag_table(self.mach, self.drag_coefficient)
+        burnt = sum(leg.flow * leg.duration for leg in self.legs)
+        rules = {
+            "two legs have the same name": len({leg.name for leg in self.legs}) < len(self.legs),
+            "slew of the first leg has no effect: no leg comes before it; leave it out": self.legs[0].slew != _SLEW,
+            f"the burns use {burnt:g} kg, the mass is {self.mass:g} kg": burnt >= self.mass,
+        }
+        return [fault for fault, applies in rules.items() if applies]
+
+
+def orbit(card: OrbitalFlight) -> Trajectory:
+    """Return the true trajectory of an orbital card; InputError if it does not come down, or comes down too early."""
+    flight = _Flight(card)
+    for leg in card.legs:
+        flight.leg(leg)
+    if card.descent is not None:
+        flight.descend(card.descent)
+    flight.events["end"] = flight.t
+    t, y = knots(flight.stretches)
+    flown = phases(flight.stretches, attitude_spline(t, attitude(flight.modes, t, y)))
+    return Trajectory(tuple(flown), flight.events, flight.theta0, card.epoch, _facts(flight))
+
+
+class _Flight(Flown):
+    def __init__(self, card: OrbitalFlight) -> None:
+        self.card, at, theta0 = card, card.orbit, gmst(card.epoch)
+        a, e = SEMI_MAJOR + 0.5 * (at.apogee + at.perigee), 0.5 * (at.apogee - at.perigee)
+        node, anomaly = at.node + theta0, at.latitude_argument - at.perigee_argument
+        elements = Elements(*map(np.array, (a, e / a, at.inclination, node, at.perigee_argument, anomaly)))
+        air = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
+        start = np.concatenate([*state_from_elements(elements), [card.mass]])
+        super().__init__(theta0, start, air if card.reference_area > 0.0 else None)
+
+    def point(self, to: Leg | Descent) -> None:
+        """Turn to an attitude law at the present time; the first law applies from the start."""
+        start, slew = (self.t, to.slew) if self.modes else (-math.inf, 0.0)
+        self.modes.append(Mode(start, slew, turned(self._law(to.attitude), to.pitch, to.yaw)))
+
+    def _law(self, law: Pointing) -> Axes:
+        if law == "inertial":
+            return fixed_to_stars(self.axes() if self.modes else along_velocity()(np.array([self.t]), self.y[None])[0])
+        if law == "airspeed":
+            across = unit(np.cross(self.y[3:6], self.y[:3]))
+            return along_airspeed(ecef_from_eci(across, earth_angle(self.theta0, self.t)), self.theta0)
+        return level if law == "horizontal" else along_velocity(1.0 if law == "prograde" else -1.0)
+
+    def leg(self, leg: Leg) -> None:
+        self.point(leg)
+        burning = leg.thrust is not None
+        if burning and self._turn() > _WIDEST:
+            raise InputError(
+                f"{self.card.name}: the body would turn by {math.degrees(self._turn()):.0f} deg while {leg.name!r} "
+                "burns; turn it in a coast before"
+            )
+        self.events[f"{leg.name}_ignition" if burning else leg.name] = self.t
+        step = _POWERED if burning or leg.slew < 20.0 * _COAST or self.height < _AIR else _COAST
+        thrust = self.thrust(leg.thrust, leg.flow) if leg.thrust is not None else None
+        self.keep(self.ahead(leg.name, leg.duration, step, thrust, self.above(0.0)))
+        if self.height < 1.0:
+            raise InputError(f"{self.card.name}: the leg {leg.name!r} ends on the ground")
+        if burning:
+            self.events[f"{leg.name}_cutoff"] = self.t
+
+    def _turn(self) -> float:
+        """Return the angle (rad) from the present attitude to that of the latest law."""
+        trace = float(np.trace(self.axes().T @ self.axes(self.modes[-1:])))
+        return math.acos(min(1.0, max(-1.0, 0.5 * (trace - 1.0))))
+
+    def descend(self, card: Descent) -> None:
+        self.point(card)
+        self.events["descent"] = self.t
+        step = _COAST if self.height > _AIR and card.slew >= 20.0 * _COAST else _POWERED
+        entered = all(canopy.below < _ENTRY for canopy in card.parachutes)
+        layers = [mark for mark in (_AIR, _ENTRY) if card.altitude < mark < self.height and (mark == _AIR or entered)]
+        marks = [*((mark, None) for mark in layers), *((canopy.below, canopy) for canopy in card.parachutes)]
+        for mark, canopy in [*marks, (card.altitude, None)]:
+            above = self.above(mark)
+            if above(self.t, self.y) <= 0.0:
+                raise InputError(f"{self.card.name}: the descent begins below {mark / 1e3:g} km")
+            stretch = self.ahead("descent", _LONGEST, step, until=above)
+            if above(float(stretch.t[-1]), stretch.y[-1]) > 1.0:
+                raise InputError(f"{self.card.name}: does not come down to {card.altitude / 1e3:g} km")
+            if mark == card.altitude:  # a whole second is the end of a tick at every rate
+                stretch = self.ahead("descent", math.floor(stretch.t[-1]) - self.t, step)
+            self.keep(stretch)
+            step = _POWERED
+            if mark == _ENTRY:
+                self.events["entry"] = self.t
+            if canopy is not None:
+                self.events[canopy.name] = self.t
+                self.air = Drag(canopy.drag_area, np.array([0.0, 1.0]), np.ones(2))
+                self.keep(self.ahead("opening", 4.0, _CANOPY))
+
+
+def _facts(flight: _Flight) -> dict[str, float | str]:
+    first = achieved(flight.stretches[0].y[0])
+    return {
+        "perigee_at_start_m": first["perigee_m"],
+        "apogee_at_start_m": first["apogee_m"],
+        "inclination_rad": first["inclination_rad"],
+        "mass_at_end_kg": float(flight.y[6]),
+        "max_load_g": greatest_load(flight.stretches) / STANDARD_GRAVITY,
+        "altitude_at_end_m": flight.height,
+        "ground_speed_at_end_m_per_s": float(np.linalg.norm(earth_velocity(flight.y[:3], flight.y[3:6]))),
+    }

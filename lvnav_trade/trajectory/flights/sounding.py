@@ -1,0 +1,351 @@
+"""A spinning sounding rocket: its card, and its flight along the rail, nose first through the air, and down."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+from scipy.interpolate import PPoly
+from scipy.optimize import brentq
+
+from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR
+from lvnav_trade.kernels.media.atmosphere import atmosphere
+from lvnav_trade.quantities import frames
+from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.events import Instant, resolve
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.units import Angle, Area, Card, Length, Mass, Pause, TimeConstant, TurnRate
+from lvnav_trade.trajectory.ascent.dynamics import Drag
+from lvnav_trade.trajectory.ascent.launch import pad_knots, site_phase
+from lvnav_trade.trajectory.ascent.legs import pad_state, site_axes
+from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, FlightCard, Site, refuse_drag_table
+from lvnav_trade.trajectory.disturbances import OscillationCard
+from lvnav_trade.trajectory.flights.free_flight import (
+    Flown,
+    Mode,
+    Thrust,
+    along_airspeed,
+    attitude,
+    climb,
+    fixed_to_stars,
+    fly,
+    greatest_load,
+    height,
+    knots,
+    newton,
+    phases,
+)
+from lvnav_trade.trajectory.truth import Trajectory, attitude_spline, body_axes
+
+_STEP = 0.25  # s between knots
+_LONGEST = 3600.0  # s; longest coast: a rocket that has not come down by then is in orbit
+
+
+def _turns(value: Any) -> Any:
+    """Refuse an angle per time, because as a frequency it would be read as turns per time, 6 times too fast."""
+    if isinstance(value, str) and ("rad" in value or "deg" in value):
+        raise ValueError(f"{value!r}: give the turns per second, in Hz")
+    return value
+
+
+class SolidMotor(Card):
+    """A stage of a sounding rocket: constant mass flow over its burn, and the coasts before and after it."""
+
+    name: str  # of the stage
+    propellant: Annotated[Mass, Field(gt=0.0)]  # mass that burns
+    dry: Annotated[Mass, Field(gt=0.0)] = Field(description="mass that is dropped with the stage")
+    burn_time: TimeConstant  # of all the propellant
+    specific_impulse: TimeConstant = Field(description="vacuum specific impulse")
+    exit_area: Area = 0.0  # of the nozzle
+    ignition_delay: Pause = Field(0.0, description="coast between separation of the stage below and ignition")
+    separation_delay: Pause | None = Field(None, description="coast between cut-off and separation; none: it stays")
+    elevation: Angle | None = Field(
+        None,
+        description="elevation to which the body is turned before ignition, in its plane of flight; none: no turn",
+    )
+
+
+class Rail(Card):
+    """The rail that guides the rocket over its first metres."""
+
+    azimuth: Angle
+    elevation: Annotated[Angle, Field(gt=0.3, lt=1.5707)] | None = Field(
+        None, description="elevation of the rail; none: solved for the apogee"
+    )
+    length: Annotated[Length, Field(gt=0.0)]
+
+
+class SpinStep(Card):
+    """A smooth change of the spin rate, for example due to canted fins or a yo-yo despin."""
+
+    at: Instant = Field(description="event, also with a duration added, or a time since lift-off")
+    frequency: Annotated[TurnRate, BeforeValidator(_turns)] = Field(
+        description="spin rate about the x axis from that time, in turns per second"
+    )
+    over: TimeConstant
+
+
+class SoundingFlight(FlightCard):
+    """A trajectory of an unguided rocket: along a rail, nose first in the air, then stabilised by spin.
+
+    The elevation of the rail is solved for the apogee (altitude over the ellipsoid). If that elevation is given, the
+    elevation to which the body turns before the last stage is solved instead.
+    """
+
+    kind: Literal["sounding"] = "sounding"
+    site: Site  # launch site
+    rail: Rail  # launcher that guides the first metres
+    stages: tuple[SolidMotor, ...] = Field(min_length=1)  # in order of ignition
+    payload: Annotated[Mass, Field(gt=0.0)]  # mass above the last stage
+    reference_area: Annotated[Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
+    mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, increasing")
+    drag_coefficient: tuple[float, ...] = Field(min_length=2)  # at the Mach numbers
+    apogee: Annotated[Length, Field(gt=0.0)] | None = None  # altitude over the ellipsoid; none: elevations stated
+    weathercock: TimeConstant = Field(
+        10.0, description="time after the rail in which aerodynamics align the body with the airflow"
+    )
+    held_above: Length = Field(
+        60e3, description="height above which spin stabilises the attitude instead of aerodynamics"
+    )
+    turn_time: TimeConstant = Field(6.0, description="time to turn from one law of attitude to the next")
+    spin: tuple[SpinStep, ...] = ()  # changes of the spin, in order
+    end_altitude: Length = Field(
+        100e3, description="height in the descent at which the flight ends, at the last whole second before it"
+    )
+    pad_hold: Pause = 60.0  # rest on the rail before lift-off
+    oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
+
+    coast_after_injection: ClassVar[float] = 0.0  # the last event is the end
+
+    def _faults(self) -> Iterator[str]:
+        refuse_drag_table(self.mach, self.drag_coefficient)
+        if self.rail.elevation is None and self.apogee is None:
+            yield "give the rail's elevation or the apogee that it is to be solved for"
+        solved = self.rail.elevation is not None and self.apogee is not None
+        if solved and (len(self.stages) < 2 or self.stages[-1].elevation is not None):
+            yield "the rail's elevation and the last stage's are stated: nothing is left for the apogee"
+        if self.stages[0].elevation is not None:
+            yield "the first stage starts from the rail: its elevation is that of the rail"
+        if self.stages[0].ignition_delay > 0.0:
+            yield "ignition_delay of the first stage has no effect: it ignites at lift-off; leave it out"
+        for stage in self.stages[:-1]:
+            if stage.separation_delay is None:
+                yield f"stage {stage.name!r} stays, but another burns above it: give its separation_delay"
+        for k, stage in enumerate(self.stages[1:], start=2):
+            turned = stage.elevation is not None or (solved and k == len(self.stages))
+            if turned and stage.ignition_delay < self.turn_time:
+                yield f"stage {stage.name!r} is turned within turn_time, longer than its ignition_delay"
+
+
+def spin_angle(steps: tuple[SpinStep, ...], events: dict[str, float], start: float, end: float) -> PPoly | None:
+    """Return the roll angle (rad) from start to end (s) with an initial spin of zero; None without any spin."""
+    if not steps:
+        return None
+    times, rows, before = [start - 1.0], [], 0.0
+    for step in steps:
+        at = resolve(step.at, events)
+        if at < times[-1] or at + step.over > end:
+            raise InputError(f"spin: the step at {step.at!r} overlaps the one before, or lies outside the flight")
+        change, d = step.frequency - before, step.over
+        rows += [
+            [0.0] * 5 + [before],
+            [6.0 * change / d**5, -15.0 * change / d**4, 10.0 * change / d**3, 0.0, 0.0, before],
+        ]
+        times += [at, at + d]
+        before = step.frequency
+    rows.append([0.0] * 5 + [before])
+    return PPoly(2.0 * math.pi * np.array(rows).T, np.array([*times, end + 1.0])).antiderivative()
+
+
+def launch(card: SoundingFlight) -> Trajectory:
+    """Return the true trajectory of a sounding rocket; InputError if it does not rise or cannot reach its apogee."""
+    flight = _fly(card, *_solve(card))
+    before = pad_knots(card.pad_hold, _STEP)
+    t, y = knots(flight.stretches)
+    t, y = np.concatenate([before, t]), np.concatenate([np.zeros((before.size, 7)), y])
+    q_b_i = attitude_spline(t, attitude(flight.modes, t, y))
+    flight.events["max_q"], pressure = _max_q(flight)
+    events = dict(sorted(flight.events.items(), key=lambda item: item[1]))
+    spin = spin_angle(card.spin, events, float(t[0]), float(t[-1]))
+    flown = (*site_phase(card.site, flight.theta0, card.pad_hold, q_b_i, spin), *phases(flight.stretches, q_b_i, spin))
+    return Trajectory(flown, events, flight.theta0, card.epoch, _facts(card, flight, pressure))
+
+
+class _Flight(Flown):
+    def __init__(self, card: SoundingFlight, elevation: float) -> None:
+        up, downrange, right = site_axes(card.site, card.rail.azimuth)
+        self.card, self.elevation, self.right_e, self.held = card, elevation, right, False
+        self.rail_e = math.cos(elevation) * downrange + math.sin(elevation) * up
+        mass = card.payload + sum(stage.propellant + stage.dry for stage in card.stages)
+        theta0 = frames.gmst(card.epoch)
+        start = np.concatenate([*pad_state(card.site, float(frames.earth_angle(theta0, 0.0))), [mass]])
+        super().__init__(theta0, start, Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient)))
+        self.modes.append(Mode(-math.inf, 0.0, along_airspeed(right, theta0, at_rest=self.rail_e)))
+        self.events["liftoff"] = 0.0
+
+    def motor(self, stage: SolidMotor) -> Thrust:
+        flow = stage.propellant / stage.burn_time
+        return self.thrust(flow * STANDARD_GRAVITY * stage.specific_impulse, flow, stage.exit_area)
+
+    def leave_rail(self, stage: SolidMotor) -> None:
+        """Integrate the motion along the rail, whose force cancels all acceleration across it."""
+        free = newton(self.air, self.motor(stage), self.theta0)
+        start_e = frames.ecef_from_eci(self.y[:3], self.theta0)
+
+        def law(t: float, y: Floats) -> Floats:
+            out = free(t, y)
+            rail = frames.eci_from_ecef(self.rail_e, frames.earth_angle(self.theta0, t))
+            at_rest = _acceleration_at_rest(y) + 2.0 * np.cross([0.0, 0.0, OMEGA], frames.earth_velocity(y[:3], y[3:6]))
+            out[3:6] = rail * (rail @ (out[3:6] - at_rest)) + at_rest
+            return out
+
+        def gone(t: float, y: Floats) -> float:
+            way = frames.ecef_from_eci(y[:3], frames.earth_angle(self.theta0, t)) - start_e
+            return float(self.rail_e @ way) - self.card.rail.length
+
+        push = frames.rotation_i_e(self.theta0) @ (law(0.0, self.y)[3:6] - _acceleration_at_rest(self.y))
+        if float(self.rail_e @ push) < 0.5:
+            raise InputError(f"{self.card.name}: the thrust of {stage.name!r} does not lift the rocket off its rail")
+        self.keep(fly("rail", 0.0, self.y, law, stage.burn_time, _STEP, gone))
+        self.events["rail_exit"] = self.t
+        self.nose_first(self.card.weathercock)
+
+    def nose_first(self, slew: float) -> None:
+        """Turn the x axis along the airspeed, within `slew` seconds."""
+        self.modes.append(Mode(self.t, slew, along_airspeed(self.right_e, self.theta0)))
+
+    def leg(self, name: str, duration: float, thrust: Thrust | None = None) -> None:
+        """Integrate for a duration (s); at the end of the aerodynamic phase the leg is cut and the attitude fixed."""
+        end, above = self.t + duration, self.above(self.card.held_above)
+        while end - self.t > 1e-9:
+            cut = None if self.held or above(self.t, self.y) >= 0.0 else above
+            self.keep(self.ahead(name, end - self.t, _STEP, thrust, cut))
+            if not self.held and above(self.t, self.y) >= -1e-6:
+                self.hold(self.axes())
+
+    def hold(self, C_b_i: Floats, start: float | None = None) -> None:
+        """Keep an inertial attitude from `start` (s) on; None: from the present time on."""
+        self.held = True
+        self.modes.append(Mode(self.t if start is None else start, self.card.turn_time, fixed_to_stars(C_b_i)))
+
+    def turn(self, elevation: float, coast: float) -> None:
+        """Turn to an elevation (rad) above the local horizontal after `coast` seconds, by that time."""
+        there = self.ahead("", coast, _STEP)
+        C_i_n = frames.rotation_i_n(there.y[-1:, :3], np.array(frames.earth_angle(self.theta0, there.t[-1])))[0]
+        along = C_i_n @ frames.earth_velocity(there.y[-1, :3], there.y[-1, 3:6])
+        x = C_i_n.T @ np.array([*(along[:2] / np.hypot(*along[:2]) * math.cos(elevation)), -math.sin(elevation)])
+        right = frames.eci_from_ecef(self.right_e, frames.earth_angle(self.theta0, there.t[-1]))
+        self.hold(body_axes(x[None], right[None], np.zeros(1))[0], float(there.t[-1]) - self.card.turn_time)
+
+    def burn(self, number: int, stage: SolidMotor) -> None:
+        thrust = self.motor(stage)
+        if number > 1:
+            self.events[f"stage{number}_ignition"] = self.t
+        self.leg(f"stage {number} burn", stage.burn_time - (self.t if number == 1 else 0.0), thrust)
+        self.events[f"stage{number}_cutoff"] = self.t
+        if stage.separation_delay is not None:
+            self.leg(f"stage {number} coast", stage.separation_delay)
+            self.events[f"stage{number}_separation"] = self.t
+            self.y[6] -= stage.dry
+
+    def rise(self) -> None:
+        if climb(self.y) <= 0.0:
+            raise InputError(f"{self.card.name}: the rocket is past its apogee before its last stage is done")
+        if not self.held:
+            self.hold(self.axes())
+        self.keep(self.ahead("coast", _LONGEST, _STEP, until=lambda t, y: climb(y)))
+        if climb(self.y) > 1.0:
+            raise InputError(f"{self.card.name}: no apogee within {_LONGEST:g} s of the last stage")
+        self.events["apogee"] = self.t
+
+    def fall(self) -> None:
+        """Coast down to the end, nose first again in the air."""
+        if self.height - self.card.end_altitude < 1.0:
+            raise InputError(f"{self.card.name}: the apogee is not above end_altitude")
+        marks = [self.card.held_above] if self.card.end_altitude < self.card.held_above < self.height else []
+        for mark in [*marks, self.card.end_altitude]:
+            last = mark == self.card.end_altitude
+            stretch = self.ahead("descent", _LONGEST, _STEP, until=self.above(mark))
+            if last:  # a whole second is the end of a tick at every rate
+                stretch = self.ahead(
+                    "descent", max(math.floor(stretch.t[-1]), math.ceil(self.t + 1e-6)) - self.t, _STEP
+                )
+            self.keep(stretch)
+            if not last:
+                self.nose_first(self.card.turn_time)
+        self.events["end"] = self.t
+
+
+def _acceleration_at_rest(y: Floats) -> Floats:
+    """Return the acceleration (3,) of a point at rest on the rotating Earth, at the position of a state."""
+    return np.array([-OMEGA * OMEGA * y[0], -OMEGA * OMEGA * y[1], 0.0])
+
+
+def _fly(card: SoundingFlight, elevation: float, turn: float | None, whole: bool = True) -> _Flight:
+    """Return the flight with rail at `elevation` and last stage turned to `turn` (rad); to apogee if not whole."""
+    flight = _Flight(card, elevation)
+    flight.leave_rail(card.stages[0])
+    for number, stage in enumerate(card.stages, start=1):
+        goal = stage.elevation if number < len(card.stages) or turn is None else turn
+        if number > 1:
+            if goal is not None:
+                flight.turn(goal, stage.ignition_delay)
+            flight.leg(f"coast before stage {number}", stage.ignition_delay)
+        flight.burn(number, stage)
+    flight.rise()
+    if whole:
+        flight.fall()
+    return flight
+
+
+def _solve(card: SoundingFlight) -> tuple[float, float | None]:
+    """Return the elevations (rad) of rail and last stage (None: no turn) that reach the apogee."""
+    rail, wanted = card.rail.elevation, card.apogee
+    if wanted is None:
+        assert rail is not None
+        return rail, None
+    _Flight(card, rail or math.radians(80.0)).leave_rail(card.stages[0])  # refuses what does not, before the search
+
+    def excess(elevation: float) -> float:
+        start, turn = (elevation, None) if rail is None else (rail, elevation)
+        try:
+            return _fly(card, start, turn, whole=False).height - wanted
+        except InputError:  # so low that it comes down before its last stage is done
+            return -wanted
+
+    low, high = (math.radians(60.0), math.radians(89.5)) if rail is None else (math.radians(-10.0), math.radians(80.0))
+    try:
+        elevation = float(brentq(excess, low, high, xtol=1e-7))
+    except ValueError:
+        raise InputError(
+            f"{card.name}: an apogee of {wanted / 1e3:g} km is out of reach with elevations of "
+            f"{math.degrees(low):g} to {math.degrees(high):g} deg"
+        ) from None
+    return (elevation, None) if rail is None else (rail, elevation)
+
+
+def _max_q(flight: _Flight) -> tuple[float, float]:
+    """Return time (s) and value (Pa) of the greatest dynamic pressure before the apogee."""
+    best = (0.0, 0.0)
+    for stretch in flight.stretches:
+        if stretch.name in ("rail", "descent"):
+            continue
+        for t, y in zip(stretch.t.tolist(), stretch.y, strict=True):
+            density = atmosphere(height(t, y, flight.theta0))[0]
+            best = max(best, (0.5 * density * float(np.sum(frames.earth_velocity(y[:3], y[3:6]) ** 2)), t))
+    return best[1], best[0]
+
+
+def _facts(card: SoundingFlight, flight: _Flight, max_q: float) -> dict[str, float | str]:
+    apogee = next(s for s in flight.stretches if s.t[-1] == flight.events["apogee"])
+    ends = (0.0, flight.stretches[0].y[0]), (flight.t, flight.y)
+    begin_e, end_e = (frames.ecef_from_eci(y[:3], frames.earth_angle(flight.theta0, t)) for t, y in ends)
+    return {
+        "apogee_m": height(float(apogee.t[-1]), apogee.y[-1], flight.theta0),
+        "rail_elevation_rad": flight.elevation,
+        "azimuth_rad": card.rail.azimuth,
+        "downrange_m": SEMI_MAJOR * math.acos(float(frames.unit(begin_e) @ frames.unit(end_e))),
+        "max_load_g": greatest_load(flight.stretches) / STANDARD_GRAVITY,
+        "max_dynamic_pressure_pa": max_q,
+    }

@@ -1,0 +1,86 @@
+"""What a controller of the attitude knows before lift-off: the commanded attitude of the ascent on every tick."""
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.quantities import frames
+from lvnav_trade.quantities.envelope import EnvelopeCard, changing
+from lvnav_trade.quantities.events import resolve
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.ascent.dispersion import flown
+from lvnav_trade.trajectory.ascent.launch import build_ascent
+from lvnav_trade.trajectory.ascent.legs import Leg
+from lvnav_trade.trajectory.ascent.steering_law import smoothsteps
+from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.control_cards import ControllerCard
+from lvnav_trade.trajectory.guided.autopilot import BURN, CHANGE, COAST, Course
+from lvnav_trade.trajectory.guided.reference import Plan, plan_along
+from lvnav_trade.trajectory.truth import Trajectory, motion
+
+PITCH, YAW = 0, 1
+_BURN = re.compile(r"stage \d+ burn")
+_CHANGE = re.compile(r"stage\d+_(ignition|cutoff|separation)")
+
+
+class Ascent(NamedTuple):
+    """A solved ascent: its vehicle, its truth, what guidance knows of it, and its legs with mass and thrust."""
+
+    card: VehicleAscent
+    trajectory: Trajectory
+    plan: Plan
+    legs: list[Leg]
+
+
+def ascend(card: VehicleAscent) -> Ascent:
+    """Return the solved ascent of a vehicle card; InputError where the orbit is out of its reach."""
+    vehicle, aim, flight = flown(card)
+    return Ascent(vehicle, build_ascent(card), plan_along(card, aim, flight), flight.legs)
+
+
+def changes(trajectory: Trajectory) -> Floats:
+    """Return the times (k,) in s of lift-off and of every ignition, cut-off and separation of a stage, in order."""
+    return np.array([t for name, t in trajectory.events.items() if name == "liftoff" or _CHANGE.match(name)])
+
+
+def course_along(ascent: Ascent, controller: ControllerCard, envelope: EnvelopeCard, rate: float) -> Course:
+    """Return the commanded attitude along an ascent, on ticks at `rate` (Hz) from lift-off to the end.
+
+    InputError where a turn starts at no event.
+    """
+    trajectory = ascent.trajectory
+    n_tick = int(np.floor(trajectory.end * rate + 1e-6))
+    t = np.minimum(np.arange(n_tick + 1) / rate, trajectory.end)
+    nominal = motion(trajectory, t)
+    C_b_i = frames.matrices(nominal.q_b_i)
+    turn, turn_rate = _turns(controller, trajectory, t)
+    phase = np.where(_burning(ascent.legs, t), BURN, COAST)
+    phase[changing(envelope, t, changes(trajectory))] = CHANGE
+    return Course(
+        t=t,
+        ahead=np.ascontiguousarray(C_b_i[:, :, 0]),
+        up=np.ascontiguousarray(-C_b_i[:, :, 2]),
+        right=np.ascontiguousarray(C_b_i[:, :, 1]),
+        rate=np.ascontiguousarray(nominal.w_ib_b[:, 1:]),
+        turn=turn,
+        turn_rate=turn_rate,
+        velocity=np.ascontiguousarray(nominal.v_i),
+        phase=phase.astype(np.int64),
+    )
+
+
+def _burning(legs: list[Leg], t: Floats) -> Floats:
+    """Return whether a motor burns at times t (n,)."""
+    index = np.maximum(np.searchsorted([leg.t[0] for leg in legs], t, side="right") - 1, 0)
+    return np.array([_BURN.match(leg.name) is not None for leg in legs])[index]
+
+
+def _turns(controller: ControllerCard, trajectory: Trajectory, t: Floats) -> tuple[Floats, Floats]:
+    angle, rate = np.zeros((t.size, 2)), np.zeros((t.size, 2))
+    for turn in controller.turns:
+        axis = PITCH if turn.axis == "pitch" else YAW
+        x = np.clip((t - resolve(turn.start, trajectory.events)) / turn.duration, 0.0, 1.0)
+        angle[:, axis] += turn.angle * smoothsteps(x)
+        rate[:, axis] += turn.angle / turn.duration * 30.0 * (x * (1.0 - x)) ** 2
+    return angle, rate

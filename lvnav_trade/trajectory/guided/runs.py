@@ -1,0 +1,80 @@
+"""Guided ascents, run by run: from draws and navigation errors to the state at cut-off."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.quantities.reads import remembered
+from lvnav_trade.quantities.records import Floats
+from lvnav_trade.trajectory.ascent.legs import mass_above
+from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
+from lvnav_trade.trajectory.guided.autopilot import Draws
+from lvnav_trade.trajectory.guided.course import ascend
+from lvnav_trade.trajectory.guided.draws import Sigmas, density_of, deviations, vehicle_of
+from lvnav_trade.trajectory.guided.dynamics import PERFECT, Navigation, error_at
+from lvnav_trade.trajectory.guided.missions import Launch, launch_along, turning_of, wind_of_launch
+from lvnav_trade.trajectory.guided.pilots import ADRIFT, INJECTED, GuidedPilot, TurningPilot
+from lvnav_trade.trajectory.guided.reference import Plan
+
+
+class Injection(NamedTuple):
+    """How a run ends.
+
+    outcome : One of `records.OUTCOMES`.
+    t : s since lift-off. Time of the cut-off, or of what ended the flight before it.
+    y : (7,). True position (m), velocity (m/s), frame i, and mass (kg) at that time.
+    left : kg. Propellant left in the last stage.
+    error : (9,). Navigation errors at that time, as in `Navigation`.
+    """
+
+    outcome: str
+    t: float
+    y: Floats
+    left: float
+    error: Floats
+
+
+def empty_mass(flown: VehicleAscent) -> float:
+    """Return the mass (kg) of the last stage without propellant, with what it carries."""
+    return flown.vehicle.stages[-1].dry + mass_above(flown, len(flown.vehicle.stages))
+
+
+def inject(plan: Plan, sigmas: Sigmas, navigation: Navigation = PERFECT, draws: Draws | None = None) -> Injection:
+    """Fly one run.
+
+    Parameters
+    ----------
+    plan : Plan
+    sigmas : Draws in sigmas of the sources of the vehicle card, see `draws`.
+    navigation : Navigation errors over the flight, as the filter has them on the nominal flight.
+    draws : What the noises, gusts and misalignments of a vehicle under attitude control depend on; of none the first.
+    """
+    if not np.all(np.isfinite(navigation.error)):
+        return Injection(ADRIFT, np.nan, np.full(7, np.nan), np.nan, np.full(9, np.nan))
+    flown = vehicle_of(plan.card, sigmas)
+    pilot = _pilot(plan, flown, sigmas, navigation, draws)
+    outcome = pilot.fly()
+    left = float(pilot.y[6]) - empty_mass(flown)
+    if outcome == INJECTED:
+        pilot.push(pilot.differs.tail_off)
+    return Injection(outcome, pilot.t, pilot.y[:7], max(0.0, left), error_at(pilot.t, navigation))
+
+
+def _pilot(
+    plan: Plan, flown: VehicleAscent, sigmas: Sigmas, navigation: Navigation, draws: Draws | None
+) -> GuidedPilot:
+    """Return the pilot of a vehicle by how its attitude answers to a command."""
+    differs, control = deviations(plan.card, sigmas), plan.card.control
+    if control is None:
+        return GuidedPilot(plan, flown, differs, navigation)
+    launch = _launched(plan.card.model_dump_json(exclude={"named_times", "cutoff", "dispersion"}), plan.card)
+    draws = draws or Draws(np.uint64(0), np.uint64(0), np.uint64(0))
+    turning = turning_of(launch, control.feedback, draws, by_run=True, density=density_of(plan.card, sigmas))
+    blown = differs._replace(wind=wind_of_launch(launch, draws, differs.wind))
+    return TurningPilot(plan, flown, blown, navigation, turning)
+
+
+@remembered(4)
+def _launched(key: str, card: VehicleAscent) -> Launch:
+    assert card.control is not None
+    return launch_along(ascend(card), card.control)

@@ -1,5 +1,0 @@
-"""Powered ascent: solved for a vehicle card and a target orbit, or rebuilt from a record of speed and altitude.
-
-Read `vehicle.py` first (the cards), then `launch.py` (a solved ascent as true trajectory) and `profile.py` (a
-rebuilt one).
-"""

@@ -1,7 +1,0 @@
-"""Ascents that are not the nominal one: dispersed, guided by a state with navigation errors, under attitude control.
-
-Read `reference.py` first (what guidance knows before lift-off), then `explicit.py` (the law of the last stage),
-`dynamics.py` (the flight of a body that holds or follows its command) and `runs.py` (from draws to achieved orbits).
-A body under attitude control: `course.py` (what is commanded), `axis.py` and `loop.py` (what an axis does at a tick),
-`turning.py` (its flight), `missions.py` (many runs) and `flown.py` (a launch as a trajectory). `pilots.py` flies both.
-"""

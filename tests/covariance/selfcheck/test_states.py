@@ -1,0 +1,30 @@
+"""Definition of the error: what is recorded or fed back wrongly is found."""
+
+from __future__ import annotations
+
+from lvnav_trade.covariance.selfcheck import states
+from lvnav_trade.covariance.selfcheck.states import round_trip
+from tests.building import MATCHED, case
+from tests.covariance.diagnostics.checked import failed
+
+
+def test_an_error_that_is_fed_back_with_the_wrong_sign_is_found(monkeypatch):
+    sound = states.correct
+
+    def wrong(work, past, late, model):
+        work.x[3:6] *= -1.0
+        sound(work, past, late, model)
+
+    monkeypatch.setattr(states, "correct", wrong)
+    assert [what for what, *_ in failed(round_trip(case(MATCHED)))] == ["velocity"]
+
+
+def test_an_error_that_is_recorded_of_another_size_is_found(monkeypatch):
+    sound = states.record
+
+    def wrong(work, *args):
+        sound(work, *args)
+        work.err[args[-1], 9:12] *= 1.01
+
+    monkeypatch.setattr(states, "record", wrong)
+    assert [what for what, *_ in failed(round_trip(case(MATCHED)))] == ["gyro_bias"]

@@ -1,0 +1,137 @@
+"""Clones, noises of an epoch and the inverse transition, against closed forms and dense matrices."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+import pytest
+
+from lvnav_trade.filter.ekf import apply_robustness
+from lvnav_trade.filter.policies.epoch_differences import (
+    Delayed,
+    accumulate_transition,
+    begin_transition,
+    clone,
+    find_earlier,
+    new_earlier,
+    renew,
+)
+from lvnav_trade.kernels.covariance import predict, update_scalar
+
+N, T, SIGMA = 20, 0.5, 2e-3
+POSITION, SPEED, NOISE, EARLIER, EARLIER_NOISE = range(5)
+FilterModel = namedtuple("FilterModel", "extra_offset")
+ONE = FilterModel(np.array([NOISE]))
+
+
+def delayed(cloned, first, renewed=-1.0, back=False):
+    """What a filter of these clones, and one extra state, needs at a single epoch."""
+    return Delayed(
+        np.zeros(3, bool), np.ones((1, 3), bool), 0, np.full((1, 1), renewed), np.array(cloned), first, back
+    )  # fmt: skip
+
+
+def straight(noise_is_state, n=N):
+    """Speed of a straight motion from n phase differences: formal and true variance of the estimate.
+
+    The truth is what the gains make of the n + 1 independent errors of phase.
+    """
+    P, x, K = np.zeros((5, 5)), np.zeros(5), np.zeros(5)
+    P[POSITION, POSITION], P[SPEED, SPEED] = 1.0, 1.0
+    P[EARLIER_NOISE, EARLIER_NOISE] = SIGMA**2 if noise_is_state else 0.0
+    P[EARLIER], P[:, EARLIER] = P[POSITION], P[:, POSITION]
+    P[EARLIER, EARLIER] = P[POSITION, POSITION]
+    clones = delayed([POSITION, NOISE], EARLIER, SIGMA**2 if noise_is_state else 0.0)
+    step, h = np.eye(5), np.array([1.0, 0.0, 1.0, -1.0, -1.0])
+    step[POSITION, SPEED] = T
+    error = np.zeros((5, n + 1))  # of the estimate, by error of phase
+    if noise_is_state:
+        error[EARLIER_NOISE, 0] = 1.0
+    for k in range(1, n + 1):
+        P[:] = step @ P @ step.T
+        error = step @ error
+        renew(P, x, np.zeros(1), clones, ONE, 0)
+        error[NOISE] = 0.0
+        missed = np.zeros(n + 1)
+        if noise_is_state:
+            error[NOISE, k] = 1.0
+        else:
+            missed[[k, k - 1]] = 1.0, -1.0
+        variance = 0.0 if noise_is_state else 2.0 * SIGMA**2
+        _, weight = update_scalar(P, x, K, h, np.arange(5), np.arange(5), 0.0, variance, np.inf, 5, False)
+        error = error - np.outer(K * weight, h @ error + missed)
+        clone(P, clones)
+        error[[EARLIER, EARLIER_NOISE]] = error[[POSITION, NOISE]]
+    return P[SPEED, SPEED], SIGMA**2 * np.sum(error[SPEED] ** 2)
+
+
+def test_differences_taken_for_white_give_the_speed_of_the_first_and_the_last_phase():
+    formal, true = straight(noise_is_state=False)
+    assert formal == pytest.approx(2.0 * SIGMA**2 / (N * T**2), rel=1e-4)
+    # what they have in common cancels: the sum of all differences is the last phase less the first
+    assert true == pytest.approx(2.0 * SIGMA**2 / (N * T) ** 2, rel=1e-4)
+
+
+def test_differences_whose_noise_is_a_state_give_the_straight_line_through_all_phases():
+    formal, true = straight(noise_is_state=True)
+    assert formal == pytest.approx(12.0 * SIGMA**2 / (N * (N + 1) * (N + 2) * T**2), rel=1e-4)
+    assert true == pytest.approx(formal, rel=1e-4)
+
+
+@pytest.mark.parametrize("growth", [1.0, 1.02], ids=["all remembered", "fading memory"])
+def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone(growth):
+    rng, n, cloned, first = np.random.default_rng(3), 12, [6, 7, 8, 9], 10
+    n = first + len(cloned)
+    root = rng.standard_normal((first, first))
+    P = np.zeros((n, n))
+    P[:first, :first] = root @ root.T
+    noise, decay = np.zeros(n), np.ones(n)
+    noise[:first], decay[9] = rng.uniform(0.1, 1.0, first), 0.9
+    blocks = np.zeros((3, 9))
+    blocks[0] = 0.3 * np.eye(3).ravel()
+    blocks[1:] = 0.2 * rng.standard_normal((2, 9))
+    rows, columns = np.array([6, 3, 0]), np.array([3, 0, 9 - 3])
+    Model = namedtuple(
+        "Model",
+        "seconds block_rows block_columns decay noise clock injected inflation growth n_estimated n_state uneven",
+    )
+    model = Model(
+        np.array([0.3]),
+        rows,
+        columns,
+        decay[None],
+        noise[None],
+        -1,
+        np.zeros((0, n)),
+        np.array([growth]),
+        np.zeros((1, 9)),
+        n,
+        n,
+        None,
+    )
+    by_clone, by_inverse = P.copy(), P.copy()
+    clones, inverse = delayed(cloned, first), delayed(cloned, first, back=True)
+    earlier = new_earlier(inverse, 1, 0, n)
+    clone(by_clone, clones)
+    begin_transition(earlier, inverse)
+    for _ in range(4):
+        for one in (by_clone, by_inverse):
+            apply_robustness(one, model, 0)
+            predict(one, blocks, rows, columns, decay, noise, -1, 0.3)
+        accumulate_transition(earlier, inverse, blocks, np.zeros(18), model, 0, -1)
+    assert np.abs(by_inverse[first:]).max() == 0.0
+    find_earlier(by_inverse, earlier, inverse)
+    np.testing.assert_allclose(by_inverse, by_clone, rtol=0, atol=1e-10 * np.abs(by_clone).max())
+
+
+def test_a_state_that_begins_anew_has_its_variance_and_is_independent():
+    P, x, extra = np.ones((5, 5)), np.ones(5), np.ones(1)
+    renew(P, x, extra, delayed([POSITION], EARLIER, 0.25), ONE, 0)
+    assert P[NOISE, NOISE] == 0.25
+    assert (x[NOISE], extra[0]) == (0.0, 0.0)
+    assert np.abs(np.delete(P[NOISE], NOISE)).max() == 0.0
+    kept, others = P.copy(), [POSITION, SPEED, EARLIER, EARLIER_NOISE]
+    renew(P, x, extra, delayed([POSITION], EARLIER), ONE, 0)  # none is due
+    np.testing.assert_array_equal(P, kept)
+    assert np.all(P[np.ix_(others, others)] == 1.0)

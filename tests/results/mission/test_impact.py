@@ -1,0 +1,184 @@
+"""Points of impact over a flight, their ellipses, and the corridor."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from lvnav_trade.quantities.frames import ecef_from_geodetic
+from lvnav_trade.results.evaluation import METRICS
+from lvnav_trade.results.mechanics import mission
+from lvnav_trade.results.mechanics.freefall import offsets
+from lvnav_trade.results.mission.impact import beside, contains, corridor_of, ellipse, metres, probability
+from lvnav_trade.results.tables.read import load
+from tests import mission as flights
+from tests import synthetic
+from tests.results.mechanics.test_mission import falling
+
+INSIDE = "[['28 deg', '17 deg'], ['36 deg', '25 deg'], ['36 deg', '35 deg'], ['28 deg', '35 deg']]"
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+HOOK = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [3.0, 3.0], [3.0, 1.0], [0.0, 1.0]])  # not convex
+
+
+def with_corridor(polygon, probability=0.9):
+    return synthetic.CAMPAIGN + f"corridor: {{polygon: {polygon}, probability: {probability}}}\n"
+
+
+@pytest.fixture(scope="module")
+def fall(tmp_path_factory):
+    return load(flights.results(tmp_path_factory.mktemp("fall"), falling(), campaign=with_corridor(INSIDE)))
+
+
+def test_a_vehicle_that_coasts_keeps_its_point_of_impact(fall):
+    """Free fall with J2 is what it flies, so every stored state leads to the same place, at the same instant."""
+    found = METRICS["impact"](fall)
+    assert len(found) > 15
+    assert np.ptp(found.latitude_deg) < 1e-7
+    assert np.ptp(found.longitude_deg) < 1e-7
+    np.testing.assert_allclose(np.diff(found.t_s + found.fall_s), 0.0, atol=1e-6)
+    assert found.t_s.is_monotonic_increasing
+
+
+def test_runs_have_the_sigma_that_linear_covariance_says(fall):
+    row = METRICS["impact"](fall).set_index("event").loc["injection"]
+    assert row.runs == 200
+    assert row.mc_down_sigma_km / row.down_sigma_km == pytest.approx(1.0, abs=4.0 / np.sqrt(400))
+    assert row.mc_cross_sigma_km / row.cross_sigma_km == pytest.approx(1.0, abs=4.0 / np.sqrt(400))
+    assert row.down_filter_sigma_km == pytest.approx(row.down_sigma_km, rel=1e-9)
+
+
+def test_the_ellipse_has_the_covariance_of_down_and_cross_range(fall):
+    row = METRICS["impact"](fall).set_index("event").loc["injection"]
+    major, minor = row.major_3sigma_km / 3.0, row.minor_3sigma_km / 3.0
+    assert major**2 + minor**2 == pytest.approx(row.down_sigma_km**2 + row.cross_sigma_km**2, rel=1e-9)
+    area = row.down_sigma_km * row.cross_sigma_km * np.sqrt(1.0 - row.correlation**2)
+    assert major * minor == pytest.approx(area, rel=1e-9)
+    latitude, longitude = ellipse(SimpleNamespace(**row))
+    centre = ecef_from_geodetic(np.radians(row.latitude_deg), np.radians(row.longitude_deg), 0.0)
+    outline = ecef_from_geodetic(np.radians(latitude), np.radians(longitude), 0.0)
+    off = offsets(np.broadcast_to(centre, outline.shape), outline, np.radians(row.heading_deg)) * 1e-3
+    assert np.abs(off[:, 0]).max() == pytest.approx(3.0 * row.down_sigma_km, rel=5e-3)
+    assert np.abs(off[:, 1]).max() == pytest.approx(3.0 * row.cross_sigma_km, rel=5e-3)
+
+
+def test_inside_a_wide_corridor_the_verdict_is_met_by_both(fall):
+    found = METRICS["corridor"](fall).iloc[0]
+    assert (found.verdict, found.mc_verdict) == ("met", "met")
+    assert found.expected_probability == pytest.approx(1.0, abs=1e-12)
+    assert found.margin_sigma > 100.0
+    assert (found.runs, found.outside) == (200, 0)
+
+
+def test_beside_a_corridor_the_verdict_is_violated_by_both(tmp_path):
+    away = "[['28 deg', '17 deg'], ['36 deg', '17 deg'], ['36 deg', '25 deg']]"
+    tables = load(flights.results(tmp_path, falling(), 80, campaign=with_corridor(away)))
+    found = METRICS["corridor"](tables).iloc[0]
+    assert (found.verdict, found.mc_verdict) == ("violated", "violated")
+    assert found.expected_probability == 0.0
+    assert found.margin_sigma < 0.0
+    assert (found.runs, found.outside) == (80, 80)
+
+
+def test_an_edge_through_the_error_leaves_the_part_of_the_runs_that_is_said(tmp_path, fall):
+    """An edge one sigma of latitude north of the point: 84 % of the assumed points stay south of it."""
+    row = METRICS["impact"](fall).set_index("event").loc["injection"]
+    sample = np.degrees(ellipse_north(row))
+    edge = row.latitude_deg + sample
+    polygon = f"[['28 deg', '25 deg'], ['{edge} deg', '25 deg'], ['{edge} deg', '35 deg'], ['28 deg', '35 deg']]"
+    tables = load(flights.results(tmp_path, falling(), campaign=with_corridor(polygon)))
+    reported = METRICS["impact"](tables).set_index("event").loc["injection"]
+    assert 1.0 - reported.mc_outside / reported.runs == pytest.approx(
+        reported.corridor_probability, abs=4.0 * np.sqrt(0.14 / 200)
+    )
+    assert 0.7 < reported.corridor_probability < 0.95
+
+
+def ellipse_north(row):
+    latitude, _ = ellipse(SimpleNamespace(**row), 1.0)
+    return np.radians(latitude.max() - row.latitude_deg)
+
+
+def test_a_gate_that_rejects_too_much_takes_the_verdict_of_linear_covariance_away(tmp_path):
+    campaign = with_corridor("[['-5 deg', '-5 deg'], ['5 deg', '-5 deg'], ['5 deg', '5 deg'], ['-5 deg', '5 deg']]")
+    tables = load(synthetic.results(tmp_path, n_run=40, campaign=campaign, rejects=0.03))
+    found = METRICS["corridor"](tables)
+    assert set(found.verdict) == {"not applicable"}
+    assert found.reason.iloc[0].startswith("the gate rejects")
+
+
+def test_an_orbit_has_no_point_of_impact(tmp_path):
+    tables = load(flights.results(tmp_path, n_run=0, campaign=with_corridor(INSIDE)))
+    assert METRICS["impact"](tables).empty
+    found = METRICS["corridor"](tables).iloc[0]
+    assert (found.verdict, found.reason) == ("not applicable", "no point of impact in the flight")
+
+
+def test_without_a_corridor_there_is_no_verdict(good):
+    assert METRICS["corridor"](good).empty
+    found = METRICS["impact"](good)
+    assert found.corridor_probability.isna().all()
+    assert np.isfinite(found.down_sigma_km).all()
+    assert mission.state_at(good, "aaaaaaaaaaaa", "injection").t == pytest.approx(99.5)
+
+
+@pytest.mark.parametrize("turned", [1, -1], ids=["counter-clockwise", "clockwise"])
+def test_a_rectangle_holds_the_product_of_two_intervals(turned):
+    mean, sigma = np.array([0.3, -0.2]), np.array([0.5, 0.8])
+    sides = [ndtr((1.0 - m) / s) - ndtr((-1.0 - m) / s) for m, s in zip(mean, sigma, strict=True)]
+    found, margin = probability(SQUARE[::turned], mean, np.diag(sigma**2))
+    assert found == pytest.approx(sides[0] * sides[1], abs=1e-14)
+    assert margin == pytest.approx(0.8 / 0.8)  # the lower edge of the second axis, or 0.7 / 0.5 = 1.4 of the first
+
+
+def test_a_far_tail_is_resolved():
+    found, margin = probability(100.0 * SQUARE, [0.0, 0.0], np.diag([20.0**2, 1.0]))
+    assert 1.0 - found == pytest.approx(2.0 * ndtr(-5.0), rel=1e-6)
+    assert margin == pytest.approx(5.0)
+
+
+def test_a_polygon_that_is_not_convex_agrees_with_draws():
+    mean, covariance = np.array([2.5, 0.8]), np.array([[0.9, 0.4], [0.4, 0.6]])
+    drawn = np.random.default_rng(2).multivariate_normal(mean, covariance, 400_000)
+    found, margin = probability(HOOK, mean, covariance)
+    assert found == pytest.approx(contains(HOOK, drawn).mean(), abs=4e-3)
+    assert margin > 0.0
+
+
+def test_outside_the_margin_is_negative_and_the_probability_small():
+    found, margin = probability(SQUARE, [0.0, 4.0], np.eye(2))
+    assert margin == pytest.approx(-3.0)
+    inside = (ndtr(1.0) - ndtr(-1.0)) * (ndtr(-3.0) - ndtr(-5.0))
+    assert found == pytest.approx(inside, rel=1e-9)
+
+
+@pytest.mark.parametrize(("point", "part"), [((1.0, 0.0), 0.5), ((1.0, 1.0), 0.25), ((0.0, 0.0), 1.0)])
+def test_on_an_edge_half_is_inside_and_on_a_corner_a_quarter(point, part):
+    assert probability(SQUARE, point, 1e-6 * np.eye(2))[0] == pytest.approx(part, abs=1e-12)
+
+
+def test_points_are_inside_or_not():
+    assert contains(HOOK, [[3.5, 2.0], [1.0, 2.0], [1.0, 0.5], [5.0, 0.5]]).tolist() == [True, False, True, False]
+
+
+def test_metres_per_radian_are_those_of_the_ellipsoid():
+    latitude, step = np.radians(50.0), 1e-6
+    here = ecef_from_geodetic(latitude, 0.2, 0.0)
+    north = np.linalg.norm(ecef_from_geodetic(latitude + step, 0.2, 0.0) - here) / step
+    east = np.linalg.norm(ecef_from_geodetic(latitude, 0.2 + step, 0.0) - here) / step
+    np.testing.assert_allclose(metres(latitude), [north, east], rtol=1e-6)
+
+
+def test_a_corridor_across_the_date_line_is_one_piece(tmp_path):
+    card = "corridor: {polygon: [['10 deg', '170 deg'], ['20 deg', '-175 deg'], ['10 deg', '-170 deg']]}\n"
+    tables = load(synthetic.results(tmp_path, n_run=0, campaign=synthetic.CAMPAIGN + card))
+    corridor = corridor_of(tables)
+    np.testing.assert_allclose(np.degrees(corridor.corners[:, 1]), [170.0, 185.0, 190.0])
+    assert np.degrees(beside(np.radians(-178.0), corridor.corners)) == pytest.approx(182.0)
+    assert (corridor.probability, corridor.confidence) == (0.999, 0.9)
+
+
+def test_a_campaign_need_not_have_a_corridor(alone):
+    assert corridor_of(alone) is None
