@@ -13,9 +13,9 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.running import work
+from lvnav_trade.campaign.running.conduct import whole
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.campaign.running.provenance import manifest
-from lvnav_trade.campaign.running.whole import whole
 from lvnav_trade.results.tables.write import open_results
 
 BLOCKS, RUNS, CASES = 12, 40, 8

@@ -11,7 +11,7 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.gnss.satellites import satellites
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.quantities.frames import (  # fmt: skip
+from lvnav_trade.quantities.frames import (
     earth_angle,
     earth_velocity,
     ecef_from_eci,

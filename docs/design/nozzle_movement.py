@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import shipped
 from lvnav_trade.imu.error_model import ImuCard
-from lvnav_trade.quantities.envelope import steady_ratio
+from lvnav_trade.quantities.shared_cards import steady_ratio
 from lvnav_trade.report.figures.style import GREY, PALETTE, canvas, line_of, look
 from lvnav_trade.results.evaluation.vehicle import reduction
 from lvnav_trade.simulation.preparation.vehicle import burns as burns_of

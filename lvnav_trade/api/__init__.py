@@ -6,10 +6,10 @@ exit code for an error of the user, a function raises `InputError`. A notebook s
 """
 
 from lvnav_trade.api.campaigns import Task, check, plan, replay, run, selfcheck, status
-from lvnav_trade.api.choosing import case_of
 from lvnav_trade.api.clusters import dask, merge, run_shard
 from lvnav_trade.api.derived import estimate_q, export_trajectory, init, schedule_gains
 from lvnav_trade.api.designs import Designs, cases
+from lvnav_trade.api.display import CampaignStatus, ExportedTrajectory, FittedImu, ProcessedLog, StartedCampaign
 from lvnav_trade.api.exports import export_filter, export_vectors
 from lvnav_trade.api.logs import fit_unit, process_log
 from lvnav_trade.api.plotting import Plot, Plots
@@ -28,7 +28,7 @@ from lvnav_trade.api.results import (
     exit_code,
 )
 from lvnav_trade.api.searches import indices, solve, tune
-from lvnav_trade.api.shown import CampaignStatus, ExportedTrajectory, FittedImu, ProcessedLog, StartedCampaign
+from lvnav_trade.api.selecting import case_of
 from lvnav_trade.api.studies import StudyWatch, study
 from lvnav_trade.api.types import (
     CheckedCampaign,

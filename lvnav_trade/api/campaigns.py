@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from lvnav_trade.api.choosing import case_of
+from lvnav_trade.api.display import CampaignStatus
 from lvnav_trade.api.results import Results
-from lvnav_trade.api.shown import CampaignStatus
+from lvnav_trade.api.selecting import case_of
 from lvnav_trade.api.types import CheckedCampaign, Plan, ReplayedRun, SelfCheck
 from lvnav_trade.campaign.definition.axes import probes
 from lvnav_trade.campaign.definition.schema import Campaign

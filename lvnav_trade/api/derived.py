@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from lvnav_trade.api.choosing import case_of
-from lvnav_trade.api.shown import ExportedTrajectory, StartedCampaign
+from lvnav_trade.api.display import ExportedTrajectory, StartedCampaign
+from lvnav_trade.api.selecting import case_of
 from lvnav_trade.api.types import EstimatedNoise
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.quantities.errors import InputError, writing
@@ -142,8 +142,8 @@ def export_trajectory(
     InputError
         The card or campaign has an input error, or a file exists already.
     """
-    from lvnav_trade.campaign.reading.exporting import is_card, write_flight
     from lvnav_trade.campaign.reading.flights import read_card
+    from lvnav_trade.campaign.reading.starting import is_card, write_flight
 
     if is_card(str(source), Path.cwd()):
         if sets or case:

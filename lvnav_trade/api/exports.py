@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lvnav_trade.api.choosing import case_of
+from lvnav_trade.api.selecting import case_of
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.results.tables.contents import owned
 

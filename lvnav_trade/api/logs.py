@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from lvnav_trade.api.shown import FittedImu, ProcessedLog
+from lvnav_trade.api.display import FittedImu, ProcessedLog
 from lvnav_trade.quantities.errors import writing
 
 
@@ -49,8 +49,8 @@ def fit_unit(
     """
     from lvnav_trade.campaign import unit_card
     from lvnav_trade.campaign.syntax.cards import write_text
-    from lvnav_trade.report.figures.inertial import allan_of_log
     from lvnav_trade.report.figures.raster import written
+    from lvnav_trade.report.figures.vehicle import allan_of_log
 
     fitted = unit_card.fit_unit(str(log), start, end, shortest, longest, counted)
     write_text(Path(card), fitted.text)

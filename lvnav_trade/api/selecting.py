@@ -1,13 +1,21 @@
-"""Rows of a table by conditions that a user writes, such as ``velocity < 0.1 m/s and imu == tactical_fog``."""
+"""Cases and rows of tables that a user names: by digest or label, or by conditions such as ``velocity < 0.1 m/s``."""
+
+from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import pandas as pd
 
+from lvnav_trade.campaign.definition.axes import Case, cases
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading.load import load as load_campaign
+from lvnav_trade.campaign.running.replay import find
+from lvnav_trade.campaign.space.designs import Designs, number_in
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.quantities.decimals import DECIMAL
 from lvnav_trade.quantities.errors import InputError, quoted
+from lvnav_trade.quantities.input_files import DECIMAL
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.tables.schema import unit_at_end
 
@@ -164,3 +172,46 @@ def ordered(frame: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
         column = column_named(name.removeprefix("-"), frame)
         frame = frame.sort_values(column, ascending=not name.startswith("-"), kind="stable")
     return frame.reset_index(drop=True)
+
+
+_DIGITS = 6  # fewest digits of a digest that identify one of many designs
+
+
+def case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | None) -> tuple[Campaign, Case]:
+    """Return a campaign and one of its cases.
+
+    Parameters
+    ----------
+    campaign : str, Path or Campaign
+        Campaign file, name of a campaign that comes with the tool, or a loaded one.
+    sets : sequence of str
+        Assignments such as ``imu=imu/tactical_fog``. They apply to a file and not to a loaded campaign.
+    case : str or None
+        Label of the case, its digest, or the first digits of its digest; the first case if None.
+
+    Returns
+    -------
+    Campaign, Case
+        The campaign and the case.
+
+    Raises
+    ------
+    InputError
+        The campaign has an input error, or the text fits no case or several.
+    """
+    loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
+    if loaded.is_space:
+        return loaded, _design(Designs(loaded), case)
+    all_cases = cases(loaded)
+    return loaded, find(all_cases, case) if case else all_cases[0]
+
+
+def _design(designs: Designs, wanted: str | None) -> Case:
+    """Return the design with a digest, its first digits, or a label (``design 12``); the first design if None."""
+    number = None if wanted is None else number_in(wanted)
+    if number is not None and number < len(designs):
+        return designs.case(number)
+    for case in designs.cases():
+        if wanted is None or case.label == wanted or (len(wanted) >= _DIGITS and case.id.startswith(wanted)):
+            return case
+    raise InputError(f"no case {wanted!r} among {len(designs)} designs; give {_DIGITS} digits of its digest or more")

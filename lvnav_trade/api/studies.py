@@ -291,8 +291,7 @@ def _count_reproduced(answered: Answered, script: StudyScript) -> tuple[int, int
     import pandas as pd
 
     from lvnav_trade.report.script import published_rows
-    from lvnav_trade.results.evaluation.held import evidence, held
-    from lvnav_trade.results.evaluation.published import COLUMNS
+    from lvnav_trade.results.evaluation.published import COLUMNS, evidence, held
 
     name, settings = answered.campaign.name, answered.campaign.model_dump(mode="json")
     rows = pd.DataFrame(published_rows(name, answered.tables, settings, script), columns=COLUMNS)

@@ -21,9 +21,9 @@ from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.recorded.alignment import Alignment, align
 from lvnav_trade.simulation.recorded.consistency import consistent
-from lvnav_trade.simulation.recorded.flight import refuse_unable, replayed
 from lvnav_trade.simulation.recorded.navigation_log import NavigationLog, read_recording
 from lvnav_trade.simulation.recorded.outages import Outage, outage
+from lvnav_trade.simulation.recorded.recorded_flight import refuse_unable, replayed
 
 _MOTION = slice(VEL, VEL + 6)  # outputs of velocity and position
 

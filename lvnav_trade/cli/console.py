@@ -198,7 +198,7 @@ def _begin(name: str, given: Mapping[str, Any]) -> None:
 
 
 def _say(line: str) -> None:
-    from lvnav_trade.campaign.running.clock import stamped
+    from lvnav_trade.campaign.running.progress import stamped
 
     print(stamped(visible(line)), file=sys.stderr, flush=True)
 

@@ -81,7 +81,7 @@ def run(
     from lvnav_trade import api
     from lvnav_trade.api.campaigns import Task, carry_out
     from lvnav_trade.campaign.reading.load import load
-    from lvnav_trade.campaign.reading.single import single
+    from lvnav_trade.campaign.reading.written_cases import single
     from lvnav_trade.campaign.running.progress import choose
 
     loaded = load(campaign, sets or ())

@@ -17,9 +17,8 @@ from lvnav_trade.kernels.covariance import apply_phi_transposed
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector_transposed, fill_samples
 from lvnav_trade.quantities.records import Floats, Ints
-from lvnav_trade.simulation.epoch.imu_errors import fill_partials
 from lvnav_trade.simulation.epoch.joint import component_partial, measured_channel, n_entering
-from lvnav_trade.simulation.epoch.joint_ticks import nominal_tick
+from lvnav_trade.simulation.epoch.joint_ticks import fill_partials, nominal_tick
 
 
 class Backward(NamedTuple):

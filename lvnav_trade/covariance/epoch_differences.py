@@ -12,9 +12,8 @@ import numpy as np
 
 from lvnav_trade.covariance.receiver_error import advance_solution, clone_states
 from lvnav_trade.filter.policies.delay import place_of
-from lvnav_trade.kernels.groups import group
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.lanes import group, like
 from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.quantities.state_layout import OF_OBSERVABLES
 from lvnav_trade.sensors.receiver_observables import DIFFERENCES, OF_ONE, PHASES

@@ -1,24 +1,181 @@
-"""Forward pass of linear covariance: formal covariance by the filter model, true covariance by error source."""
+"""The forward pass of linear covariance: the filter's covariance, the true one by source, and their record."""
 
 import numpy as np
+from scipy.special import chdtrc
 
 from lvnav_trade.covariance.epoch_differences import begin_successive, clone_joint, measure_further
-from lvnav_trade.covariance.imu_array import add_sums, inform_nominal
+from lvnav_trade.covariance.imu_array import add_sums, inform_nominal, samples_of_units
 from lvnav_trade.covariance.propagate import nominal_window, propagate
 from lvnav_trade.covariance.receiver_error import advance_solution, clone_error, complete_rows
-from lvnav_trade.covariance.recording import write, write_samples, write_solution
-from lvnav_trade.covariance.samples import expected_of_samples
 from lvnav_trade.filter.policies.delay import keep
 from lvnav_trade.filter.policies.epoch_differences import accumulate_transition, begin_transition
 from lvnav_trade.filter.policies.integrity.state import begin_monitor
 from lvnav_trade.filter.policies.mode_logic import begin_watch
+from lvnav_trade.kernels.covariance import variance_along
 from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import group, total_of, whole
 from lvnav_trade.kernels.strapdown import place
+from lvnav_trade.kernels.transition import ATT, POS, VEL, sensed_driver
 from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.quantities.records import Floats
 from lvnav_trade.sensors.family import measure
-from lvnav_trade.simulation.epoch.held import hold_solution
-from lvnav_trade.simulation.epoch.process import end_epoch, process_epoch
-from lvnav_trade.simulation.epoch.ticks import sample_window
+from lvnav_trade.simulation.epoch.case import hold_solution
+from lvnav_trade.simulation.epoch.process import end_epoch, process_epoch, sample_window
+
+
+def expected_nees(formal: Floats, total: Floats) -> Floats:
+    """Return the expected NEES tr(formal^-1 total) at each history time, (n_hist,).
+
+    It is NaN where a formal variance is zero. Both covariances are normalised by the formal sigmas first, because
+    states differ by ten orders of magnitude.
+
+    Parameters
+    ----------
+    formal
+        (n_hist, m, m) SI squared. Covariance of the filter.
+    total
+        (n_hist, m, m) SI squared. Second moment of the true error.
+    """
+    sigma = np.sqrt(np.diagonal(formal, axis1=1, axis2=2))
+    sound = np.all(sigma > 0.0, axis=1)
+    scale = sigma[sound, :, None] * sigma[sound, None, :]
+    expected = np.full(len(formal), np.nan)
+    expected[sound] = np.trace(np.linalg.solve(formal[sound] / scale, total[sound] / scale), axis1=1, axis2=2)
+    return expected
+
+
+def false_rejection(gate_squared: float, ratio: Floats) -> Floats:
+    """Return the largest probability, over the measurements of each epoch, that the gate rejects a valid measurement.
+
+    A normalised innovation is normal, with the expected square `ratio` (n_epoch, n_row); in a matched filter it is 1.
+    """
+    worst = ratio.max(axis=1, initial=1e-300)
+    return chdtrc(1, gate_squared / worst) if np.isfinite(gate_squared) else np.zeros_like(worst)
+
+
+@jit
+def expected_of_samples(true, ticks, motion, vehicle):
+    """Return the expected sum of squares of the normalised innovations of the samples of the last tick.
+
+    Parameters
+    ----------
+    true : Components
+    ticks : SampleScratch, with mean innovation and innovation covariance by source
+    motion : Motion, with P h' and weights of the filter's sequential update
+    vehicle : VehicleModel
+    """
+    S, T, h, columns, total = ticks.expected, ticks.turned, motion.h, vehicle.columns, 0.0
+    for r in range(N_SAMPLE):
+        for q in range(N_SAMPLE):
+            T[r, q] = 1.0 if q == r else 0.0
+            S[r, q] = ticks.seen[r] * ticks.seen[q]
+            for source in range(true.group.shape[0]):
+                S[r, q] += ticks.S[true.group[source], r, q, true.lane[source]]
+    # samples are processed in sequence: innovation r is T_r z, with T_r = e_r - sum over q < r of h_r K_q weight_q T_q
+    for r in range(N_SAMPLE):
+        for q in range(r):
+            seen = 0.0
+            for k in range(columns.shape[1]):
+                seen += h[r, k] * motion.K[q, columns[r, k]]
+            factor = seen * motion.weight[q]
+            for k in range(N_SAMPLE):
+                T[r, k] -= factor * T[q, k]
+        value = 0.0
+        for k in range(N_SAMPLE):
+            for q in range(N_SAMPLE):
+                value += T[r, k] * S[k, q] * T[r, q]
+        total += value * motion.weight[r]
+    return total
+
+
+@jit
+def write(out, hist, formal, state, scratch, true, axes_att, axes):
+    """Write covariances, mean and error budget at a history time.
+
+    Parameters
+    ----------
+    out : PassResults, updated in place
+    hist : history time
+    formal : (n, n) covariance of the filter
+    state, scratch, true : JointCovariance, Scratch, Components
+    axes_att, axes : (3, 3) rotations from frame i to body axes and to the reporting axes, for the budget
+    """
+    n = formal.shape[0]
+    for i in range(n):
+        out.mean[hist, i] = state.mean[i]
+        for j in range(i, n):
+            out.formal[hist, i, j], out.formal[hist, j, i] = formal[i, j], formal[i, j]
+            sum_of = whole(scratch.spread)
+            sum_of[0] = group(state.sources, 0)[i, j]
+            for g in range(1, true.n_slot.shape[0]):
+                sum_of[0] = sum_of[0] + group(state.sources, g)[i, j]
+            total = total_of(scratch.spread)
+            out.true[hist, i, j], out.true[hist, j, i] = total, total
+    for g in range(true.n_slot.shape[0]):
+        P, budget = group(state.sources, g), group(scratch.budget, g)
+        for i in range(3):
+            budget[ATT + i, 0] = variance_along(P, ATT, axes_att[i, 0], axes_att[i, 1], axes_att[i, 2])
+            budget[VEL + i, 0] = variance_along(P, VEL, axes[i, 0], axes[i, 1], axes[i, 2])
+            budget[POS + i, 0] = variance_along(P, POS, axes[i, 0], axes[i, 1], axes[i, 2])
+        for i in range(9, n):
+            budget[i, 0] = P[i, i]
+    for source in range(true.group.shape[0]):
+        budget = scratch.budget[true.group[source], ..., true.lane[source]]
+        for i in range(n):
+            out.budget[hist, source, i] = budget[i, 0]
+
+
+@jit
+def write_samples(out, hist, state, true, units, samples, tick, dt):
+    """Write the error variance of IMU samples without their noise by source: raw, and corrected by the estimated bias.
+
+    units : Units of an IMU array, or None; samples : Samples; tick, dt : last tick, s
+    """
+    _write_biases(out, hist, state, true, samples)
+    if units is None:
+        _write_components(out, hist, state, true, samples, tick)
+    else:
+        samples_of_units(out, hist, state, true, units, samples, tick, dt)
+
+
+@jit
+def _write_biases(out, hist, state, true, samples):
+    for source in range(true.group.shape[0]):
+        P = state.sources[true.group[source], ..., true.lane[source]]
+        for r in range(N_SAMPLE):
+            at = samples.bias[r]
+            if at >= 0:
+                out.samples[hist, source, 6 + r] += P[at, at]
+
+
+@jit
+def _write_components(out, hist, state, true, samples, tick):
+    """Add the variance of IMU error components to those of raw and corrected samples, for one IMU."""
+    for j in range(true.sensor.shape[0]):
+        if true.profile[j] >= 0 or true.driver[j] < 0:
+            continue
+        u = sensed_driver(true.sensor[j], true.driver[j], samples.rate[tick], samples.force[tick])
+        for axis in range(3):
+            r, c = 3 * true.sensor[j] + axis, true.first[j] + axis
+            source, k, at = true.source[c], true.slot[c], samples.bias[r]
+            g, lane = true.group[source], true.lane[source]
+            variance = u[axis] * u[axis] * state.variance[g, k, 0, lane]
+            out.samples[hist, source, r] += variance
+            if at < 0:
+                out.samples[hist, source, 6 + r] += variance
+            elif true.state_from[c] == true.state_from[c + 1] or true.states[true.state_from[c]] != at:
+                shared = 2.0 * u[axis] * state.cross[g, k, at, lane]
+                out.samples[hist, source, 6 + r] += variance + shared
+
+
+@jit
+def write_solution(out, hist):
+    """Write mean and covariance of the receiver's last solution at a history time."""
+    for i in range(out.held_mean.shape[0]):
+        out.receiver_mean[hist, i] = out.held_mean[i]
+        for j in range(out.held_mean.shape[0]):
+            for source in range(out.held.shape[0]):
+                out.receiver[hist, source, i, j] = out.held[source, i, j]
 
 
 @jit

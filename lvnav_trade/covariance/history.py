@@ -6,8 +6,7 @@ import numpy as np
 
 from lvnav_trade.covariance.adjoint import Backward, Entering, go_back
 from lvnav_trade.covariance.components import Components, components
-from lvnav_trade.covariance.expected import expected_nees, false_rejection
-from lvnav_trade.covariance.forward import forward
+from lvnav_trade.covariance.forward import expected_nees, false_rejection, forward
 from lvnav_trade.covariance.injection import injection_law, injection_rows
 from lvnav_trade.covariance.outputs import behind, last_epoch, sample_outputs, solution_outputs_of
 from lvnav_trade.covariance.sources import n_joint, source_labels

@@ -8,8 +8,8 @@ from lvnav_trade.filter.ekf import predict_covariance
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import cross, matrix, small_rotation
 from lvnav_trade.kernels.covariance import apply_phi, enter, predict
-from lvnav_trade.kernels.groups import group
 from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import group
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.processes import profile_value
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, place

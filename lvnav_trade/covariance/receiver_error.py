@@ -7,9 +7,8 @@ error. Copies and combinations at an epoch are linear, so they apply to every so
 
 from lvnav_trade.filter.policies.delay import place_of
 from lvnav_trade.kernels.covariance import enter
-from lvnav_trade.kernels.groups import group, whole
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.lanes import group, like, whole
 from lvnav_trade.kernels.transition import VEL
 from lvnav_trade.simulation.epoch.joint import N_CLONE, N_NAV
 

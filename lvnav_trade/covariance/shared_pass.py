@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.expected import false_rejection
+from lvnav_trade.covariance.forward import false_rejection
 from lvnav_trade.quantities.records import CovHistory, Floats, InjectionLaw
 
 TOLERANCE = 1e-9

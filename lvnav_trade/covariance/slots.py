@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.kernels.groups import GROUP, grouped_zeros
+from lvnav_trade.kernels.lanes import GROUP, grouped_zeros
 from lvnav_trade.quantities.records import Floats, Ints
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.covariance.epoch_differences import difference_channels, noise_of
-from lvnav_trade.filter.rows import CARRIER_PHASE, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
+from lvnav_trade.filter.states import CARRIER_PHASE, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.imu.array import keyed, mounted
 from lvnav_trade.kernels.transition import VEL
 from lvnav_trade.quantities.error_sources import PHASE_NOISE, label_of

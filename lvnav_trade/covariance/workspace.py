@@ -12,8 +12,7 @@ from lvnav_trade.covariance.slots import as_lanes
 from lvnav_trade.covariance.sources import n_joint
 from lvnav_trade.filter.policies.epoch_differences import Earlier, new_earlier
 from lvnav_trade.filter.receivers.receiver import N_STATE
-from lvnav_trade.kernels.groups import grouped_zeros
-from lvnav_trade.kernels.lanes import zeros_of
+from lvnav_trade.kernels.lanes import grouped_zeros, zeros_of
 from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.quantities.records import Floats, Ints

@@ -7,13 +7,12 @@ from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filter.measurement_tuning import HInfinityCard, ProcessNoiseTable, RegionNoiseCard, UnderweightingCard
-from lvnav_trade.filter.policies.card import IntegrityCard
-from lvnav_trade.filter.policies.cards import LogicCard
+from lvnav_trade.filter.policies.cards import IntegrityCard, LogicCard
 from lvnav_trade.filter.policies.stored_gains import GainSchedule
 from lvnav_trade.filter.strapdown import StrapdownCard
 from lvnav_trade.gnss.delay_cards import CorrectionsCard
 from lvnav_trade.quantities import units
-from lvnav_trade.quantities.envelope import EnvelopeCard
+from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.quantities.state_layout import BY_SATELLITE, EXTRAS, OF_OBSERVABLES, PARAMETERS, RELATIVE
 from lvnav_trade.sensors.family import (
     MEASUREMENTS,

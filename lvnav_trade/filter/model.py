@@ -7,17 +7,16 @@ import numpy as np
 
 from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filter.card import FilterCard
-from lvnav_trade.filter.rows import TYPES, clock_gains, extra_tables, row_tables, row_types
-from lvnav_trade.filter.states import Taken
+from lvnav_trade.filter.states import TYPES, Taken, clock_gains, extra_tables, row_tables, row_types
 from lvnav_trade.filter.strapdown import strapdown_of
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.covariance import N_NAV_ERROR
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
-from lvnav_trade.quantities.envelope import EnvelopeCard
 from lvnav_trade.quantities.per_axis import PerAxis, axes, squares
 from lvnav_trade.quantities.records import Bools, Floats, Ints
+from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
 
 # One-sigma (m) of the receiver's clock at an epoch before the filter starts: a difference with it has no weight.

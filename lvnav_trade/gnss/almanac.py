@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lvnav_trade.gnss.navigation_lines import Bounds, number, read_lines
-from lvnav_trade.quantities.decimals import whole
 from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.input_files import whole
 
 HIGHEST_PRN = 63  # six bits in the navigation message (IS-GPS-200, 20.3.3.5); those of QZSS begin at 193
 SEMICIRCLE = math.pi

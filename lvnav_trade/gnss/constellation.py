@@ -9,20 +9,10 @@ from pydantic import Field, field_validator
 
 from lvnav_trade.gnss.almanac import AlmanacRecord, read_almanac, read_yuma
 from lvnav_trade.kernels.earth import J2, SEMI_MAJOR
+from lvnav_trade.quantities import units
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.times import gps_seconds, resolve_beidou_week, resolve_week
-from lvnav_trade.quantities.units import (
-    Angle,
-    AngularRate,
-    Card,
-    Epoch,
-    Length,
-    LengthSigma,
-    NamedCard,
-    Share,
-    TimeConstant,
-)
 
 System = Literal["GPS", "Galileo", "GLONASS", "BeiDou"]
 LETTERS: dict[str, str] = {"GPS": "G", "Galileo": "E", "GLONASS": "R", "BeiDou": "C"}  # as in RINEX
@@ -37,40 +27,40 @@ EARTH_RATE_BEIDOU = 7.2921150e-5  # rad/s
 RELATIVITY_BEIDOU = -4.442807309e-10  # s/m^0.5: -2 sqrt(GM) / c^2
 
 
-Eccentricity = Annotated[Share, Field(ge=0.0, le=0.1)]
+Eccentricity = Annotated[units.Share, Field(ge=0.0, le=0.1)]
 
 
-class Slot(Card):
+class Slot(units.Card):
     """A satellite of a nominal constellation: its place at the epoch, and parameters that differ from other slots."""
 
     name: str  # such as A1
-    node: Angle  # right ascension, at the epoch
-    latitude_argument: Angle  # at the epoch
-    semi_major_axis: Annotated[Length, Field(gt=0.0)] | None = Field(
+    node: units.Angle  # right ascension, at the epoch
+    latitude_argument: units.Angle  # at the epoch
+    semi_major_axis: Annotated[units.Length, Field(gt=0.0)] | None = Field(
         None, description="if absent: that of the constellation"
     )
-    inclination: Angle | None = Field(None, description="if absent: that of the constellation")
-    node_rate: AngularRate | None = Field(None, description="as for the constellation; from J2 if absent")
-    latitude_rate: AngularRate | None = Field(None, description="as for the constellation")
+    inclination: units.Angle | None = Field(None, description="if absent: that of the constellation")
+    node_rate: units.AngularRate | None = Field(None, description="as for the constellation; from J2 if absent")
+    latitude_rate: units.AngularRate | None = Field(None, description="as for the constellation")
     eccentricity: Eccentricity | None = Field(None, description="if absent: that of the constellation")
-    perigee: Angle | None = Field(None, description="argument of perigee; if absent: that of the constellation")
+    perigee: units.Angle | None = Field(None, description="argument of perigee; if absent: that of the constellation")
 
 
-class SignalErrors(Card):
+class SignalErrors(units.Card):
     """Errors of the signals of a constellation (clock and ephemeris), and of the time of its system."""
 
-    range_error: LengthSigma = Field(
+    range_error: units.LengthSigma = Field(
         default=0.0, description="one sigma in range of each satellite's clock and ephemeris residual, Gauss-Markov"
     )
-    range_error_time: TimeConstant | None = Field(
+    range_error_time: units.TimeConstant | None = Field(
         default=None, description="time constant of the range error; constant over the flight if absent"
     )
-    time_offset: LengthSigma = Field(
+    time_offset: units.LengthSigma = Field(
         default=0.0,
         description="one-sigma, in range, of the offset of the system's time from GPS time, equal for all its "
         "satellites",
     )
-    time_offset_time: TimeConstant | None = Field(
+    time_offset_time: units.TimeConstant | None = Field(
         default=None, description="time constant of the time offset; constant over the flight if absent"
     )
     relativity: bool = Field(
@@ -82,23 +72,25 @@ class SignalErrors(Card):
             yield "time_offset counts from GPS time, so a constellation of GPS has none"
 
 
-class NominalConstellation(SignalErrors, NamedCard):
+class NominalConstellation(SignalErrors, units.NamedCard):
     """Orbits from published slots, circular by default, propagated from their epoch with secular rates."""
 
     kind: Literal["nominal"] = "nominal"
     system: System = "GPS"  # of all its satellites
-    epoch: Epoch  # ISO 8601, UTC
-    greenwich: Angle = Field(description="Greenwich hour angle of the direction that nodes are counted from, at epoch")
-    semi_major_axis: Annotated[Length, Field(gt=0.0)]  # of all orbits
-    inclination: Angle  # of all orbits
-    node_rate: AngularRate | None = Field(
+    epoch: units.Epoch  # ISO 8601, UTC
+    greenwich: units.Angle = Field(
+        description="Greenwich hour angle of the direction that nodes are counted from, at epoch"
+    )
+    semi_major_axis: Annotated[units.Length, Field(gt=0.0)]  # of all orbits
+    inclination: units.Angle  # of all orbits
+    node_rate: units.AngularRate | None = Field(
         default=None, description="published rate of the nodes; that of J2 on a circular orbit if absent"
     )
-    latitude_rate: AngularRate | None = Field(
+    latitude_rate: units.AngularRate | None = Field(
         default=None, description="published rate of the argument of latitude; two bodies and J2 if absent"
     )
     eccentricity: Eccentricity = Field(default=0.0, description="eccentricity of all orbits; for GPS below 0.02")
-    perigee: Angle = Field(default=0.0, description="argument of perigee of all orbits if they are eccentric")
+    perigee: units.Angle = Field(default=0.0, description="argument of perigee of all orbits if they are eccentric")
     slots: tuple[Slot, ...] = Field(min_length=1)  # one satellite each
 
     def _faults(self) -> Iterator[str]:
@@ -124,7 +116,7 @@ class AlmanacConstellation(SignalErrors):
         default="GPS", description="system of a YUMA file; weeks and times of a BeiDou file are in BeiDou time"
     )
     almanac: str = Field(description="path of a YUMA or SEM file", json_schema_extra={"path": True})
-    longest_age: TimeConstant = Field(
+    longest_age: units.TimeConstant = Field(
         default=180 * 86400.0, description="largest time between lift-off and the time of applicability"
     )
 
@@ -141,7 +133,7 @@ class RinexConstellation(SignalErrors):
         default=None,
         description="satellite systems to use; if absent: all in the files, of the four that are supported",
     )
-    longest_age: TimeConstant | None = Field(
+    longest_age: units.TimeConstant | None = Field(
         default=None,
         description="largest time between lift-off and a satellite's reference time; if absent: 2 h for GPS and "
         "BeiDou, 4 h for Galileo, 30 min for GLONASS",
@@ -184,7 +176,7 @@ class PreciseConstellation(SignalErrors):
 Part = NominalConstellation | AlmanacConstellation | RinexConstellation | PreciseConstellation
 
 
-class CombinedConstellation(NamedCard):
+class CombinedConstellation(units.NamedCard):
     """Several constellations seen by one receiver; each system belongs to one part."""
 
     kind: Literal["combined"] = "combined"

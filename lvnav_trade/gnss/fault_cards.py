@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from lvnav_trade.gnss.link import Pattern
-from lvnav_trade.quantities.conditions import Conditions, SightConditions
-from lvnav_trade.quantities.events import Instant
+from lvnav_trade.quantities.conditions import Conditions, Instant, SightConditions
 from lvnav_trade.quantities.records import FLAGS
 from lvnav_trade.quantities.units import (
     Acceleration,

@@ -7,10 +7,9 @@ import numpy as np
 
 from lvnav_trade.gnss.fault_cards import AnyFault, Jamming, Spoofing
 from lvnav_trade.gnss.faults import active
-from lvnav_trade.gnss.link import pattern_gain
+from lvnav_trade.gnss.link import LinkCard, gains, path_loss, pattern_gain
 from lvnav_trade.gnss.loops import LoopsCard
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
-from lvnav_trade.gnss.receiver_link import LinkCard, gains, path_loss
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.line_of_sight import Sight, sight

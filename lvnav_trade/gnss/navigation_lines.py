@@ -7,9 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from lvnav_trade.quantities.decimals import decimal_or_endless, whole
 from lvnav_trade.quantities.errors import InputError, quoted
-from lvnav_trade.quantities.input_files import read_bytes
+from lvnav_trade.quantities.input_files import decimal_or_endless, read_bytes, whole
 from lvnav_trade.quantities.limits import DATA_BYTES
 
 GZIP_MAGIC = b"\x1f\x8b"

@@ -14,8 +14,8 @@ import numpy as np
 
 from lvnav_trade.gnss.navigation_lines import Bounds, number, read_lines
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
-from lvnav_trade.quantities.decimals import decimal, whole
 from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.input_files import decimal, whole
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.times import GPS_ORIGIN
 

@@ -6,15 +6,13 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from lvnav_trade.gnss.link import AntennaCard, LinkCard
 from lvnav_trade.gnss.loops import LoopsCard
-from lvnav_trade.gnss.receiver_link import AntennaCard, LinkCard
 from lvnav_trade.gnss.recorded_errors import ErrorTable
-from lvnav_trade.gnss.slips import CycleSlipCard
-from lvnav_trade.gnss.tracking import TrackingCard
+from lvnav_trade.gnss.tracking import CycleSlipCard, TrackingCard
 from lvnav_trade.kernels.media.ionosphere import L1, L2, L5, free_combination
 from lvnav_trade.quantities import units
-from lvnav_trade.quantities.resources import Resources
-from lvnav_trade.quantities.shared_cards import NoiseBy
+from lvnav_trade.quantities.shared_cards import NoiseBy, Resources
 
 
 class OwnCovariance(units.Card):

@@ -1,4 +1,4 @@
-"""Reception of the signals over a flight: best antenna, C/N0, noise, tracked satellites."""
+"""Reception over a flight: best antenna, C/N0, noise by altitude, specific force and jerk, tracked satellites."""
 
 import math
 from collections.abc import Sequence
@@ -7,18 +7,55 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.gnss.dynamics import factors
 from lvnav_trade.gnss.fault_cards import AnyFault, Jamming
 from lvnav_trade.gnss.faults import highest
 from lvnav_trade.gnss.interference import effective, jamming_density
+from lvnav_trade.gnss.link import carrier_to_noise, gains, received_power
 from lvnav_trade.gnss.loops import LoopsCard, code_sigma, coherence_loss, holds, lag, phase_sigma, rate_sigma, shaking
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
-from lvnav_trade.gnss.receiver_link import carrier_to_noise, gains, received_power
-from lvnav_trade.gnss.slips import continuous
-from lvnav_trade.gnss.tracking import DEAF, DYNAMICS, FAULT, HELD, HIDDEN, WEAK, Signals, TrackingCard, track
-from lvnav_trade.quantities.frames import matrices
+from lvnav_trade.gnss.tracking import (
+    DEAF,
+    DYNAMICS,
+    FAULT,
+    HELD,
+    HIDDEN,
+    WEAK,
+    Signals,
+    TrackingCard,
+    continuous,
+    track,
+)
+from lvnav_trade.quantities.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, matrices
 from lvnav_trade.quantities.records import IDLE, TRACK, Bools, Floats, Ints, Transition
+from lvnav_trade.quantities.shared_cards import Dynamics, NoiseFactor, noise_factor
 from lvnav_trade.trajectory.flight import Trajectory, motion
+
+HALF_STEP = 0.05  # s to either side of a time for the change of specific force
+
+
+def dynamics_at(trajectory: Trajectory, t: Floats) -> Dynamics:
+    """Return altitude, specific force and jerk at times t (n,) s since lift-off.
+
+    Jerk is the change of specific force in frame i over 0.1 s, which covers jumps of thrust.
+    """
+    at = motion(trajectory, t)
+    height = geodetic_from_ecef(ecef_from_eci(at.r_i, earth_angle(trajectory.theta0, t)))[2]
+    ends = [np.clip(t + shift, trajectory.start, trajectory.end) for shift in (-HALF_STEP, HALF_STEP)]
+    before, after = (motion(trajectory, end) for end in ends)
+    first, last = (np.einsum("nij,nj->ni", matrices(end.q_b_i), end.f_b) for end in (before, after))
+    jerk = np.linalg.norm(last - first, axis=1) / (ends[1] - ends[0])
+    return Dynamics(np.asarray(height), np.linalg.norm(at.f_b, axis=1), jerk)
+
+
+def factors(
+    tables: Sequence[NoiseFactor], measurements: Sequence[str], trajectory: Trajectory, t: Floats
+) -> list[Floats | float]:
+    """Return the factor (n, 1) on the sigma of each measurement at times t (n,) s; the number 1 without tables."""
+    if not tables:
+        return [1.0 for _ in measurements]
+    at = dynamics_at(trajectory, t)
+    return [noise_factor(tables, measurement, at)[:, None] for measurement in measurements]
+
 
 LONGEST_STEP = 0.1  # s; longest step of the channels and their signals
 # Samples of the motion per response time of the carrier loop, which averages faster motion.

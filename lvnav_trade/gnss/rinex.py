@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lvnav_trade.gnss.navigation_lines import Bounds, number, read_lines
-from lvnav_trade.quantities.decimals import decimal, whole
 from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.input_files import decimal, whole
 from lvnav_trade.quantities.times import BDT_BEHIND, BDT_WEEKS, GPS_ORIGIN, SECONDS_PER_WEEK, leap_seconds
 
 WIDTH = 19  # of a number

@@ -16,7 +16,7 @@ from lvnav_trade.imu.error_model import AccelCard, GyroCard, ImuCard, error_term
 from lvnav_trade.imu.redundancy import ParityCard
 from lvnav_trade.kernels.transition import ACCEL, GYRO
 from lvnav_trade.quantities import units
-from lvnav_trade.quantities.events import Instant
+from lvnav_trade.quantities.conditions import Instant
 from lvnav_trade.quantities.per_axis import PerAxis, rms, squares
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.state_layout import ErrorTerm

@@ -1,17 +1,18 @@
-"""IMU error card: the numbers of a datasheet, one sigma per axis."""
+"""IMU error card (the numbers of a datasheet, one sigma per axis), and its sensing elements beyond full scale."""
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
+import numpy as np
 from pydantic import Field
 
 from lvnav_trade.imu.allan import FLOOR, Process, fit_floor
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
 from lvnav_trade.quantities import per_axis, units
 from lvnav_trade.quantities.per_axis import PerAxis, each_axis
-from lvnav_trade.quantities.records import Floats
-from lvnav_trade.quantities.resources import Resources
+from lvnav_trade.quantities.records import Bools, Floats
+from lvnav_trade.quantities.shared_cards import Resources
 from lvnav_trade.quantities.state_layout import ErrorTerm
 from lvnav_trade.quantities.units import Card, NamedCard
 
@@ -235,3 +236,49 @@ def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
     # the sensor's output at the start of each tick trails the level of the tick before
     trail, _ = lfilter([0.0, 1.0 - decay], [1.0, -decay], level, axis=0, zi=level[:1])
     return increments + (trail - level) * (time_constant * (1.0 - decay))
+
+
+class Dead(NamedTuple):
+    """A dead sensing element.
+
+    axis : Index of its axis.
+    ticks : (n_tick,). Whether it is dead at the tick.
+    last : Whether it repeats its last output; otherwise its output is zero.
+    """
+
+    axis: int
+    ticks: Bools
+    last: bool
+
+
+def put_out(increments: Floats, axes: Floats, limit: float, dead: Sequence[Dead] = ()) -> Floats:
+    """Return the increments after clipping at full scale and dead elements.
+
+    Bias, noise and scale factor are errors of the electronics and are added after this step.
+
+    Parameters
+    ----------
+    increments : (n_tick, 3) rad or m/s
+        Increments of angle or velocity, body axes.
+    axes : (k, 3)
+        Linearly independent unit vectors of 1 to 3 sensing axes. Components across all of them do not change.
+    limit : float
+        Largest increment (rad or m/s) of a tick, of either sign; inf: none.
+    dead : sequence of Dead
+
+    Returns
+    -------
+    (n_tick, 3) rad or m/s
+        The array `increments` itself if nothing is clipped or dead.
+    """
+    if not dead and float(np.max(np.einsum("ij,ij->i", increments, increments), initial=0.0)) < 0.99 * limit**2:
+        return increments  # the component along an axis is at most the length of the vector
+    along = increments @ axes.T
+    output = np.clip(along, -limit, limit)
+    for element in dead:
+        at = np.flatnonzero(element.ticks)
+        if at.size:
+            output[at, element.axis] = output[at[0] - 1, element.axis] if element.last and at[0] > 0 else 0.0
+    if np.array_equal(output, along):
+        return increments
+    return np.asarray(increments + (output - along) @ np.linalg.pinv(axes).T)

@@ -1,4 +1,4 @@
-"""f64x8: the same number of eight runs as one value, so that a kernel written for one run processes eight.
+"""f64x8: eight runs, or eight error sources, in one value, so that a kernel written for one steps eight.
 
 A kernel is written for one run, in plain indexing: ``P[i, j] = P[i, j] - gain * K[j]``. With float64 arrays it
 processes one run. With views, made by `view` of arrays whose last axis has `WIDTH` runs, it processes eight. The source
@@ -7,18 +7,24 @@ must be *lane-clean*: no branch on a value that differs between runs (use `where
 
 The lane types are numba extension types on LLVM vectors; LLVM splits them on processors with narrower vectors. With
 ``NUMBA_DISABLE_JIT=1`` only the one-run form exists, and every name here is an ordinary Python function.
+
+Gains and transition matrices are the same for all sources, so one kernel processes eight of them. With
+`NUMBA_DISABLE_JIT=1` a group has one source.
 """
 
 import math
 import operator
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, overload, overload_attribute, type_callable
+from numpy.typing import NDArray
 
+from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.vector import WIDTH, Lane, LaneView, as_vector, f64x8, mask8, u64x8
 
 LINE = 64  # bytes of a cache line
@@ -274,3 +280,37 @@ def _convert(function, source, target, instruction):
 _convert(bits, f64x8, u64x8, "bitcast")
 _convert(from_bits, u64x8, f64x8, "bitcast")
 _convert(to_float, u64x8, f64x8, "uitofp")
+
+
+GROUP = 1 if config.DISABLE_JIT else WIDTH
+"""Number of sources in a group."""
+
+
+def grouped_zeros(shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return zeros of the given shape, with the lanes of a group as an additional last axis."""
+    return aligned_zeros((*shape, GROUP))
+
+
+def whole(array: Any) -> Any:
+    """Return an array of one group, as lanes."""
+    return array[..., 0]
+
+
+@overload(whole)
+def _whole(array):
+    return lambda array: view(array)
+
+
+@jit
+def group(array: Any, index: Any) -> Any:
+    """Return one group of sources, as lanes."""
+    return whole(array[index])
+
+
+@jit
+def total_of(array: Any) -> Any:
+    """Return the sum of an array (1, n_lane) over its lanes."""
+    total = 0.0
+    for lane in range(array.shape[1]):
+        total += array[0, lane]
+    return total

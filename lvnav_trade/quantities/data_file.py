@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.quantities.decimals import decimal_or_endless
 from lvnav_trade.quantities.errors import InputError, quoted
-from lvnav_trade.quantities.input_files import open_regular, read_text
+from lvnav_trade.quantities.input_files import decimal_or_endless, open_regular, read_text
 from lvnav_trade.quantities.limits import DATA_BYTES, DATA_ROWS, FIELD_LENGTH
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.quantities.time_stamps import coarse, restored
+from lvnav_trade.quantities.times import coarse, restored
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.quantities.decimals import DECIMAL
 from lvnav_trade.quantities.errors import quoted
+from lvnav_trade.quantities.input_files import DECIMAL
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: np.add,

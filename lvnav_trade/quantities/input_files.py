@@ -1,9 +1,12 @@
-"""Input files: regular files of bounded size. A device, a pipe or a file that is too large is refused in one line.
+"""Reading of input files: regular files of limited size, numbers of ASCII digits.
 
 Every reader of user files opens them here, so that none waits for a pipe or exhausts the memory.
+
+Python's `float` and `int` also accept ``1_000`` and the digits of other scripts, which no instrument writes.
 """
 
 import codecs
+import math
 import os
 import stat
 from collections.abc import Iterator
@@ -104,3 +107,34 @@ def _shown(path: str | Path) -> str:
     """Return a path as messages print it: whole, unless it is too long for a path."""
     text = str(path)
     return text if len(text) <= 255 else quoted(text)
+
+
+DECIMAL = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+"""Pattern of a number."""
+
+
+def is_plain(text: str) -> bool:
+    """Return whether a text has neither separators nor characters outside ASCII."""
+    return text.isascii() and "_" not in text
+
+
+def decimal(text: str) -> float:
+    """Return the number in a text, which may have blanks around it; ValueError if it is not a finite number."""
+    value = decimal_or_endless(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text.strip()} is not a finite number")
+    return value
+
+
+def decimal_or_endless(text: str) -> float:
+    """Return the number in a text, as `decimal`, but accept nan and inf, which the caller reports."""
+    if not is_plain(text):
+        raise ValueError("not a decimal number")
+    return float(text)
+
+
+def whole(text: str) -> int:
+    """Return the integer in a text, which may have blanks around it; ValueError if it is none."""
+    if not is_plain(text):
+        raise ValueError("not a decimal number")
+    return int(text)

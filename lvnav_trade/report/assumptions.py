@@ -1,10 +1,10 @@
-"""Assumptions: numbers that cards mark as assumed or second hand, and what ranking rests on them."""
+"""Sections on the inputs: numbers that cards mark as assumed, and key numbers of every case."""
 
 from collections.abc import Callable, Collection, Sequence
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Text, among, of, stated, words
+from lvnav_trade.report.blocks import Block, Table, Text, among, of, stated, words
 from lvnav_trade.report.escape import note
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.evaluation.assumptions import compared_by
@@ -105,3 +105,21 @@ def cases_in_words(tables: Tables, cases: Collection[str]) -> str:
         if len(own) <= _FEW and {label for label in levels if levels[label].get(axis) in own} == chosen:
             return f"{axis}={' or '.join(own)}"
     return among([label for label in levels if label in chosen], _FEW, "; ")
+
+
+@of("configuration")
+def configuration(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return a table for IMUs, receivers and filters; cases with the same numbers are in one line."""
+    kinds = frame.device.str.partition(" ")[0]
+    return [_table(tables, kind, frame[kinds == kind]) for kind in dict.fromkeys(kinds)]
+
+
+def _table(tables: Tables, kind: str, frame: pd.DataFrame) -> Table:
+    terms = list(dict.fromkeys(frame.term))
+    lines: dict[tuple[str, ...], list[str]] = {}
+    for (case, _), rows in frame.groupby(["case", "device"], sort=False):
+        values = dict(zip(rows.term, rows.value_text, strict=True))
+        lines.setdefault((str(rows["name"].iloc[0]), *(values.get(term, "–") for term in terms)), []).append(str(case))
+    found = tuple((*line, cases_in_words(tables, dict.fromkeys(cases))) for line, cases in lines.items())
+    caption = f"{kind[0].upper()}{kind[1:]}: key numbers of the cards, one sigma where they are errors."
+    return Table((kind, *terms, "cases"), found, (False,) * (len(terms) + 2), caption)

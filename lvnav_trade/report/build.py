@@ -11,9 +11,10 @@ import pandas as pd
 
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.report import assumptions as assumed
-from lvnav_trade.report import configuration as configured
-from lvnav_trade.report import curves, evidence, flight, injection, integrity
+from lvnav_trade.report import assumptions as configured
+from lvnav_trade.report import diagnostics, evidence, flight, space
 from lvnav_trade.report import diagnostics as explained
+from lvnav_trade.report import flight as injection
 from lvnav_trade.report import models as registered
 from lvnav_trade.report import space as together
 from lvnav_trade.report.answers import answers
@@ -23,7 +24,7 @@ from lvnav_trade.report.escape import csv_text, render, source
 from lvnav_trade.report.figures.style import share_scales
 from lvnav_trade.report.summary import SIGNS, summary
 from lvnav_trade.results.evaluation import CSV, METRICS
-from lvnav_trade.results.statistics.names import named
+from lvnav_trade.results.statistics.display_units import named
 from lvnav_trade.results.tables.contents import owned
 from lvnav_trade.results.tables.read import Tables, load
 
@@ -40,8 +41,8 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "space": ("The designs together", together.space),
     "summary": ("Answer", summary),
     "requirements": ("Requirements", _requirements),
-    "pareto": ("Cost and performance", curves.pareto),
-    "curves": ("Curves", curves.curves),
+    "pareto": ("Cost and performance", space.pareto),
+    "curves": ("Curves", space.curves),
     "trajectory": ("Trajectory", evidence.trajectory),
     "envelopes": ("Errors", evidence.envelopes),
     "consistency": ("Consistency", evidence.consistency),
@@ -49,7 +50,7 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "satellites": ("Satellites", evidence.satellites),
     "tracking": ("Tracking", evidence.tracking),
     "logic": ("The filter's logic", evidence.logic),
-    "integrity": ("Faults found", integrity.integrity),
+    "integrity": ("Faults found", diagnostics.integrity),
     "delays": ("Delays and latency", evidence.delays),
     "outages": ("Outages", evidence.outages),
     "references": ("Published numbers", evidence.references),

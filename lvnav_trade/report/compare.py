@@ -15,8 +15,7 @@ from lvnav_trade.report.blocks import number, percent
 from lvnav_trade.report.escape import render, xml_text
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.comparison.comparison import Comparison
-from lvnav_trade.results.tables.contents import MANIFEST, RESOLVED, is_without_rows, owned
-from lvnav_trade.results.tables.manifest import DIGESTS, damaged, digest
+from lvnav_trade.results.tables.contents import DIGESTS, MANIFEST, RESOLVED, damaged, digest, is_without_rows, owned
 from lvnav_trade.results.tables.read import Tables, load, stored_table
 
 EXIT = {"not worse": 0, "worse": 1, "undecided": 3}

@@ -1,8 +1,20 @@
-"""Report sections on the flight: orbit, correction and impact point; rate and acceleration, nozzle movement."""
+"""Sections on the flight and on the injection under guidance."""
 
 import pandas as pd
 
-from lvnav_trade.report.blocks import Block, Text, chosen_cases, figure, left_out, number, of, stated, words
+from lvnav_trade.report.blocks import (
+    Block,
+    Text,
+    chosen_cases,
+    few,
+    figure,
+    figures,
+    left_out,
+    number,
+    of,
+    stated,
+    words,
+)
 from lvnav_trade.report.escape import note
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.tables.read import Tables
@@ -180,3 +192,33 @@ def control(tables: Tables) -> list[Block]:
         blocks.append(figure(tables, "sweep", name="nozzle-sweep"))
     shown = (("movement", "nozzle"), ("turning", ""))
     return blocks + [figure(tables, plot, case, name=name) for case in list(tables.labels)[:4] for plot, name in shown]
+
+
+_LOST_SHOWN = 10  # of a case, of the runs that do not reach their cut-off
+_LEAST_SHARE = 0.01  # of the variance, of a source that is shown
+_SHOWN = ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node", "inclination")  # on the page
+
+
+@of("injection")
+def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return errors of the achieved orbits with their parts, how the runs end, and pictures."""
+    ends = METRICS["cutoff"](tables)
+    spread = ends.low_ratio.map("{:.3g}".format) + " to " + ends.high_ratio.map("{:.3g}".format)
+    spread = spread.where(ends.runs > 0, "-")
+    lost = METRICS["lost"](tables).groupby("case", sort=False).head(_LOST_SHOWN)
+    sources = METRICS["injection_sources"](tables)
+    large = sources.quantity.isin(_SHOWN) & ~(sources.share_ratio < _LEAST_SHARE)
+    budget = [stated("injection_sources", sources[large])] if large.any() else []
+    expected = frame[frame.reason != ""].drop_duplicates(["case", "reason"])
+    reasons = [Text(f"{row.case}: linear covariance does not apply ({row.reason}).") for row in expected.itertuples()]
+    guided, more = few([case for case, label in tables.labels.items() if label in set(ends.case)])
+    return [
+        Text(note("injection")),
+        stated("injection", frame),
+        *reasons,
+        *budget,
+        stated("cutoff", ends.assign(interval=spread)),
+        *([stated("lost", lost)] if len(lost) else []),
+        *figures(tables, "injection", guided),
+        *more,
+    ]

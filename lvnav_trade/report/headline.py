@@ -7,7 +7,7 @@ import pandas as pd
 
 from lvnav_trade.report.blocks import Block, Text, stated
 from lvnav_trade.report.printed import short_cases
-from lvnav_trade.results.evaluation.held import EDGES, at_an_edge, evidence, fitted, held, most_important
+from lvnav_trade.results.evaluation.published import EDGES, at_an_edge, evidence, fitted, held, most_important
 from lvnav_trade.results.evaluation.verdicts import FAILS, HOLDS
 
 _EXPRESSION = r"^[^:]*[-+*/(][^:]*: "  # metric of a statement: an expression, followed by the meaning of its terms

@@ -17,7 +17,7 @@ from lvnav_trade.quantities.frames import ecef_from_geodetic, geodetic_from_ecef
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.report.escape import render
 from lvnav_trade.results.statistics.probability import outline_of
-from lvnav_trade.results.tables.manifest import damaged
+from lvnav_trade.results.tables.contents import damaged
 from lvnav_trade.results.tables.read import Tables
 
 SIGMAS = 3.0

@@ -12,12 +12,11 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.campaign.definition.evidence import of_sensors
+from lvnav_trade.campaign.definition.metric_names import of_sensors
 from lvnav_trade.report.blocks import Block, Text, stated
 from lvnav_trade.report.escape import note, source
 from lvnav_trade.results.evaluation.resources import scenario_of
-from lvnav_trade.results.tables.lookup import once
-from lvnav_trade.results.tables.read import Tables
+from lvnav_trade.results.tables.read import Tables, once
 
 _OF = {"sensors": of_sensors}
 Conditions = Mapping[str, Any] | Sequence[Mapping[str, Any]]

@@ -18,7 +18,9 @@ _UNCLEAR = re.compile(r"[-+\d.]|(none|on|off|yes|no|true|false)$")  # a level th
 
 
 def printed_tables(study: Study, rows: pd.DataFrame) -> list[Block]:
-    """Return the published tables that study.yaml lays out, from the rows of all campaigns (`results.evaluation.published`)."""
+    """Return the published tables that study.yaml lays out, from the rows of all campaigns
+    (`results.evaluation.published`).
+    """
     return [_table(one, rows) for one in study.printed]
 
 

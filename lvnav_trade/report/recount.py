@@ -31,8 +31,7 @@ from lvnav_trade.report.study import (
     reproduce,
     together,
 )
-from lvnav_trade.results.evaluation.held import evidence, held
-from lvnav_trade.results.evaluation.published import COLUMNS, MARKS, marks, verdict_in_band
+from lvnav_trade.results.evaluation.published import COLUMNS, MARKS, evidence, held, marks, verdict_in_band
 from lvnav_trade.results.statistics.select import in_units
 from lvnav_trade.results.tables.contents import owned
 

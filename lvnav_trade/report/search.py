@@ -10,7 +10,7 @@ from lvnav_trade.quantities.errors import writing
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, table
 from lvnav_trade.report.build import html_page, markdown_page, pictures
 from lvnav_trade.report.escape import csv_text, note
-from lvnav_trade.report.figures import search as plots
+from lvnav_trade.report.figures import space as plots
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation.covariances import NOT_APPLICABLE
 from lvnav_trade.results.tables.contents import owned

@@ -13,7 +13,7 @@ from lvnav_trade.campaign.reading.study import Figure, Study
 from lvnav_trade.quantities.errors import InputError, writing
 from lvnav_trade.report.blocks import Block, Picture, Section, Text, of, percent, stated, table
 from lvnav_trade.report.build import markdown_page, pictures
-from lvnav_trade.report.diagnostics import error_bound
+from lvnav_trade.report.diagnostics import error_bound, rates, worth
 from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.report.evidence import logic_tables
 from lvnav_trade.report.figures import PLOTS
@@ -21,15 +21,13 @@ from lvnav_trade.report.figures.figure import Figure as Drawing
 from lvnav_trade.report.figures.published import Published, ratios
 from lvnav_trade.report.flight import control_tables, motion_summary, observed_table
 from lvnav_trade.report.headline import headline, not_counted, those_that_miss
-from lvnav_trade.report.integrity import rates, worth
 from lvnav_trade.report.kml import flights, kml
 from lvnav_trade.report.printed import printed_tables
 from lvnav_trade.report.script import Answered, StudyScript, published_rows
 from lvnav_trade.results.evaluation.covariances import agreement, by_case
 from lvnav_trade.results.evaluation.coverage import coverage
-from lvnav_trade.results.evaluation.held import evidence, held
 from lvnav_trade.results.evaluation.pooled_cases import cases_of
-from lvnav_trade.results.evaluation.published import COLUMNS
+from lvnav_trade.results.evaluation.published import COLUMNS, evidence, held
 from lvnav_trade.results.evaluation.rms import paired_levels
 from lvnav_trade.results.requirements.requirements import in_words
 from lvnav_trade.results.statistics.select import in_units

@@ -18,8 +18,8 @@ from lvnav_trade.scenario.rules import breaches
 from lvnav_trade.sensors.family import Sensor
 from lvnav_trade.sensors.sensor import SensorCard
 from lvnav_trade.trajectory.control_cards import ControlledCard
+from lvnav_trade.trajectory.disturbances import GravityCard
 from lvnav_trade.trajectory.flight import TrajectoryCard
-from lvnav_trade.trajectory.gravity import GravityCard
 
 
 class InitialErrors(Card):

@@ -12,10 +12,17 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import Fraction, Length, LengthSigma, TimeConstant
-from lvnav_trade.sensors.correlated import CorrelatedError
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import H_POS, clear
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit
+from lvnav_trade.sensors.sensor import (
+    Check,
+    CorrelatedError,
+    Evidence,
+    FlightView,
+    Registration,
+    SensorCard,
+    SensorModel,
+    StateUnit,
+)
 
 
 class AltimeterModel(SensorModel):

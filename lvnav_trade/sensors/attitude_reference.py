@@ -12,9 +12,8 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import Q
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import AngleSigma
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import H_ATT, clear
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel
+from lvnav_trade.sensors.sensor import Check, Evidence, FlightView, Registration, SensorCard, SensorModel
 
 
 class AttitudeModel(SensorModel):

@@ -18,9 +18,16 @@ from lvnav_trade.quantities.frames import earth_velocity
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import Fraction, Length, LengthSigma, Pressure, TimeConstant
 from lvnav_trade.sensors.altimeter import fill
-from lvnav_trade.sensors.correlated import CorrelatedError
-from lvnav_trade.sensors.evidence import Check, Evidence
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit
+from lvnav_trade.sensors.sensor import (
+    Check,
+    CorrelatedError,
+    Evidence,
+    FlightView,
+    Registration,
+    SensorCard,
+    SensorModel,
+    StateUnit,
+)
 
 _GRAVITY = 9.80665
 

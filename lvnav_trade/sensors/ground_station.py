@@ -27,10 +27,17 @@ from lvnav_trade.quantities.conditions import ELEVATIONS, SightConditions
 from lvnav_trade.quantities.frames import ecef_from_geodetic, eci_from_ecef, rotation_e_n
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import Angle, AngleSigma, Fraction, Length, LengthSigma, TimeConstant, distinct
-from lvnav_trade.sensors.correlated import CorrelatedError
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import H_POS, angle_of, clear
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit
+from lvnav_trade.sensors.sensor import (
+    Check,
+    CorrelatedError,
+    Evidence,
+    FlightView,
+    Registration,
+    SensorCard,
+    SensorModel,
+    StateUnit,
+)
 
 Scalar = Literal["range", "azimuth", "elevation"]
 SCALARS: tuple[Scalar, ...] = ("range", "azimuth", "elevation")

@@ -13,9 +13,8 @@ from pydantic import Field, model_validator
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import AngleRandomWalk, VelocityRandomWalk
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import clear
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel
+from lvnav_trade.sensors.sensor import Check, Evidence, FlightView, Registration, SensorCard, SensorModel
 
 
 class AngleDifferenceModel(SensorModel):

@@ -18,10 +18,18 @@ from lvnav_trade.quantities.frames import ecef_from_eci, eci_from_ecef, matrices
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import FluxDensitySigma, Fraction
 from lvnav_trade.sensors import geomagnetism
-from lvnav_trade.sensors.correlated import CorrelatedError
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import H_ATT, H_POS, clear
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit, each_scalar
+from lvnav_trade.sensors.sensor import (
+    Check,
+    CorrelatedError,
+    Evidence,
+    FlightView,
+    Registration,
+    SensorCard,
+    SensorModel,
+    StateUnit,
+    each_scalar,
+)
 
 _NANOTESLA = 1e9
 _AXES = ("x", "y", "z")

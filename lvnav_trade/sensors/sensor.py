@@ -1,4 +1,4 @@
-"""Base classes of the sensors: card, filter model, registration, and the flight as sensors see it."""
+"""Base classes of the sensors: card, filter model, correlated errors, evidence, registration."""
 
 import math
 from abc import abstractmethod
@@ -10,11 +10,63 @@ from pydantic import Field
 
 from lvnav_trade.quantities.conditions import Conditions
 from lvnav_trade.quantities.records import Bools, Floats
-from lvnav_trade.quantities.resources import Resources
+from lvnav_trade.quantities.shared_cards import Resources
 from lvnav_trade.quantities.units import Card, Frequency, NamedCard, Pause
-from lvnav_trade.sensors.correlated import CorrelatedError
-from lvnav_trade.sensors.evidence import Evidence
 from lvnav_trade.sensors.jacobian_row import add
+
+
+class CorrelatedError(NamedTuple):
+    """Random errors with a common cause, correlated over time or between measurements.
+
+    The errors of different labels are independent. Each is a constant, a Gauss-Markov process, or a new draw at every
+    epoch.
+
+    source : Physical cause.
+    kind : Kind of the error, as in `partials`; source, kind and label together address the random draws.
+    sigma : SI. Standard deviation.
+    field : Field of the sensor's card for sigma, and of the filter model for the assumed sigma.
+    time_constant : s. Infinite for a constant, 0 for an error that is new at every epoch.
+    labels : Label of each error: a satellite, a system, an axis; empty for a single error.
+    partial : Function of the flight that returns the derivative (n_epoch, n_scalar, n_label) of a sensor's scalars by
+        the errors; None: a single error, added to all scalars. Measurements of satellites use `partials.partial`.
+    state : Extra state of the filter that models it; empty: none.
+    """
+
+    source: str
+    kind: str
+    sigma: float
+    field: str
+    time_constant: float
+    labels: tuple[str, ...] = ("",)
+    partial: Callable[[Any], Floats] | None = None
+    state: str = ""
+
+    def partials(self, flight: Any, n_scalar: int) -> Floats:
+        """Return the derivative (n_epoch, n_scalar, n_label) of a sensor's scalars by the errors along a flight."""
+        shape = (flight.t.size, n_scalar, len(self.labels))
+        return np.ones(shape) if self.partial is None else np.broadcast_to(self.partial(flight), shape)
+
+
+class Check(NamedTuple):
+    """A test that compares a model with an independent result.
+
+    by : Kind of comparison, one of those in `report/templates/models.toml`.
+    shown : Verified property and accuracy.
+    test : Id of the test.
+    """
+
+    by: str
+    shown: str
+    test: str
+
+
+class Evidence(NamedTuple):
+    """Evidence for a model as printed in the report: name, tests that verify it, omitted effects."""
+
+    name: str
+    checks: tuple[Check, ...]
+    omits: str
+
 
 N_TRUTH = 4
 """Number of entries of a sensor's true values at an epoch."""

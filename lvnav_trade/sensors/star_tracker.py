@@ -17,12 +17,19 @@ from lvnav_trade.kernels.strapdown import Q
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import Angle, AngleSigma, AngularRateSigma, TimeConstant
-from lvnav_trade.sensors.correlated import CorrelatedError
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import H_ATT, clear
-from lvnav_trade.sensors.observables_optics import Direction, angle, axes_of, earth_disc, no_direction
-from lvnav_trade.sensors.optics import sun_direction
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit, each_scalar
+from lvnav_trade.sensors.optics import Direction, angle, axes_of, earth_disc, no_direction, sun_direction
+from lvnav_trade.sensors.sensor import (
+    Check,
+    CorrelatedError,
+    Evidence,
+    FlightView,
+    Registration,
+    SensorCard,
+    SensorModel,
+    StateUnit,
+    each_scalar,
+)
 from lvnav_trade.trajectory.truth import product
 
 _ARCSEC = 648000.0 / math.pi

@@ -21,12 +21,19 @@ from lvnav_trade.kernels.strapdown import Q
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import Angle, AngleSigma, TimeConstant
-from lvnav_trade.sensors.correlated import CorrelatedError
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import H_ATT, angle_of, clear, turned
-from lvnav_trade.sensors.observables_optics import Direction, angle, axes_of, earth_disc, no_direction
-from lvnav_trade.sensors.optics import sun_direction
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorCard, SensorModel, StateUnit, each_scalar
+from lvnav_trade.sensors.optics import Direction, angle, axes_of, earth_disc, no_direction, sun_direction
+from lvnav_trade.sensors.sensor import (
+    Check,
+    CorrelatedError,
+    Evidence,
+    FlightView,
+    Registration,
+    SensorCard,
+    SensorModel,
+    StateUnit,
+    each_scalar,
+)
 
 SEMIDIAMETER = math.radians(959.63 / 3600.0)  # of the Sun at a distance of 1 au (IAU)
 SUN = 4  # index of the Sun's direction in the known parameters, after the mounting

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from numba import types
 from numba.extending import overload
 
-from lvnav_trade.filter.policies.integrity.fit import invert, limit
+from lvnav_trade.filter.policies.integrity.state import invert, limit
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, where, zeros_of
 from lvnav_trade.kernels.transition import ATT, CONSTANT, GYRO, VEL

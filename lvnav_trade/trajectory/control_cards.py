@@ -9,10 +9,10 @@ from pydantic import Field
 
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.quantities import per_axis, units
-from lvnav_trade.quantities.envelope import EnvelopeCard
-from lvnav_trade.quantities.events import Instant
+from lvnav_trade.quantities.conditions import Instant
 from lvnav_trade.quantities.frames import rotation_e_n
 from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.shared_cards import EnvelopeCard
 
 _NOT_IN_RATE_FILTER = (  # fields of an envelope that the filter of pitch and yaw rate does not read
     "roll",

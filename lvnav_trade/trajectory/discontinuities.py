@@ -1,6 +1,7 @@
-"""Gaps between the rows of a data file: largest length allowed, and remarks on gaps that a spline bridges."""
+"""Rows of a file that are not smooth: gaps in time, and jumps of the specific force where an event is missing."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -85,3 +86,151 @@ def described(short: Sequence[Hole]) -> list[str]:
     if len(short) == 1:
         return [f"no data from {span}: a spline through the rows beside fills the hole"]
     return [f"{len(short)} holes without data, the longest from {span}: a spline through the rows beside fills them"]
+
+
+_SIDE = 3  # intervals on each side of a jump, to which a straight line is fitted
+_SMALLEST = 1.0  # m/s^2; smaller jumps (a fairing, a throttled engine) are not reported
+_SIGNIFICANT = 10.0  # threshold in sigmas of one interval's force; the difference of the two lines has 2.2 sigmas
+_BURIED = 1.6  # of that threshold: up to this size noise may spoil the fit of a true jump
+_STRAIGHT = 0.15  # of the jump: largest deviation from the lines; ramps and single wrong rows have more
+_FLAT = 0.5  # of the jump: largest rise or fall of those lines
+_COAST = 0.25  # of the force on the other side of a jump: below it the engine counts as off
+_NEAR = 0.5  # s, plus two intervals: a declared event so close to a jump explains it
+
+
+class Jump(NamedTuple):
+    """A jump of the specific force.
+
+    time : s. Estimated time within the interval.
+    before, after : m/s^2. Specific force at either side.
+    width : s. Length of the interval.
+    """
+
+    time: float
+    before: float
+    after: float
+    width: float
+
+
+def force_jumps(t: Floats, force: Floats, coarsest: float, noise: Floats | float = 0.0) -> list[Jump]:
+    """Return the jumps of a specific force in order of time.
+
+    Jumps that noise may explain are not returned. Intervals are joined in pairs, again and again, to find the jumps
+    that noise hides in shorter intervals.
+
+    Parameters
+    ----------
+    t : (n + 1,) s
+        Rising times.
+    force : (n,) m/s^2
+        Mean specific force over each interval.
+    coarsest : float
+        Longest joined interval (s).
+    noise : float or (n + 1,)
+        One sigma (m/s) of the velocities from which the force is computed; 0 if unknown.
+    """
+    jumps: list[Jump] = []
+    stated, hidden = np.broadcast_to(noise, t.shape), np.full(force.shape, np.inf)
+    while force.size > 2 * _SIDE:
+        width = np.diff(t)
+        limit = np.maximum(
+            _SMALLEST, _SIGNIFICANT * np.maximum(_noise(force), np.hypot(stated[1:], stated[:-1]) / width)
+        )
+        near = _SIDE * np.median(width)
+        new = _separate(t, force, limit, hidden)
+        jumps += [jump for jump in new if all(abs(jump.time - other.time) > near for other in jumps)]
+        if 2.0 * np.median(width) > coarsest or np.all(limit <= _SMALLEST):
+            break
+        n = force.size // 2
+        missed = np.where(limit > _SMALLEST, _BURIED * limit, 0.0)
+        hidden = np.minimum(missed[: 2 * n : 2], missed[1 : 2 * n : 2])
+        gained = (force * width)[: 2 * n].reshape(n, 2).sum(axis=1)
+        t, stated = t[: 2 * n + 1 : 2], stated[: 2 * n + 1 : 2]
+        force = gained / np.diff(t)
+    return sorted(jumps, key=lambda jump: jump.time)
+
+
+def _noise(force: Floats) -> float:
+    """Return one sigma of the force of an interval, estimated robustly from second differences.
+
+    The median ignores a few jumps. A second difference of white noise has sqrt(6) sigmas; the median absolute value of
+    a Gaussian is 0.6745 sigmas.
+    """
+    return float(np.median(np.abs(np.diff(force, 2)))) / (0.6745 * math.sqrt(6.0))
+
+
+def _separate(t: Floats, force: Floats, limit: Floats, hidden: Floats) -> Iterator[Jump]:
+    """Yield the jumps whose size is between `limit` and `hidden` (n,) m/s^2, the clearest first.
+
+    None lies within the fitted lines of another.
+    """
+    level, slope, middle, off = _lines(0.5 * (t[1:] + t[:-1]), force)
+    k = np.arange(_SIDE, force.size - _SIDE)
+    first, second = k - _SIDE, k + 1  # the lines before and after an interval
+    before, after = (level[j] + slope[j] * (t[[k, k + 1]] - middle[j]) for j in (first, second))  # at both ends
+    apart = after - before  # difference of the lines at both ends of the interval
+    size, worst = np.min(np.abs(apart), axis=0), np.maximum(off[first], off[second])
+    span = np.mean(before, axis=0) - np.mean(after, axis=0)
+    part = (force[k] - np.mean(after, axis=0)) / np.where(span == 0.0, 1.0, span)  # of the interval before the jump
+    clear = (apart[0] * apart[1] > 0.0) & (worst <= _STRAIGHT * size) & (np.abs(part - 0.5) <= 0.6)
+    clear &= (size > limit[k]) & (size <= hidden[k])  # lines that cross within the interval are a bend, not a jump
+    drift = _SIDE * (t[k + 1] - t[k]) * np.maximum(np.abs(slope[first]), np.abs(slope[second]))
+    clear &= drift <= _FLAT * size  # wrong rows may also lie on a straight line, but on a steep one
+    score = np.where(clear, size - 3.0 * worst, 0.0)
+    while score.size and np.max(score) > 0.0:
+        j = int(np.argmax(score))
+        begin, end = t[k[j]], t[k[j] + 1]
+        time = begin + min(max(float(part[j]), 0.0), 1.0) * (end - begin)
+        yield Jump(float(time), float(before[0, j]), float(after[1, j]), float(end - begin))
+        score[max(j - _SIDE, 0) : j + _SIDE + 1] = 0.0
+
+
+def _lines(t: Floats, force: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Fit straight lines to every `_SIDE` successive forces (n,) at times t (n,).
+
+    Returns level at the mean time, slope, mean time, and largest residual, each (n - _SIDE + 1,).
+    """
+    times, forces = (np.lib.stride_tricks.sliding_window_view(values, _SIDE) for values in (t, force))
+    middle, level = times.mean(axis=1), forces.mean(axis=1)
+    far, rise = times - middle[:, None], forces - level[:, None]
+    slope = np.sum(far * rise, axis=1) / np.sum(far**2, axis=1)
+    return level, slope, middle, np.max(np.abs(rise - slope[:, None] * far), axis=1)
+
+
+def suggested_events(
+    t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
+) -> dict[str, str]:
+    """Return names and times of events that the jumps of a specific force suggest and the card does not declare.
+
+    Arguments are those of `force_jumps`, and `declared`: times (s) of the declared events by name. A force that ends is
+    named the cut-off of the current stage, a force that begins the ignition of the next; other steps are named by their
+    sign.
+    """
+    suggested: dict[str, str] = {}
+    stage, counts = 1, {"rise": 0, "fall": 0}
+    for jump in force_jumps(t, force, coarsest, noise):
+        if abs(jump.after) < _COAST * abs(jump.before):
+            name = f"stage{stage}_cutoff"
+            stage += 1
+        elif abs(jump.before) < _COAST * abs(jump.after):
+            name = f"stage{stage}_ignition"
+        else:
+            sense = "rise" if jump.after > jump.before else "fall"
+            counts[sense] += 1
+            name = f"{sense}_{counts[sense]}"
+        near = _NEAR + 2.0 * jump.width
+        if all(abs(jump.time - time) > near for time in declared.values()):
+            digits = max(0, 1 - math.floor(math.log10(jump.width)))
+            suggested[name] = f"{jump.time:.{digits}f} s"
+    return suggested
+
+
+def missing_events(
+    t: Floats, force: Floats, declared: Mapping[str, float], coarsest: float, noise: Floats | float = 0.0
+) -> str:
+    """Return the warning with `suggested_events` as YAML; empty if there are none."""
+    suggested = suggested_events(t, force, declared, coarsest, noise)
+    if not suggested:
+        return ""
+    events = ", ".join(f"{name}: {time}" for name, time in suggested.items())
+    return f"the specific force jumps where no event is declared; as YAML: events: {{{events}}}"

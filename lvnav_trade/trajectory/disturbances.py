@@ -1,4 +1,4 @@
-"""Coning and vibration: cards, and their evaluation as sums of sinusoids."""
+"""Coning, vibration, and disturbance of the true gravity: the cards, and the sums of sinusoids that they become."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -12,10 +12,11 @@ from pydantic import Field
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.waves import sum_of_waves
 from lvnav_trade.quantities import units
+from lvnav_trade.quantities.conditions import Instant, resolve
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.quantities.events import Instant, resolve
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.quantities.units import Card, require_rising
+from lvnav_trade.quantities.state_layout import NO_SENSOR, ErrorTerm
+from lvnav_trade.quantities.units import AccelerationSigma, Card, TimeConstant, require_rising
 
 Complex = NDArray[np.complex128]
 Axis = Literal["x", "y", "z"]
@@ -292,3 +293,23 @@ def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
         upper = np.clip(at, f[k], f[k + 1]) / f[k]
         total += density[k] * f[k] * np.log(upper) if abs(p) < 1e-12 else density[k] * f[k] / p * (upper**p - 1.0)
     return total
+
+
+# Driver of a disturbance that is no sensor error: an acceleration along the axes of frame i.
+GRAVITY = -2
+
+
+class GravityCard(Card):
+    """Gravity disturbance as a Gauss-Markov process in time, per axis (10 to 50 mGal over land; a correlation length of
+    tens of kilometres passes in seconds at orbital speed: Jordan, J. Geophys. Res. 77 (1972) 3660).
+    """
+
+    sigma: AccelerationSigma
+    time: TimeConstant | None = Field(20.0, description="correlation time; none: constant over the flight")
+
+
+def disturbance(card: GravityCard | None) -> tuple[ErrorTerm, ...]:
+    """Return the disturbance as a true error term in a tuple; an empty tuple without a card or with zero sigma."""
+    if card is None or card.sigma == 0.0:
+        return ()
+    return (ErrorTerm("gravity disturbance", 0, NO_SENSOR, GRAVITY, card.sigma, 0.0, card.time or math.inf),)

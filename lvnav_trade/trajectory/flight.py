@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from lvnav_trade.imu.error_model import ImuCard
+from lvnav_trade.quantities.conditions import resolve
 from lvnav_trade.quantities.errors import InputError, Mistake
-from lvnav_trade.quantities.events import resolve
 from lvnav_trade.quantities.marks import without_marks
 from lvnav_trade.trajectory.ascent.profile import RecordedAscent, rebuild
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent

@@ -16,16 +16,8 @@ from scipy.interpolate import BSpline, PPoly, make_interp_spline
 
 from lvnav_trade.kernels.earth import OMEGA, gravity_along
 from lvnav_trade.kernels.media.atmosphere import atmosphere
+from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.conditions import Course
-from lvnav_trade.quantities.frames import (
-    cross,
-    earth_angle,
-    earth_velocity,
-    eci_from_ecef,
-    geodetic_from_ecef,
-    matrices,
-    unit,
-)
 from lvnav_trade.quantities.records import Floats, Motion, Reference
 from lvnav_trade.trajectory.disturbances import Oscillation, small_motion
 
@@ -136,8 +128,8 @@ class Trajectory:
     def _reached(self, t: Floats) -> Floats:
         """Return altitude (m), speed (m/s, relative to the Earth) and dynamic pressure (Pa) at t (n,) s, (3, n)."""
         at = motion(self, t)
-        height = geodetic_from_ecef(at.r_i)[2]  # the same in frame i: it turns about the ellipsoid's axis
-        speed = np.linalg.norm(earth_velocity(at.r_i, at.v_i), axis=1)
+        height = frames.geodetic_from_ecef(at.r_i)[2]  # the same in frame i: it turns about the ellipsoid's axis
+        speed = np.linalg.norm(frames.earth_velocity(at.r_i, at.v_i), axis=1)
         density = np.array([atmosphere(h)[0] for h in height.tolist()])
         return np.stack([height, speed, 0.5 * density * speed**2])
 
@@ -177,7 +169,7 @@ def pad_phase(
     if hold <= 0.0:
         return ()
     t = pad_times(start, hold)
-    r = eci_from_ecef(r_e, earth_angle(theta0, t))
+    r = frames.eci_from_ecef(r_e, frames.earth_angle(theta0, t))
     v = np.cross([0.0, 0.0, OMEGA], r[[0, -1]])
     a = np.cross([0.0, 0.0, OMEGA], v)
     v[1] = v[1] if v_end is None else v_end
@@ -230,7 +222,7 @@ def _in_phase(phase: Phase, t: Floats) -> Motion:
     if phase.oscillations:
         return _shaken(phase, t, r, v)
     q, w_ib_b = _turning(phase, t)
-    f_b = np.einsum("kji,kj->ki", matrices(q), phase.position(t, 2) - gravity_along(r))
+    f_b = np.einsum("kji,kj->ki", frames.matrices(q), phase.position(t, 2) - gravity_along(r))
     return Motion(t, r, v, q, f_b, w_ib_b)
 
 
@@ -245,7 +237,7 @@ def _turning(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
     if phase.spin is None:
         return q, rate
     roll = rotation_quaternions(np.outer(phase.spin(t), [1.0, 0.0, 0.0]))
-    rate = np.einsum("kji,kj->ki", matrices(roll), rate)
+    rate = np.einsum("kji,kj->ki", frames.matrices(roll), rate)
     rate[:, 0] += phase.spin(t, 1)
     return product(q, roll), rate
 
@@ -263,7 +255,7 @@ def _turning_faster(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
         return np.asarray(bend)
     roll = rotation_quaternions(np.outer(phase.spin(t), [1.0, 0.0, 0.0]))
     along = np.outer(phase.spin(t, 1), [1.0, 0.0, 0.0])
-    bend = np.einsum("kji,kj->ki", matrices(roll), bend) - np.cross(along, w_ib_b)
+    bend = np.einsum("kji,kj->ki", frames.matrices(roll), bend) - np.cross(along, w_ib_b)
     bend[:, 0] += phase.spin(t, 2)
     return bend
 
@@ -278,16 +270,16 @@ def _shaken(phase: Phase, t: Floats, r: Floats, v: Floats) -> Motion:
     q, w = _turning(phase, t)
     dw = _turning_faster(phase, t, w)
     small = small_motion(phase.oscillations, t)
-    C = matrices(q)
+    C = frames.matrices(q)
     speed = small.shift_rate + np.cross(w, small.shift)
     push = small.shift_acceleration + np.cross(w, small.shift_rate + speed) + np.cross(dw, small.shift)
     r = r + np.einsum("kij,kj->ki", C, small.shift)
     f_i = phase.position(t, 2) + np.einsum("kij,kj->ki", C, push) - gravity_along(r)
     swing = rotation_quaternions(small.turn)
-    back = matrices(swing)
+    back = frames.matrices(swing)
     rate = np.einsum("kji,kj->ki", back, w) + _vector_rate(small.turn, small.turn_rate)
     q = product(q, swing)
-    f_b = np.einsum("kji,kj->ki", matrices(q), f_i)
+    f_b = np.einsum("kji,kj->ki", frames.matrices(q), f_i)
     return Motion(t, r, v + np.einsum("kij,kj->ki", C, speed), q, f_b, rate)
 
 
@@ -396,7 +388,7 @@ def body_axes(x: Floats, right: Floats, roll: Floats) -> Floats:
 
     right : (n, 3), frame i. Direction of the y axis at zero roll, before its component along x is removed.
     """
-    level = unit(right - np.sum(right * x, axis=1, keepdims=True) * x)
-    below = cross(x, level)
+    level = frames.unit(right - np.sum(right * x, axis=1, keepdims=True) * x)
+    below = frames.cross(x, level)
     c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
     return np.stack([x, c * level + s * below, c * below - s * level], axis=-1)

@@ -17,14 +17,14 @@ import pytest
 
 from lvnav_trade.gnss.constellation import CombinedConstellation, NominalConstellation
 from lvnav_trade.gnss.delay_cards import AtmosphereCard
-from lvnav_trade.quantities.envelope import EnvelopeCard
+from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
 from lvnav_trade.trajectory.control_cards import SteeredCard
+from lvnav_trade.trajectory.disturbances import GravityCard
 from lvnav_trade.trajectory.flight import Trajectory, TrajectoryCard, build, reference
 from lvnav_trade.trajectory.flights.orbital import OrbitalFlight
 from lvnav_trade.trajectory.flights.sounding import SoundingFlight
-from lvnav_trade.trajectory.gravity import GravityCard
 from lvnav_trade.trajectory.guided.course import Ascent, ascend
 from lvnav_trade.trajectory.guided.missions import fly_missions, prepare_launch
 from tests.building import SITE_R, flight, loaded, prepare_hop, turning, with_fields

@@ -25,10 +25,12 @@ LABELS = {"name", "source", "resources", "assumed", "second_hand"}
 
 # Hearing and tracking: tests/gnss/test_reception.py walks these cards, the sky shows all that they do.
 HEARING = {"antennas", "link", "loops", "tracking"}
-# Models of delays: tests/delays walks their fields, tests/simulation/preparation/signals/test_atmosphere.py what engines
+# Models of delays: tests/delays walks their fields, tests/simulation/preparation/signals/test_atmosphere.py what
+# engines
 # make of them.
 DELAYS = {"corrections"}
-# Tables of factors on noise: tests/quantities/test_shared_cards.py, tests/simulation/preparation/signals/test_noise.py walk their fields.
+# Tables of factors on noise: tests/quantities/test_shared_cards.py,
+# tests/simulation/preparation/signals/test_noise.py walk their fields.
 NOISE = {"noise_by"}
 # Noise of the carrier, of a receiver that smooths its ranges: tests/simulation/preparation/signals/test_smoothing.py.
 PHASE = {
@@ -49,7 +51,8 @@ TUNING = {
 FITTED = {"instability_fit"}
 # A recording in a file: tests/gnss/test_recorded_errors.py walks its fields.
 RECORDED = {"error_table"}
-# A model of the vehicle and its attitude reference: tests/simulation/preparation/test_vehicle.py walks them on such a filter.
+# A model of the vehicle and its attitude reference: tests/simulation/preparation/test_vehicle.py walks them on such
+# a filter.
 MODELLED = {"envelope", "report_imu_samples"}
 # Models of sensors: tests/engines/test_altimeter.py, tests/simulation/preparation/test_vehicle.py.
 SENSORS = {"sensor_models"}

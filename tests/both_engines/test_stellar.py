@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.frames import matrices, reporting_axes
-from lvnav_trade.sensors.observables_optics import axes_of
+from lvnav_trade.sensors.optics import axes_of
 from lvnav_trade.trajectory.flight import motion
 from tests.building import INERTIAL, LOOSE, MATCHED, flight, loaded, prepare_hop, turning, with_fields
 from tests.simulation.preparation.test_sensors import agree

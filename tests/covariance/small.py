@@ -8,8 +8,8 @@ import numpy as np
 
 from lvnav_trade.covariance.propagate import propagate_sources
 from lvnav_trade.covariance.slots import aligned, as_lanes
-from lvnav_trade.kernels.groups import GROUP, grouped_zeros
 from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import GROUP, grouped_zeros
 from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.simulation.epoch.joint import _update_shared, _update_sources
 

@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.covariance.components import REMAINDER, components, initial_state
 from lvnav_trade.covariance.sources import source_names
-from lvnav_trade.kernels.groups import GROUP
+from lvnav_trade.kernels.lanes import GROUP
 from lvnav_trade.kernels.transition import OWN_0
 from tests.both_engines.modelled import modelled
 from tests.building import INERTIAL, LOOSE, MATCHED, case, loaded, prepare_hop, with_fields

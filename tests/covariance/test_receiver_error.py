@@ -17,8 +17,8 @@ from lvnav_trade.covariance.receiver_error import (
     solution_back,
 )
 from lvnav_trade.covariance.slots import as_lanes
-from lvnav_trade.kernels.groups import GROUP, grouped_zeros
 from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import GROUP, grouped_zeros
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.simulation.epoch.joint import N_CLONE, N_NAV
 from lvnav_trade.simulation.preparation.signals.solution import Chain

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.covariance.slots import Component, aligned, as_lanes, places_of, slot_tables
-from lvnav_trade.kernels.groups import GROUP
+from lvnav_trade.kernels.lanes import GROUP
 
 
 def test_sources_of_many_components_share_a_group():

@@ -10,8 +10,7 @@ import pytest
 from lvnav_trade.filter.assumed import ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.filter.model import build_filter_model, initial_covariance, window_tables
-from lvnav_trade.filter.rows import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
-from lvnav_trade.filter.states import Taken, state_layout
+from lvnav_trade.filter.states import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, Taken, state_layout
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.transition import ATT, POS, SQUARE, VEL
 from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout

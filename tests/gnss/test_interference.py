@@ -5,7 +5,7 @@ import pytest
 
 from lvnav_trade.gnss.fault_cards import Jamming, Spoofing
 from lvnav_trade.gnss.interference import effective, feigned, jamming_density
-from lvnav_trade.gnss.receiver_link import LinkCard
+from lvnav_trade.gnss.link import LinkCard
 from lvnav_trade.gnss.visibility import sky
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.quantities.conditions import Course

@@ -3,8 +3,8 @@ import gzip
 import pytest
 
 from lvnav_trade.gnss.navigation_lines import Bounds, number, read_lines
-from lvnav_trade.quantities.decimals import whole
 from lvnav_trade.quantities.errors import InputError
+from lvnav_trade.quantities.input_files import whole
 
 
 @pytest.mark.parametrize(("text", "value"), [("1.5", 1.5), (" -0.25D-01", -0.025), ("3E2 ", 300.0), ("2d0", 2.0)])

@@ -8,10 +8,9 @@ from scipy.interpolate import make_interp_spline
 
 from lvnav_trade.gnss.constellation import NominalConstellation
 from lvnav_trade.gnss.fault_cards import SatelliteOutage
-from lvnav_trade.gnss.link import CosineGain, TableGain
+from lvnav_trade.gnss.link import AntennaCard, CosineGain, LinkCard, TableGain, carrier_to_noise, gains
 from lvnav_trade.gnss.loops import LoopsCard, code_sigma, rate_sigma
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
-from lvnav_trade.gnss.receiver_link import AntennaCard, LinkCard, carrier_to_noise, gains
 from lvnav_trade.gnss.tracking import TrackingCard
 from lvnav_trade.gnss.visibility import sky
 from lvnav_trade.quantities.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, matrices, quaternions

@@ -36,7 +36,10 @@ MUTATIONS = {
         OBSERVABLE,
     ),
     "lever arm of a position with the wrong sign": Mutation(
-        "sensors/receiver_solution.py", "= at[6 + first + (axis + 2) % 3]", "= -at[6 + first + (axis + 2) % 3]", OBSERVABLE
+        "sensors/receiver_solution.py",
+        "= at[6 + first + (axis + 2) % 3]",
+        "= -at[6 + first + (axis + 2) % 3]",
+        OBSERVABLE,
     ),
     "assumed variance four times too large, seen in the numbers": Mutation(
         "simulation/preparation/signals/noise.py", "line, name) ** 2 for name in channels.observables)",

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.report.headline import counted, said
-from lvnav_trade.results.evaluation.held import evidence
+from lvnav_trade.results.evaluation.published import evidence
 
 PAGES = {"conae": "docs/conae.md", "gains": "docs/gains.md", "drdc": "docs/modelling_the_vehicle.md"}
 

@@ -14,8 +14,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.quantities import units as quantities
-from lvnav_trade.quantities.lvnav_trade_unit_spelling import product
-from lvnav_trade.quantities.unit_spelling import AMBIGUOUS, units
+from lvnav_trade.quantities.unit_spelling import AMBIGUOUS, product, units
 from lvnav_trade.quantities.units import parse
 
 ROOT = Path(__file__).parents[2]

@@ -12,8 +12,7 @@ from lvnav_trade.kernels.earth import SEMI_MAJOR
 from lvnav_trade.kernels.strapdown import N_NAV, Q
 from lvnav_trade.quantities.frames import matrices, unit
 from lvnav_trade.sensors.jacobian_row import H_ATT, N_ENTRY
-from lvnav_trade.sensors.observables_optics import axes_of
-from lvnav_trade.sensors.optics import sun_direction
+from lvnav_trade.sensors.optics import axes_of, sun_direction
 from lvnav_trade.sensors.sensor import FlightView
 from lvnav_trade.sensors.star_tracker import StarTrackerCard, StarTrackerModel, fill, measure
 

@@ -18,7 +18,7 @@ from lvnav_trade.quantities import expression
 from lvnav_trade.quantities.input_files import read_bytes
 from lvnav_trade.quantities.limits import DATA_BYTES
 from lvnav_trade.quantities.marks import MARKS, unmarked
-from lvnav_trade.quantities.resources import Resources
+from lvnav_trade.quantities.shared_cards import Resources
 from lvnav_trade.scenario.rules import breaches_of_case
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent

@@ -1,6 +1,8 @@
-"""Metrics that a campaign can name: the metrics of the registry, and errors of the states of sensors."""
+"""The metrics that a campaign can name, and the evidence for sensors, both by the registrations of the families."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.quantities.errors import quoted
@@ -8,7 +10,8 @@ from lvnav_trade.quantities.state_layout import split_metric
 from lvnav_trade.results import registry
 from lvnav_trade.results.metric import REQUIREMENTS, STATEMENTS, Metric
 from lvnav_trade.results.metrics import errors
-from lvnav_trade.sensors.family import SENSOR_STATES
+from lvnav_trade.sensors.family import FAMILY, SENSOR_STATES, kind_of
+from lvnav_trade.sensors.sensor import Evidence
 
 # SI unit of every quantity whose errors are stored
 ERROR_UNITS = errors.UNITS | {name: state.unit for name, state in SENSOR_STATES.items()}
@@ -70,3 +73,23 @@ def known_metrics() -> list[Known]:
     sensors = [errors.state_metric(name, state.unit) for name, state in SENSOR_STATES.items()]
     metrics = [*registry.registry().values(), *sensors]
     return [Known(metric.name, metric.unit, metric.meaning, metric.named_by) for metric in metrics]
+
+
+def of_sensors() -> list[dict[str, Any]]:
+    """Return the entries of the sensors, in the form of `report/templates/models.toml`.
+
+    Sensors with the same evidence are one entry, with a set of settings for each sensor.
+    """
+    used: dict[Evidence, list[dict[str, str]]] = {}
+    for member in FAMILY:
+        settings = {"sensors.*.kind": kind_of(member.card), "filter.measurements": member.card.measurement}
+        used.setdefault(member.evidence, []).append(settings)
+    return [
+        {
+            "name": evidence.name,
+            "used": settings,
+            "checks": [check._asdict() for check in evidence.checks],
+            "omits": evidence.omits,
+        }
+        for evidence, settings in used.items()
+    ]

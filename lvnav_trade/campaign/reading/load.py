@@ -9,8 +9,7 @@ from pydantic import BaseModel, ValidationError
 from lvnav_trade.campaign.definition import axes as design
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.reading import checks
-from lvnav_trade.campaign.reading.checks import Varied
-from lvnav_trade.campaign.reading.combining import narrowing, selection
+from lvnav_trade.campaign.reading.checks import Varied, narrowing, selection
 from lvnav_trade.campaign.reading.expand import expand, expanded, splice
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.reading.sampled import Rule, choice_of_runs, ruled, with_designs

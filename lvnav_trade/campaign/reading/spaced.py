@@ -9,8 +9,8 @@ import numpy as np
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
-from lvnav_trade.quantities.decimals import DECIMAL
 from lvnav_trade.quantities.errors import InputError, Mistake, quoted
+from lvnav_trade.quantities.input_files import DECIMAL
 from lvnav_trade.quantities.limits import CASES, DESIGNS
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import with_ascii_minus

@@ -1,4 +1,4 @@
-"""How a campaign is run, and how much of it."""
+"""How a campaign is run, and how much of it; a case without runs as one work item."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -8,6 +8,7 @@ from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.shards import Shard
+from lvnav_trade.results.tables import scratch
 
 Mode = Literal["resume", "fresh"]
 OnAnswers = Callable[[Sequence[work.Answer], Sequence[Case]], None]
@@ -54,3 +55,32 @@ class Scope(NamedTuple):
     """Folders of shards, whose blocks are taken before anything is computed."""
     space: Space | None = None
     """The designs of a campaign that stores metrics; those that it chooses are then computed whole."""
+
+
+class Finished(NamedTuple):
+    """Record of a finished case."""
+
+    answer: work.Answer  # result of linear covariance
+    tables: tuple[tuple[str, int], ...]  # names and sizes (bytes) of its tables
+
+
+def whole(job: work.Job, case: Case) -> work.Answer:
+    """Compute linear covariance, diagnostics and tables of a case without runs.
+
+    A finished case whose tables are unchanged is not computed again. If the diagnostics or the tables fail, the case is
+    left to the stages of a campaign with runs, which repeat the failure and report it.
+    """
+    file, identity = work.explained_file(job, case)
+    file = file.with_suffix(".whole")
+    if scratch.is_sound(file, Finished, identity):
+        earlier: Finished = scratch.read(file, Finished, identity)
+        if earlier.tables == job.results.sizes(case.id):
+            return earlier.answer
+    answer = work.answer(job, case, scratch.cache)
+    if answer.error or answer.mistakes:
+        return answer
+    if work.explain(job, case, scratch.cache).error or work.close(job, case, 0).error:
+        return work.answer(job, case)  # again on disk, for the stage that reports the failure
+    answer = answer._replace(is_whole=True)
+    scratch.write(file, Finished(answer, job.results.sizes(case.id)), identity)
+    return answer

@@ -19,15 +19,14 @@ from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import resolved
 from lvnav_trade.campaign.running import replay, work
 from lvnav_trade.campaign.running.checking import check_effect, check_flight
-from lvnav_trade.campaign.running.conduct import Conduct, Mode, OnAnswers, Scope, Space
-from lvnav_trade.campaign.running.lock import locked
+from lvnav_trade.campaign.running.conduct import Conduct, Mode, OnAnswers, Scope, Space, whole
 from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.pool import WorkList, each, end_workers, numbered
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.provenance import manifest, without_folders
 from lvnav_trade.campaign.running.shards import Shard
+from lvnav_trade.campaign.running.status import locked
 from lvnav_trade.campaign.running.stopping import Stopping
-from lvnav_trade.campaign.running.whole import whole
 from lvnav_trade.kernels.cache_folder import is_filled
 from lvnav_trade.quantities.errors import InputError, refuse_all, system_message
 from lvnav_trade.results.tables import scratch

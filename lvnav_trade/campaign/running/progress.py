@@ -1,4 +1,4 @@
-"""Progress on standard error: a bar with the time left on a terminal, plain lines elsewhere, nothing when quiet."""
+"""Progress on standard error: a bar with the time left on a terminal, plain lines with the time of day elsewhere."""
 
 import os
 import sys
@@ -8,8 +8,12 @@ from contextlib import contextmanager
 
 from rich import console, progress
 
-from lvnav_trade.campaign.running.clock import stamped
 from lvnav_trade.quantities.errors import visible
+
+
+def stamped(line: str) -> str:
+    """Return a line for standard error, with the local time of day in front if standard error is not a terminal."""
+    return line if sys.stderr.isatty() else f"{time.strftime('%H:%M:%S')} {line}"
 
 
 class Progress:

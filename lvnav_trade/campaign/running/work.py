@@ -25,7 +25,7 @@ from lvnav_trade.campaign.running import stopping
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.covariance import history as lincov
 from lvnav_trade.covariance.diagnostics import diagnostics as explained
-from lvnav_trade.covariance.diagnostics.separation import with_alarms, with_nominal_alarms
+from lvnav_trade.covariance.diagnostics.confirming_runs import with_alarms, with_nominal_alarms
 from lvnav_trade.covariance.injection import by_part
 from lvnav_trade.gnss.recorded_errors import refuse_short
 from lvnav_trade.gnss.satellites import satellites

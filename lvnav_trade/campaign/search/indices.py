@@ -30,7 +30,7 @@ from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.records import CovHistory, Floats
 from lvnav_trade.results.metrics.errors import NORM, StateError
 from lvnav_trade.results.registry import metric_of
-from lvnav_trade.results.statistics.chaos import basis, fitted, fitted_indices, predicted
+from lvnav_trade.results.statistics.probability import basis, fitted, fitted_indices, predicted
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 

@@ -13,10 +13,10 @@ import pyarrow as pa
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.space.choose import Chosen, chosen
 from lvnav_trade.campaign.space.designs import Designs, Part
 from lvnav_trade.campaign.space.evaluate import HISTORY, Question, Rows, evaluate
 from lvnav_trade.campaign.space.passes import shared_axes
+from lvnav_trade.campaign.space.plan import Chosen, chosen
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables import designs as stored
 from lvnav_trade.results.tables import scratch

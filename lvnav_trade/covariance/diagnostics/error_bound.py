@@ -8,7 +8,7 @@ from lvnav_trade.covariance.components import components
 from lvnav_trade.covariance.diagnostics.observability import initial_spread
 from lvnav_trade.covariance.workspace import UpdateTape
 from lvnav_trade.filter.ekf import inject
-from lvnav_trade.filter.rows import CARRIER_PHASE, DELTA_PSEUDORANGE, POSITION, PSEUDORANGE, TDCP, TYPES
+from lvnav_trade.filter.states import CARRIER_PHASE, DELTA_PSEUDORANGE, POSITION, PSEUDORANGE, TDCP, TYPES
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import add_turned, predict
 from lvnav_trade.kernels.jit import jit

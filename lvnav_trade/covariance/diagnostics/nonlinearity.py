@@ -1,29 +1,132 @@
-"""Nonlinearity of the navigation at the errors that linear covariance predicts."""
+"""Nonlinearity of the navigation at the errors of linear covariance: an estimate with a known error, and its size.
 
-from typing import NamedTuple
+The error is truth minus estimate, states in storage order, frame i.
+"""
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.diagnostics.estimate import (
-    compensated,
-    increments,
-    inputs,
-    navigation_at,
-    place,
-    place_earlier,
-    tick_at,
-)
 from lvnav_trade.covariance.history import turns
-from lvnav_trade.covariance.workspace import Nominal, new_nominal
-from lvnav_trade.filter.ekf import channel_of, fill_receiver
-from lvnav_trade.filter.policies.epoch_differences import is_present
+from lvnav_trade.covariance.workspace import Nominal, new_nominal, new_nominal_earlier
+from lvnav_trade.filter.ekf import channel_of, fill_receiver, place_antenna
+from lvnav_trade.filter.policies.epoch_differences import Earlier, is_present, store_estimate
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.attitude import small_rotation
+from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.mechanisation import mechanise
 from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, full_rate
+from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
 from lvnav_trade.quantities.records import CovHistory, Floats
 from lvnav_trade.simulation.preparation.prepare import Prepared
+
+_driver = getattr(transition.driver, "py_func", transition.driver)  # the formula itself, for arrays of ticks
+
+
+def navigation(q: Floats, v: Floats, r: Floats, d: Floats) -> Floats:
+    """Return the estimated navigation state (10,) with error d (n_state,).
+
+    q, v, r : (4,), (3,) m/s, (3,) m. True attitude, velocity and position, frame i.
+    """
+    turned = multiply(*from_rotation(-d[ATT], -d[ATT + 1], -d[ATT + 2]), *q)
+    return np.concatenate([turned, v - d[VEL : VEL + 3], r - d[POS : POS + 3]])
+
+
+def navigation_at(prepared: Prepared, tick: int, d: Floats) -> Floats:
+    """Return the estimated navigation state (10,) with error d at a tick."""
+    reference = prepared.reference
+    return navigation(reference.q_b_i[tick], reference.v_i[tick], reference.r_i[tick], d)
+
+
+class Inputs(NamedTuple):
+    """True increments of some ticks, and drivers of IMU parameters.
+
+    true : (n_tick, 6) rad, m/s. True increments, body axes.
+    sensors : For gyro and accelerometer: columns of the increments, states (n, 3) of its parameters by kind and axis,
+        drivers (n, n_tick, 3).
+    dt : s. Tick.
+    """
+
+    true: Floats
+    sensors: tuple[tuple[slice, Any, Floats], ...]
+    dt: float
+
+
+def inputs(prepared: Prepared, first: int, n_tick: int) -> Inputs:
+    """Return the inputs of some ticks; they do not depend on the error of the estimate."""
+    ticks, dt = slice(first, first + n_tick), prepared.unit.dt
+    true, sensors = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]]), []
+    for sensor, columns, other_columns in ((GYRO, slice(0, 3), slice(3, 6)), (ACCEL, slice(3, 6), slice(0, 3))):
+        blocks = [block for block in prepared.layout.parameters if block.sensor == sensor]
+        if blocks:
+            drivers = [
+                _driver(block.driver, *(true[:, columns] / dt).T, *(true[:, other_columns] / dt).T) for block in blocks
+            ]
+            states = np.array([block.offset for block in blocks])[:, None] + np.arange(3)
+            sensors.append((columns, states, np.stack([np.stack(axes, axis=1) for axes in drivers])))
+    return Inputs(true, tuple(sensors), dt)
+
+
+def compensated(given: Inputs, d: Floats) -> Floats:
+    """Return increments (n_tick, 6) compensated with parameters in error by d: true increments plus residual errors."""
+    result = given.true.copy()
+    for columns, states, drivers in given.sensors:
+        terms = drivers * d[states][:, None] * given.dt
+        result[:, columns] = np.add.reduce(np.concatenate([given.true[None, :, columns], terms]))  # in this order
+    return result
+
+
+def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
+    """Return increments (n_tick, 6) of some ticks, compensated with parameters in error by d."""
+    return compensated(inputs(prepared, first, n_tick), d)
+
+
+def tick_at(prepared: Prepared, time: float) -> int:
+    """Return the tick nearest to a time (s)."""
+    return int(np.argmin(np.abs(prepared.reference.t - time)))
+
+
+def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
+    """Set the estimate in `work` to the truth minus an error.
+
+    Parameters
+    ----------
+    prepared
+        Prepared case.
+    work
+        Arrays of the nominal run; navigation state, increments, clock, extra states and antennas are set.
+    epoch
+        Epoch, whose antennas are placed.
+    d
+        (n_state,) SI. Error, truth minus estimate.
+    time
+        s since lift-off. Time of the truth; None: that of the epoch.
+    """
+    model = prepared.model
+    tick = tick_at(prepared, prepared.t_epoch[epoch] if time is None else time)
+    work.nav[:] = navigation_at(prepared, tick, d)
+    work.previous[:] = increments(prepared, max(0, tick - 1), 1, d)[0]
+    work.clock_hat[:] = -d[model.clock : model.clock + 2] if model.clock >= 0 else 0.0
+    for extra, offset in enumerate(model.extra_offset):
+        work.extra[extra] = -d[offset]
+    place_antenna(work, None, None, model, prepared.unit.dt, epoch)
+
+
+def place_earlier(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Earlier | None:
+    """Return the stored estimate of the previous epoch, with the error of the clones in d (n_state,).
+
+    None without differences of two epochs. The navigation state of `work` is changed.
+    """
+    delayed, model = prepared.options.delayed, prepared.model
+    earlier = new_nominal_earlier(prepared)
+    if delayed is None or earlier is None:
+        return None
+    error = np.zeros_like(d)
+    error[delayed.cloned] = d[delayed.clone + np.arange(delayed.cloned.size)]
+    place(prepared, work, max(0, epoch - 1), error)
+    store_estimate(work, earlier, None, None, delayed, model, epoch)
+    return earlier
+
 
 Windows = list[tuple[int, int, Floats]]
 _PIECES = 60

@@ -9,7 +9,7 @@ from lvnav_trade.covariance.components import Components, components
 from lvnav_trade.covariance.history import forward_tape
 from lvnav_trade.covariance.workspace import UpdateTape
 from lvnav_trade.filter.policies.imu_samples import VehicleModel
-from lvnav_trade.filter.rows import NOISE_STATES
+from lvnav_trade.filter.states import NOISE_STATES
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import jit

@@ -5,10 +5,9 @@ from lvnav_trade.covariance.history import covariance
 from lvnav_trade.covariance.selfcheck.check import Check
 from lvnav_trade.covariance.selfcheck.consistency import innovations
 from lvnav_trade.covariance.selfcheck.draws import of_imu, of_start
-from lvnav_trade.covariance.selfcheck.gaps import propagation
 from lvnav_trade.covariance.selfcheck.jacobians import jacobians
 from lvnav_trade.covariance.selfcheck.measured import of_measurements
-from lvnav_trade.covariance.selfcheck.states import round_trip
+from lvnav_trade.covariance.selfcheck.states import propagation, round_trip
 from lvnav_trade.scenario.scenario import Scenario
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 

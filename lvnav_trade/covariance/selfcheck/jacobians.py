@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.diagnostics.estimate import increments, place, place_earlier, tick_at
+from lvnav_trade.covariance.diagnostics.nonlinearity import increments, place, place_earlier, tick_at
 from lvnav_trade.covariance.selfcheck.check import Check
 from lvnav_trade.covariance.selfcheck.states import sizes
 from lvnav_trade.covariance.workspace import Nominal, new_nominal
 from lvnav_trade.filter.ekf import channel_of, fill_receiver, fill_sensor, n_measured, place_antenna, row_of
 from lvnav_trade.filter.policies.epoch_differences import is_present
-from lvnav_trade.filter.rows import TYPES
+from lvnav_trade.filter.states import TYPES
 from lvnav_trade.kernels.transition import CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE, fill_samples
 from lvnav_trade.quantities.records import Bools, Floats, Ints

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.covariance.diagnostics.estimate import navigation_at, tick_at
+from lvnav_trade.covariance.diagnostics.nonlinearity import navigation_at, tick_at
 from lvnav_trade.covariance.selfcheck.check import Check
 from lvnav_trade.covariance.selfcheck.draws import RUNS, correlation, moments
-from lvnav_trade.gnss.dynamics import factors
 from lvnav_trade.gnss.fault_cards import DegradedNoise
 from lvnav_trade.gnss.faults import active
 from lvnav_trade.gnss.receiver_cards import DirectSolution
+from lvnav_trade.gnss.reception import factors
 from lvnav_trade.kernels.clock import step_covariance
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.quantities.error_sources import label_of

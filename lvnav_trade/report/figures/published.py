@@ -10,8 +10,8 @@ from lvnav_trade.quantities.units import parse
 from lvnav_trade.report.figures.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.report.figures.style import PALETTE, drawing, line_of, scale_up
 from lvnav_trade.results.evaluate import name_of
-from lvnav_trade.results.evaluation.held import at_an_edge
 from lvnav_trade.results.evaluation.pooled_cases import axes_of, cases_of, evaluate_single, label_of
+from lvnav_trade.results.evaluation.published import at_an_edge
 from lvnav_trade.results.requirements.curves import BASE, base_level
 from lvnav_trade.results.tables.read import Tables
 

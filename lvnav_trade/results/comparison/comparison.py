@@ -12,7 +12,7 @@ import pandas as pd
 from lvnav_trade.quantities import units
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.state_layout import split_metric
-from lvnav_trade.results.comparison import paired
+from lvnav_trade.results.comparison import matching
 from lvnav_trade.results.comparison.matching import Pair, left_out, match
 from lvnav_trade.results.evaluate import errors_at
 from lvnav_trade.results.metric import where
@@ -202,34 +202,34 @@ class _Task(NamedTuple):
         if not n:
             sides = [_by_covariance(base, self.pair.base, self), _by_covariance(candidate, self.pair.candidate, self)]
             moved = sides[1] / sides[0] - 1.0 if self.relative and sides[0] else sides[1] - sides[0]
-            change = paired.Change(sides[0], sides[1], moved, moved, moved, float("nan"))
+            change = matching.Change(sides[0], sides[1], moved, moved, moved, float("nan"))
             return self._filled(change, 0, "by linear covariance")
         is_fitted = False
         first, second = self.first.size[:n], self.second.size[:n]
         both = np.isfinite(first) & np.isfinite(second)
         if self.counted:
-            change = paired.beyond_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
+            change = matching.beyond_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
         elif not both.any():
-            return self._filled(paired.Change(*[float("nan")] * 6), 0, "no run is good in both")
+            return self._filled(matching.Change(*[float("nan")] * 6), 0, "no run is good in both")
         elif self.effect.statistic == "rms":
-            change = paired.rms_change(first[both], second[both], self.relative, alpha_low, alpha_high)
+            change = matching.rms_change(first[both], second[both], self.relative, alpha_low, alpha_high)
         else:
             part = float(self.effect.statistic[1:]) / 100.0
-            is_fitted = not paired.supports(int(both.sum()), part)
-            of_quantile = paired.fitted_quantile_change if is_fitted else paired.quantile_change
+            is_fitted = not matching.supports(int(both.sum()), part)
+            of_quantile = matching.fitted_quantile_change if is_fitted else matching.quantile_change
             change = of_quantile(first[both], second[both], part, self.relative, alpha_low, alpha_high)
         if np.array_equal(first, second):
             same = change._replace(change=0.0, low=0.0, high=0.0, effective_runs=float("inf"))
             return self._filled(same, n, "the same in every run") | {"verdict": "not worse"}
         return self._filled(change, n, self._remark(change, is_fitted))
 
-    def _remark(self, change: paired.Change, is_fitted: bool) -> str:
+    def _remark(self, change: matching.Change, is_fitted: bool) -> str:
         if not np.isfinite(change.low + change.high):
             return "too few runs for a bound"
         remarks = [FITTED] * is_fitted + ["better"] * (change.high < 0.0)
         return "; ".join(remarks)
 
-    def _filled(self, change: paired.Change, runs: int, remark: str) -> dict[str, Any]:
+    def _filled(self, change: matching.Change, runs: int, remark: str) -> dict[str, Any]:
         size, unit = (1.0, "") if self.counted else (self.first.label_factor, self.first.label_unit)
         factor = 1.0 if self.relative else size
         amount = _amount(self.effect, self.first.unit)
@@ -247,7 +247,7 @@ class _Task(NamedTuple):
             "low": change.low * factor,
             "high": change.high * factor,
             "effect": amount * factor,
-            "verdict": paired.verdict(change.low, change.high, amount),
+            "verdict": matching.verdict(change.low, change.high, amount),
             "runs": runs,
             "effective_runs": change.effective_runs,
             "remark": remark,
@@ -292,7 +292,7 @@ def _of_requirement(effect: Effect, requirements: Mapping[str, Mapping[str, Any]
     if effect.statistic != BY_RUNS:
         return effect
     probability = float(requirements[effect.metric]["probability"])
-    if runs and not paired.supports(runs, probability):
+    if runs and not matching.supports(runs, probability):
         return effect._replace(statistic=f"q{100.0 * probability:.12g}", amount=DEFAULT)
     return effect._replace(statistic="beyond")
 

@@ -1,13 +1,13 @@
-"""Numbers that the cards of a campaign mark as assumed or second hand, by case."""
+"""Numbers that cards mark as assumed or second hand, and key numbers of IMU, receiver and filter, by case."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pandas as pd
 
 from lvnav_trade.quantities.marks import marks_in
 from lvnav_trade.results.evaluation.resources import scenario_of
-from lvnav_trade.results.statistics.display_units import in_people
+from lvnav_trade.results.statistics.display_units import in_people, split
 from lvnav_trade.results.statistics.select import once
 from lvnav_trade.results.tables.read import Tables
 
@@ -69,3 +69,85 @@ def _at(data: Any, path: str) -> Any:
         else:
             data = data.get(step) if isinstance(data, Mapping) else None
     return data
+
+
+CONFIGURATION = ["case", "device", "name", "term", "value_text", "value_si", "unit_si"]
+_TERMS = {
+    "IMU": {
+        "rate": "rate",
+        "gyro bias, turn-on": "gyro.bias_repeatability",
+        "gyro bias, in-run": "gyro.bias_instability",
+        "ARW": "gyro.random_walk",
+        "gyro scale factor": "gyro.scale_factor",
+        "accel. bias, turn-on": "accel.bias_repeatability",
+        "accel. bias, in-run": "accel.bias_instability",
+        "VRW": "accel.random_walk",
+        "accel. scale factor": "accel.scale_factor",
+    },
+    "receiver": {
+        "rate": "rate",
+        "latency": "latency",
+        "pseudorange": "pseudorange_sigma",
+        "range rate": "range_rate_sigma",
+        "position": "solution.position_sigma",
+        "velocity": "solution.velocity_sigma",
+    },
+    "filter": {
+        "measurements": "measurements",
+        "update rate": "update_rate",
+        "covariance rate": "covariance_rate",
+        "correction": "feedback",
+    },
+}
+"""Terms of each device with their dotted path in its card."""
+
+
+@once
+def configuration(tables: Tables) -> pd.DataFrame:
+    """Return the key numbers of every case.
+
+    Columns: case, device (IMU, receiver, filter; several IMUs are numbered), name of its card, term, value_text in the
+    unit of data sheets, value_si and unit_si for a single quantity. The terms of the filter include its coupling and
+    the number of estimated states. Without a base scenario the table is empty.
+    """
+    states = tables.cases.set_index("case").nees_dof_count
+    rows = [
+        (label, *row)
+        for case, label in tables.labels.items()
+        for device, kind, card in _devices(scenario_of(tables, case))
+        for row in _rows(device, kind, card, int(states[case]))
+    ]
+    return pd.DataFrame(rows, columns=CONFIGURATION)
+
+
+def _devices(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Yield name, kind and card of the devices of a scenario."""
+    imu = scenario.get("imu") or {}
+    units = imu.get("units") or [imu] * bool(imu)
+    for number, unit in enumerate(units, 1):
+        yield f"IMU {number}" if len(units) > 1 else "IMU", "IMU", unit
+    for kind in ("receiver", "filter"):
+        if scenario.get(kind):
+            yield kind, kind, scenario[kind]
+
+
+def _rows(device: str, kind: str, card: Mapping[str, Any], states: int) -> Iterator[tuple[Any, ...]]:
+    name = str(card.get("name") or "")
+    if kind == "filter":
+        yield device, name, "estimated states", str(states), float(states), ""
+        yield device, name, "coupling", _coupling(card.get("measurements") or ()), None, ""
+    for term, path in _TERMS[kind].items():
+        value: Any = card
+        for step in path.split("."):
+            value = value.get(step) if isinstance(value, Mapping) else None
+        number, unit = split(value) or (None, "")
+        yield device, name, term, "none" if number == 0.0 else in_people(value) or "–", number, unit
+
+
+def _coupling(measurements: Any) -> str:
+    """Return the coupling with the receiver: loose (solution), tight (ranges), or inertial (none)."""
+    taken = set(measurements)
+    if taken & {"position", "velocity"}:
+        return "loose"
+    tight = {"pseudorange", "range_rate", "carrier_phase", "tdcp", "delta_pseudorange"}
+    return "tight" if taken & tight else "inertial"

@@ -15,8 +15,7 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.results.evaluation.designs import AXIS, designs, name_and_end, requirement_columns, slug, unit_of
 from lvnav_trade.results.metric import NAVIGATION_UNITS
-from lvnav_trade.results.statistics.chaos import basis, fitted, fitted_indices, predicted
-from lvnav_trade.results.statistics.probability import success_bounds
+from lvnav_trade.results.statistics.probability import basis, fitted, fitted_indices, predicted, success_bounds
 from lvnav_trade.results.statistics.select import once
 from lvnav_trade.results.tables.read import Tables
 from lvnav_trade.results.tables.schema import unit_at_end, unit_suffix

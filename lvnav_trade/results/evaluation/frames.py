@@ -9,7 +9,6 @@ import pandas as pd
 
 from lvnav_trade.results.evaluation import (
     assumptions,
-    configuration,
     covariances,
     coverage,
     design_space,
@@ -65,8 +64,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     designs: ("designs",),
     design_space: ("effects", "regions"),
     tornado: ("swings",),
-    assumptions: ("assumptions",),
-    configuration: ("configuration",),
+    assumptions: ("assumptions", "configuration"),
     along: ("curves", "crossings", "tornado"),
     confirmation: ("expected", "spot_check", "improvements"),
     margins: ("margins",),

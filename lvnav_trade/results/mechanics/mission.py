@@ -17,9 +17,8 @@ from scipy import special
 from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.results.mechanics import impulses, orbits
-from lvnav_trade.results.mechanics.freefall import coast, impact, offsets
-from lvnav_trade.results.tables.lookup import once, pick
-from lvnav_trade.results.tables.read import Tables
+from lvnav_trade.results.mechanics.orbits import coast, impact, offsets
+from lvnav_trade.results.tables.read import Tables, once, pick
 
 # Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less.
 STEP = np.array([1e-2] * 3 + [10.0] * 3)

@@ -67,7 +67,7 @@ class ModeShare(ModeNumber):
 
 def has_logic(tables: Tables, case: str) -> bool:
     """Whether the filter of a case has a logic, and runs."""
-    from lvnav_trade.results.tables.lookup import pick
+    from lvnav_trade.results.tables.read import pick
 
     return bool(pick(tables.cases, case=case).logic.eq(True).any()) and not pick(tables.runs, case=case).empty
 

@@ -12,7 +12,7 @@ from scipy import special
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
-from lvnav_trade.results.mechanics import freefall, mission
+from lvnav_trade.results.mechanics import mission, orbits
 from lvnav_trade.results.statistics.case import number_in
 from lvnav_trade.results.statistics.probability import success_verdict
 from lvnav_trade.results.statistics.select import once, pick
@@ -152,15 +152,15 @@ def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
     falling = [k for k in np.argsort([state.t for state in states], kind="stable") if np.isfinite(points.fall[k])]
     flown = _runs(tables, case, [states[k] for k in falling], corridor)
     return [
-        _row(states[k], laws[k], freefall.Impact(*(value[k] for value in points)), slopes[k], corridor) | of_runs
+        _row(states[k], laws[k], orbits.Impact(*(value[k] for value in points)), slopes[k], corridor) | of_runs
         for k, of_runs in zip(falling, flown, strict=True)
     ]
 
 
 @lru_cache(maxsize=64)
-def _points(r_i: bytes, v_i: bytes, earth_angle: bytes) -> freefall.Impact:
+def _points(r_i: bytes, v_i: bytes, earth_angle: bytes) -> orbits.Impact:
     """Return where states of which the numbers are given come down: once for all cases that fly alike."""
-    return freefall.impact(*_numbers(r_i, v_i, earth_angle))
+    return orbits.impact(*_numbers(r_i, v_i, earth_angle))
 
 
 def _numbers(r_i: bytes, v_i: bytes, earth_angle: bytes) -> tuple[Floats, Floats, Floats]:
@@ -224,16 +224,16 @@ def _outside(state: mission.State, error: Floats, corridor: Corridor) -> Bools:
     """Return which estimated points are outside; none where the true state has no point of impact."""
     out = np.zeros(len(error), dtype=bool)
     good = np.isfinite(error).all(axis=1)
-    if not good.any() or not np.isfinite(freefall.impact(*_arrays([state])).fall[0]):
+    if not good.any() or not np.isfinite(orbits.impact(*_arrays([state])).fall[0]):
         return out
-    estimated = freefall.impact(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
+    estimated = orbits.impact(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
     points = np.stack([estimated.latitude, beside(estimated.longitude, corridor.corners)], axis=1)
     out[good] = ~contains(corridor.corners, points)
     return out
 
 
 def _row(
-    state: mission.State, law: mission.Law, point: freefall.Impact, slope: Floats, corridor: Corridor | None
+    state: mission.State, law: mission.Law, point: orbits.Impact, slope: Floats, corridor: Corridor | None
 ) -> dict[str, Any]:
     """Return what linear covariance says of the point of impact at one time, kilometres and degrees; slope: `_slopes`.
 
@@ -285,10 +285,10 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
         """Return the errors at impact (m, n * 2) of errors (m, 6) at every state."""
         m, n = len(error), len(r)
         off = np.repeat(error, n, axis=0)
-        estimated = freefall.impact(
+        estimated = orbits.impact(
             np.tile(r, (m, 1)) - off[:, 3:], np.tile(v, (m, 1)) - off[:, :3], np.tile(theta, m), lowest=0.0
         )
-        found = -freefall.offsets(np.tile(true.r_e, (m, 1)), estimated.r_e, np.tile(true.heading, m))
+        found = -orbits.offsets(np.tile(true.r_e, (m, 1)), estimated.r_e, np.tile(true.heading, m))
         return np.asarray(found.reshape(m, n * 2))
 
     slopes = mission.derivative(errors).reshape(len(r), 2, 6) * 1e-3
@@ -296,7 +296,7 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
     return slopes
 
 
-def _inside(corridor: Corridor, point: freefall.Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
+def _inside(corridor: Corridor, point: orbits.Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
     """Return probability and margin of the estimated point, true less error; edges are straight in the angles."""
     c, s = np.cos(point.heading), np.sin(point.heading)
     north_east = np.array([[c, -s], [s, c]])

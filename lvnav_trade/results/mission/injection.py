@@ -9,8 +9,7 @@ from lvnav_trade.results.mechanics.injection import APSIDES, apsis_errors, is_cu
 from lvnav_trade.results.statistics.case import Injections
 from lvnav_trade.results.statistics.case_tables import CaseTables
 from lvnav_trade.results.statistics.probability import success_bounds
-from lvnav_trade.results.tables.lookup import pick
-from lvnav_trade.results.tables.read import Tables
+from lvnav_trade.results.tables.read import Tables, pick
 from lvnav_trade.results.tables.runs import INJECTION_UNITS, ORBIT_UNITS
 
 INJECTION = [

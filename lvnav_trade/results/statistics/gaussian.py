@@ -10,8 +10,7 @@ from scipy import special
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.statistics.case import SAME_TIME, CaseResults, Gaussian
 from lvnav_trade.results.statistics.probability import norm_probability
-from lvnav_trade.results.tables.lookup import pick, pick_columns
-from lvnav_trade.results.tables.read import Tables
+from lvnav_trade.results.tables.read import Tables, pick, pick_columns
 
 
 def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) -> Gaussian | None:

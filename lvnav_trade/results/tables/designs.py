@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from lvnav_trade.results.tables.columns import column
+from lvnav_trade.results.tables.files import column
 from lvnav_trade.results.tables.schema import arrow_schema
 
 FILE = "designs.parquet"

@@ -11,8 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from lvnav_trade.results.tables.columns import binaries, integers, texts
-from lvnav_trade.results.tables.files import replace_table
+from lvnav_trade.results.tables.files import binaries, integers, replace_table, texts
 from lvnav_trade.simulation.statistics import BlockSummary
 
 _LOG = logging.getLogger("lvnav_trade.results.tables")

@@ -9,8 +9,8 @@ import pyarrow as pa
 
 from lvnav_trade.covariance.diagnostics.diagnostics import Explanation
 from lvnav_trade.quantities.records import CovHistory, Floats, Output, RunBlock
-from lvnav_trade.results.tables.columns import Coded, column
 from lvnav_trade.results.tables.diagnostics import explained_rows
+from lvnav_trade.results.tables.files import Coded, column
 from lvnav_trade.results.tables.flight_tables import flight_columns
 from lvnav_trade.results.tables.runs import DRAWN, integrity_columns, run_columns, start_columns, trace_columns
 from lvnav_trade.results.tables.schema import TABLES, arrow_schema

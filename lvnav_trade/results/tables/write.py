@@ -16,7 +16,16 @@ from lvnav_trade.quantities.input_files import read_bytes
 from lvnav_trade.quantities.records import CovHistory, RunBlock
 from lvnav_trade.results.tables import designs, scratch
 from lvnav_trade.results.tables import parts as part_files
-from lvnav_trade.results.tables.contents import MANIFEST, RESOLVED, RUN_FILES, OwnedFolder, owned
+from lvnav_trade.results.tables.contents import (
+    DIGESTS,
+    MANIFEST,
+    MANIFEST_BYTES,
+    RESOLVED,
+    RUN_FILES,
+    OwnedFolder,
+    digests,
+    owned,
+)
 from lvnav_trade.results.tables.files import (
     CASE_TABLE,
     batches,
@@ -28,7 +37,6 @@ from lvnav_trade.results.tables.files import (
     row_files,
     write_case_table,
 )
-from lvnav_trade.results.tables.manifest import DIGESTS, MANIFEST_BYTES, digests
 from lvnav_trade.results.tables.schema import TABLES, arrow_schema
 from lvnav_trade.results.tables.tables import CaseInfo, case_tables, row_tables, starts_table, traces_table
 from lvnav_trade.results.tables.versions import RESULTS_VERSION, across_machines, campaign_digest, environment

@@ -19,11 +19,9 @@ from lvnav_trade.kernels.strapdown import Q, R
 from lvnav_trade.quantities.frames import matrices, rotation_i_n
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.quantities.units import AngleSigma
-from lvnav_trade.sensors.correlated import CorrelatedError
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import H_ATT, clear, turned
 from lvnav_trade.sensors.pad.standing import StandingCard
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorModel
+from lvnav_trade.sensors.sensor import Check, CorrelatedError, Evidence, FlightView, Registration, SensorModel
 
 _STEEPEST = 0.5  # smallest horizontal component of the mirror's normal for a measurement
 

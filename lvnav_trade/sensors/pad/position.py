@@ -13,11 +13,17 @@ from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.quantities.frames import ecef_from_eci
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import LengthSigma
-from lvnav_trade.sensors.correlated import CorrelatedError
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import H_POS
 from lvnav_trade.sensors.pad.standing import RestCard, begin_rows, to_earth
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorModel, each_scalar
+from lvnav_trade.sensors.sensor import (
+    Check,
+    CorrelatedError,
+    Evidence,
+    FlightView,
+    Registration,
+    SensorModel,
+    each_scalar,
+)
 
 
 class PadPositionModel(SensorModel):

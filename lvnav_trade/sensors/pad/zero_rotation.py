@@ -17,11 +17,18 @@ from lvnav_trade.quantities.frames import matrices, quaternions, rotation_i_e
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import AngleSigma
 from lvnav_trade.sensors.attitude_reference import measure
-from lvnav_trade.sensors.correlated import CorrelatedError
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import H_ATT
 from lvnav_trade.sensors.pad.standing import RestCard, begin_rows
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorModel, StateUnit, each_scalar
+from lvnav_trade.sensors.sensor import (
+    Check,
+    CorrelatedError,
+    Evidence,
+    FlightView,
+    Registration,
+    SensorModel,
+    StateUnit,
+    each_scalar,
+)
 
 STANDING_ATTITUDE = "standing_attitude"
 

@@ -15,10 +15,9 @@ from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.strapdown import R, V
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import SpeedSigma
-from lvnav_trade.sensors.evidence import Check, Evidence
 from lvnav_trade.sensors.jacobian_row import H_POS, H_VEL
 from lvnav_trade.sensors.pad.standing import RestCard, begin_rows, to_earth
-from lvnav_trade.sensors.sensor import FlightView, Registration, SensorModel
+from lvnav_trade.sensors.sensor import Check, Evidence, FlightView, Registration, SensorModel
 
 
 class ZeroVelocityModel(SensorModel):

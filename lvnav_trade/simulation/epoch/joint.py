@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 from lvnav_trade.filter.policies.delay import place_of_channel
 from lvnav_trade.filter.updates import has_reported_covariance
 from lvnav_trade.kernels.covariance import enter, update_covariance, update_vector
-from lvnav_trade.kernels.groups import group, total_of, whole
 from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import group, total_of, whole
 from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.sensors.jacobian_row import N_ENTRY
 

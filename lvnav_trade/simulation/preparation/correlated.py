@@ -14,8 +14,8 @@ from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.quantities.state_layout import StateLayout, standing_for
 from lvnav_trade.scenario.filter_models import solves
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.correlated import CorrelatedError
 from lvnav_trade.sensors.receiver_observables import LEVER_AXES, PHASES, Channels, Geometry, members, partial
+from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.inputs import Shared
 from lvnav_trade.simulation.preparation.options import direct
 from lvnav_trade.simulation.preparation.sensors import Sensor

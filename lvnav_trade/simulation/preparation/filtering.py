@@ -10,9 +10,9 @@ from lvnav_trade.filter.states import Taken, state_layout
 from lvnav_trade.filter.strapdown import strapdown_of
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.strapdown import Strapdown
-from lvnav_trade.quantities.envelope import EnvelopeCard
 from lvnav_trade.quantities.frames import earth_angle, reporting_axes
 from lvnav_trade.quantities.records import Floats, Reference
+from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.quantities.state_layout import StateLayout
 from lvnav_trade.scenario.filter_models import filter_models, has_covariance, measured, solves
 from lvnav_trade.scenario.scenario import Scenario

@@ -28,7 +28,7 @@ from lvnav_trade.simulation.preparation.imu_arrays import arriving, elements, fu
 from lvnav_trade.simulation.preparation.imu_inputs import Unit, Units
 from lvnav_trade.simulation.preparation.imu_redundancy import Profile, redundant_of
 from lvnav_trade.simulation.preparation.true_flight import Flight
-from lvnav_trade.trajectory.gravity import disturbance
+from lvnav_trade.trajectory.disturbances import disturbance
 
 _STEPS = {
     "gyro_bias_step": (GYRO, CONSTANT),

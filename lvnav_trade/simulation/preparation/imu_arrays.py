@@ -11,8 +11,7 @@ from lvnav_trade.gnss.fault_cards import AnyFault, DeadAxis, DroppedSamples
 from lvnav_trade.gnss.faults import periods
 from lvnav_trade.imu.array import ImuSet, keyed, terms_of, triads_of
 from lvnav_trade.imu.differences import difference
-from lvnav_trade.imu.elements import Dead, put_out
-from lvnav_trade.imu.error_model import ImuCard, lag
+from lvnav_trade.imu.error_model import Dead, ImuCard, lag, put_out
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_2, SQUARE
 from lvnav_trade.quantities.conditions import Course

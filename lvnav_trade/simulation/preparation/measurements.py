@@ -12,16 +12,15 @@ from lvnav_trade.quantities.line_of_sight import pdop
 from lvnav_trade.quantities.records import Floats, Ints
 from lvnav_trade.scenario.filter_models import epoch_interval, filter_models, has_covariance
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.correlated import EnteringError, entering_errors, shared_of
 from lvnav_trade.simulation.preparation.filtering import Filtering
 from lvnav_trade.simulation.preparation.inputs import Further, Signals
 from lvnav_trade.simulation.preparation.mode_logic import failing, satellites_taken, watched
 from lvnav_trade.simulation.preparation.options import solver_of
-from lvnav_trade.simulation.preparation.signals.doppler import doppler_left
+from lvnav_trade.simulation.preparation.signals.doppler import doppler_left, relativity_left
 from lvnav_trade.simulation.preparation.signals.phases_and_differences import delayed_of, further_of, references_of
 from lvnav_trade.simulation.preparation.signals.recorded_errors import Recorded, recorded
-from lvnav_trade.simulation.preparation.signals.relativity import relativity_left
 from lvnav_trade.simulation.preparation.signals.signals import (
     Assumed,
     InUse,

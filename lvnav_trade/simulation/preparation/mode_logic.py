@@ -7,8 +7,7 @@ import numpy as np
 
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.filter.model import FilterModel
-from lvnav_trade.filter.policies.card import IntegrityCard, thresholds_of
-from lvnav_trade.filter.policies.cards import AFTER_STOP, CHECKS, LogicCard
+from lvnav_trade.filter.policies.cards import AFTER_STOP, CHECKS, IntegrityCard, LogicCard, thresholds_of
 from lvnav_trade.filter.policies.integrity.state import Tests
 from lvnav_trade.filter.policies.mode_logic import DATA_LOST, Rules
 from lvnav_trade.gnss.faults import Failures

@@ -8,8 +8,8 @@ from lvnav_trade.filter.model import FilterModel
 from lvnav_trade.quantities.records import Floats, Ints, Motion, Output, Reference, Sky
 from lvnav_trade.quantities.state_layout import ErrorTerm, StateLayout
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.correlated import CorrelatedError
 from lvnav_trade.sensors.receiver_observables import Channels
+from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.imu_inputs import Unit
 from lvnav_trade.simulation.preparation.inputs import Options, Record, Schedule, Sensors, Signals, Start
 from lvnav_trade.simulation.preparation.sensors import Sensor

@@ -13,11 +13,10 @@ from lvnav_trade.quantities.frames import earth_angle, earth_velocity, geodetic_
 from lvnav_trade.quantities.records import Bools, Floats
 from lvnav_trade.scenario.filter_models import difference_of, sensor_model, sensors_used
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.correlated import CorrelatedError
 from lvnav_trade.sensors.family import SENSORS, kind_of
 from lvnav_trade.sensors.imu_difference import ImuDifferenceCard
 from lvnav_trade.sensors.receiver_observables import Channels, SensorChannels, SensorState
-from lvnav_trade.sensors.sensor import N_KNOWN, N_TRUTH, FlightView, SensorCard, SensorModel
+from lvnav_trade.sensors.sensor import N_KNOWN, N_TRUTH, CorrelatedError, FlightView, SensorCard, SensorModel
 from lvnav_trade.simulation.preparation.inputs import Sensors
 from lvnav_trade.trajectory.flight import Trajectory, motion
 from lvnav_trade.trajectory.truth import at_rest

@@ -8,8 +8,8 @@ import numpy as np
 from lvnav_trade.filter.assumed import ImuModel
 from lvnav_trade.filter.card import FilterCard
 from lvnav_trade.filter.measurement_tuning import ProcessNoiseTable, RegionNoiseCard, UnderweightingCard
-from lvnav_trade.filter.rows import TYPES
-from lvnav_trade.gnss.dynamics import dynamics_at
+from lvnav_trade.filter.states import TYPES
+from lvnav_trade.gnss.reception import dynamics_at
 from lvnav_trade.kernels.transition import ATT, EVERY_WINDOW, FIRST, KEPT, POS, RENEWED, VEL
 from lvnav_trade.quantities.conditions import ROUNDING, Course, inside
 from lvnav_trade.quantities.records import Bools, Floats, Ints, Reference

@@ -8,9 +8,9 @@ import numpy as np
 from lvnav_trade.filter.policies.imu_samples import VehicleModel
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
-from lvnav_trade.quantities.envelope import EnvelopeCard, changing
 from lvnav_trade.quantities.per_axis import PerAxis, squares
 from lvnav_trade.quantities.records import Bools, Floats, Reference
+from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing
 from lvnav_trade.quantities.state_layout import StateLayout
 from lvnav_trade.scenario.filter_models import filter_models
 from lvnav_trade.scenario.scenario import Scenario

@@ -38,9 +38,8 @@ from lvnav_trade.trajectory.ascent.steering_law import (
     thrust_directions,
 )
 from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY, Roll, Site
-from lvnav_trade.trajectory.discontinuities import bridged, described
+from lvnav_trade.trajectory.discontinuities import bridged, described, missing_events
 from lvnav_trade.trajectory.disturbances import OscillationCard
-from lvnav_trade.trajectory.jumps import missing_events
 from lvnav_trade.trajectory.truth import NOTE, WARNING, Phase, Trajectory, joined, motion, position_spline
 
 _STEP = 0.5  # s between knots

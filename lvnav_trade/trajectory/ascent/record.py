@@ -11,10 +11,9 @@ from scipy.sparse import block_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from lvnav_trade.kernels.earth import GM, SEMI_MAJOR
-from lvnav_trade.quantities.decimals import decimal_or_endless
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
-from lvnav_trade.quantities.input_files import text_lines
+from lvnav_trade.quantities.input_files import decimal_or_endless, text_lines
 from lvnav_trade.quantities.limits import DATA_BYTES
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.trajectory.ascent.vehicle import Recorded, Site

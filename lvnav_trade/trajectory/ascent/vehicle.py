@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
 from lvnav_trade.quantities import units
-from lvnav_trade.quantities.events import Instant
+from lvnav_trade.quantities.conditions import Instant
 from lvnav_trade.quantities.units import Card, parse, require_rising
 from lvnav_trade.trajectory.ascent.dispersion_card import Dispersion, SpreadsCard
 from lvnav_trade.trajectory.control_cards import SteeredCard

@@ -13,7 +13,7 @@ from lvnav_trade.quantities import frames
 from lvnav_trade.quantities.data_file import FEWEST, read_columns, refuse_first, refuse_unordered
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.records import Floats
-from lvnav_trade.quantities.time_stamps import coarse, restored
+from lvnav_trade.quantities.times import coarse, restored
 from lvnav_trade.quantities.units import parse
 from lvnav_trade.trajectory.discontinuities import Hole, bridged, described
 from lvnav_trade.trajectory.files.columns import AttitudeColumns, PositionColumns, TableTrajectory, VelocityColumns

@@ -28,13 +28,12 @@ from lvnav_trade.quantities.units import parse
 from lvnav_trade.trajectory.ascent.launch import achieved
 from lvnav_trade.trajectory.ascent.plausibility import within_limits
 from lvnav_trade.trajectory.ascent.vehicle import STANDARD_GRAVITY
-from lvnav_trade.trajectory.files.attitude_readings import better, compared
+from lvnav_trade.trajectory.discontinuities import missing_events, suggested_events
 from lvnav_trade.trajectory.files.columns import TableTrajectory
 from lvnav_trade.trajectory.files.contradiction import Residual, added
-from lvnav_trade.trajectory.files.first_rows import REST, axes_remark, clock_remark
+from lvnav_trade.trajectory.files.first_rows import REST, axes_remark, better, clock_remark, compared
 from lvnav_trade.trajectory.files.rows import SAME, Rows, read_rows
 from lvnav_trade.trajectory.files.splines import along_path, fit
-from lvnav_trade.trajectory.jumps import missing_events, suggested_events
 from lvnav_trade.trajectory.truth import NOTE, PAD_STEP, WARNING, Phase, Trajectory, motion, pad_phase, pad_times
 
 _COARSEST = 2.0  # s; longest interval over which the force is averaged to distinguish a jump from noise

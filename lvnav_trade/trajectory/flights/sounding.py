@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.quantities import frames
+from lvnav_trade.quantities.conditions import Instant, resolve
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.quantities.events import Instant, resolve
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.quantities.units import Angle, Area, Card, Length, Mass, Pause, TimeConstant, TurnRate
 from lvnav_trade.trajectory.ascent.dynamics import Drag

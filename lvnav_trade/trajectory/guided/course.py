@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.quantities import frames
-from lvnav_trade.quantities.envelope import EnvelopeCard, changing
-from lvnav_trade.quantities.events import resolve
+from lvnav_trade.quantities.conditions import resolve
 from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing
 from lvnav_trade.trajectory.ascent.dispersion import flown
 from lvnav_trade.trajectory.ascent.launch import build_ascent
 from lvnav_trade.trajectory.ascent.legs import Leg

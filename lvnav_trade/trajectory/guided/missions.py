@@ -7,10 +7,10 @@ import numpy as np
 
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.kernels.random import seed_words
-from lvnav_trade.quantities.envelope import EnvelopeCard, steady_ratio
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.per_axis import rms
 from lvnav_trade.quantities.records import Floats
+from lvnav_trade.quantities.shared_cards import EnvelopeCard, steady_ratio
 from lvnav_trade.trajectory.control_cards import (
     ControllerCard,
     FeedbackCard,

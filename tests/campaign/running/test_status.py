@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lvnav_trade.campaign.running.lock import locked
-from lvnav_trade.campaign.running.status import CaseStatus, status
+from lvnav_trade.campaign.running.status import CaseStatus, locked, status
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables.parts import paths
 from tests import synthetic

@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.reading.single import single
+from lvnav_trade.campaign.reading.written_cases import single
 from lvnav_trade.campaign.space.designs import Designs, Unvaried, label_of, made, number_in, number_of, reason_of
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.units import parse

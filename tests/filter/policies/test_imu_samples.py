@@ -11,7 +11,7 @@ import pytest
 from lvnav_trade.filter.policies import imu_samples as samples
 from lvnav_trade.filter.policies.epoch_differences import Delayed, new_earlier
 from lvnav_trade.kernels.transition import POS
-from lvnav_trade.quantities.envelope import steady_ratio
+from lvnav_trade.quantities.shared_cards import steady_ratio
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.recording import N_SAMPLE_OUTPUT
 from lvnav_trade.trajectory.guided.axis import filter_gain

@@ -197,6 +197,6 @@ def test_results_without_many_designs_have_neither(tmp_path) -> None:
 
 
 def test_many_designs_keep_their_short_names(tables) -> None:
-    from lvnav_trade.results.statistics.names import case_names
+    from lvnav_trade.results.statistics.display_units import case_names
 
     assert case_names(tables) == tables.labels

@@ -7,8 +7,7 @@ import pyarrow as pa
 import pytest
 
 from lvnav_trade.results.tables import files
-from lvnav_trade.results.tables.columns import column
-from lvnav_trade.results.tables.files import batches, case_schema, row_files
+from lvnav_trade.results.tables.files import batches, case_schema, column, row_files
 
 
 def numbers(first: int, end: int) -> dict[str, pa.Table]:

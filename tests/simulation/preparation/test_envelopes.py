@@ -9,7 +9,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from lvnav_trade.imu.error_model import ImuCard
-from lvnav_trade.quantities.envelope import EnvelopeCard, changing, steady_ratio
+from lvnav_trade.quantities.shared_cards import EnvelopeCard, changing, steady_ratio
 from lvnav_trade.simulation.preparation.vehicle import envelopes
 
 RATE = 200.0

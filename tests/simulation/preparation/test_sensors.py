@@ -15,9 +15,8 @@ from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.sensors.altimeter import AltimeterCard
 from lvnav_trade.sensors.attitude_reference import AttitudeReferenceCard
-from lvnav_trade.sensors.correlated import CorrelatedError
 from lvnav_trade.sensors.family import SENSORS
-from lvnav_trade.sensors.sensor import each_scalar
+from lvnav_trade.sensors.sensor import CorrelatedError, each_scalar
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.sensors import for_kernels, measures, sensors_of, view_of
 from lvnav_trade.trajectory.flight import motion

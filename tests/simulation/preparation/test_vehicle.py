@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lvnav_trade.quantities.envelope import EnvelopeCard
+from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.preparation.vehicle import burning, burns, envelopes
 from tests.both_engines.modelled import BASELINE, SETTINGS, modelled, named

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lvnav_trade.simulation.montecarlo import run_block
-from lvnav_trade.simulation.recorded.flight import replayed
 from lvnav_trade.simulation.recorded.outages import outage, with_outage
+from lvnav_trade.simulation.recorded.recorded_flight import replayed
 from tests.building import with_fields
-from tests.simulation.recorded.test_flight import drive
+from tests.simulation.recorded.test_recorded_flight_flight import drive
 
 __all__ = ["drive"]
 

@@ -11,8 +11,8 @@ from lvnav_trade.campaign.recorded import read_card
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.simulation.montecarlo import run_block
 from lvnav_trade.simulation.recorded.alignment import align
-from lvnav_trade.simulation.recorded.flight import replayed
 from lvnav_trade.simulation.recorded.navigation_log import read_recording
+from lvnav_trade.simulation.recorded.recorded_flight import replayed
 from tests import recorded_log
 
 TIGHT = (

@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.quantities.data_file import read_columns
 from lvnav_trade.quantities.errors import InputError
-from lvnav_trade.trajectory.files.attitude_readings import readings
+from lvnav_trade.trajectory.files.first_rows import readings
 from lvnav_trade.trajectory.files.guesses import guess
 
 EXAMPLE = "configs/trajectories/example_table.csv"

@@ -11,7 +11,7 @@ from lvnav_trade.campaign.syntax.cards import shipped
 from lvnav_trade.imu.error_model import ImuCard
 from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.kernels.random import seed_words
-from lvnav_trade.quantities.envelope import EnvelopeCard
+from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.trajectory.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.trajectory.guided import autopilot, loop
 from lvnav_trade.trajectory.guided.missions import Missions, control_of

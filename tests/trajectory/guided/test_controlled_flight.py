@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from lvnav_trade.kernels.earth import gravity_along
-from lvnav_trade.quantities.envelope import EnvelopeCard
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import matrices
+from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.simulation.preparation.vehicle import walks
 from lvnav_trade.trajectory.ascent.vehicle import VehicleAscent
 from lvnav_trade.trajectory.flight import build, identity, motion, reference

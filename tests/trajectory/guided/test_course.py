@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from lvnav_trade.imu.error_model import ImuCard
-from lvnav_trade.quantities.envelope import EnvelopeCard
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.quantities.frames import earth_velocity, matrices
+from lvnav_trade.quantities.shared_cards import EnvelopeCard
 from lvnav_trade.trajectory.control_cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.trajectory.flight import motion
 from lvnav_trade.trajectory.guided import autopilot, loop

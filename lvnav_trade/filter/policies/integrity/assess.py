@@ -14,8 +14,7 @@ prediction. If it still does after the hold time, the inertial solution has fail
 from lvnav_trade.filter.ekf import channel_of, n_measured
 from lvnav_trade.filter.policies.epoch_differences import is_present
 from lvnav_trade.filter.policies.integrity.common import compare, find_common, inflate, learn, persists
-from lvnav_trade.filter.policies.integrity.fit import fit, limit
-from lvnav_trade.filter.policies.integrity.state import N_FIT, clear_innovations
+from lvnav_trade.filter.policies.integrity.state import N_FIT, clear_innovations, fit, limit
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, where
 from lvnav_trade.kernels.transition import POS, VEL

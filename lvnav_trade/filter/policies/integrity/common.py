@@ -7,8 +7,7 @@ common to all, and no satellite is excluded. Otherwise a persistent IMU error wo
 other.
 """
 
-from lvnav_trade.filter.policies.integrity.fit import fit, invert
-from lvnav_trade.filter.policies.integrity.state import N_FIT
+from lvnav_trade.filter.policies.integrity.state import N_FIT, fit, invert
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, where
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, POS, VEL

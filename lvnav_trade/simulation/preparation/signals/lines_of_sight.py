@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.gnss.dynamics import factors
+from lvnav_trade.gnss.reception import factors
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.line_of_sight import Sight, falling, point_of, sight

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.filter.assumed import ReceiverModel
-from lvnav_trade.gnss.dynamics import factors
 from lvnav_trade.gnss.faults import Failures
 from lvnav_trade.gnss.receiver_cards import ReceiverCard
+from lvnav_trade.gnss.reception import factors
 from lvnav_trade.quantities.records import Floats, Sky
 from lvnav_trade.scenario.filter_models import smoothing_of, solves
 from lvnav_trade.scenario.scenario import Scenario

@@ -11,9 +11,9 @@ from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.records import Bools, Floats, Ints, Sky
 from lvnav_trade.scenario.filter_models import filter_models
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.correlated import CorrelatedError
 from lvnav_trade.sensors.jacobian_row import D_EXTRA
 from lvnav_trade.sensors.receiver_observables import DIFFERENCES, OF_ONE, PHASES
+from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.filtering import Filtering
 from lvnav_trade.simulation.preparation.inputs import Further
 from lvnav_trade.simulation.preparation.signals.noise import assumed_sigma

@@ -12,8 +12,8 @@ from lvnav_trade.kernels.random import philox, seed_words, source_word
 from lvnav_trade.quantities.frames import earth_angle
 from lvnav_trade.quantities.records import Bools, Floats, Sky
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.correlated import CorrelatedError
 from lvnav_trade.sensors.receiver_observables import Channels
+from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.correlated import RECORDED, EnteringError
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
 from lvnav_trade.simulation.preparation.signals.signals import hold

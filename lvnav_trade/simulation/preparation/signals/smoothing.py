@@ -10,7 +10,7 @@ from lvnav_trade.quantities.error_sources import PHASE_NOISE
 from lvnav_trade.quantities.records import Floats, Sky
 from lvnav_trade.scenario.filter_models import epoch_interval, smoothing_of
 from lvnav_trade.scenario.scenario import Scenario
-from lvnav_trade.sensors.correlated import CorrelatedError
+from lvnav_trade.sensors.sensor import CorrelatedError
 from lvnav_trade.simulation.preparation.correlated import MULTIPATH, EnteringError
 from lvnav_trade.simulation.preparation.signals.lines_of_sight import Lines
 from lvnav_trade.simulation.preparation.signals.noise import phase_sigma

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filter.policies.card import IntegrityCard, thresholds_of
+from lvnav_trade.filter.policies.cards import IntegrityCard, thresholds_of
 from lvnav_trade.filter.policies.integrity.assess import assess
 from lvnav_trade.filter.policies.integrity.state import new_monitor
 from lvnav_trade.kernels.transition import CONSTANT

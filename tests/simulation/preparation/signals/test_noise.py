@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from lvnav_trade.covariance.history import covariance
 from lvnav_trade.covariance.selfcheck.measured import of_measurements
-from lvnav_trade.gnss.dynamics import dynamics_at
+from lvnav_trade.gnss.reception import dynamics_at
 from lvnav_trade.quantities.shared_cards import noise_factor
 from lvnav_trade.scenario.filter_models import filter_models
 from lvnav_trade.simulation.montecarlo import run_block
