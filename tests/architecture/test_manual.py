@@ -150,6 +150,8 @@ def test_the_mistake_of_the_tutorial_is_answered_as_printed(root, desk):
     )
 
 
+# Pages whose samples are alternatives: none is laid over those above it.
+AFRESH = ("search.md", "several_units.md")
 NO_SETTINGS = {
     "tutorial.md": {0, 1, 2},  # its files are run above
     "guarding_a_design.md": {1},  # a workflow of another tool
@@ -197,7 +199,7 @@ def test_the_settings_of_a_page_are_accepted(root, desk, monkeypatch, page):
         if set(settings) == {"printed"}:  # of study.yaml
             assert Study.model_validate({"title": "A paper", "description": "", **settings}).printed
             continue
-        base = yaml.load(start) if page == "search.md" else base
+        base = yaml.load(start) if page in AFRESH else base
         _laid_over(base, settings)
         with campaign.open("w") as out:
             yaml.dump(base, out)
