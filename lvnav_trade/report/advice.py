@@ -36,13 +36,17 @@ _DATASHEET = {
 _ANGLES = ("tilt", "heading")  # fields in degrees
 _OF_A_STUDY = re.compile(r"_\d{3}(_|$)")  # in the name of a card
 _MOST_FIELDS = 2
-_FEW = 4  # sources that are all named
-DOMINATING = 0.5  # share of the mean square from which on a source that the filter does not model is named
+_FEW = 4  # up to this number of sources, each is named
+DOMINATING = 0.5  # smallest share of the mean square at which an unmodelled source is reported
 
 
 class MissingState(NamedTuple):
-    """An error source that a filter does not model: its share of the mean square, the state that models it, and the
-    shipped filter card with the same measurements and that state, empty where there is none.
+    """An error source that a filter does not model.
+
+    source : Name of the error source.
+    share : Its share of the mean square of the error, 0 to 1.
+    state : Filter state that models the source.
+    card : Shipped filter card with the same measurements and that state; empty if there is no such card.
     """
 
     source: str
@@ -52,18 +56,29 @@ class MissingState(NamedTuple):
 
 
 def advice(tables: Tables, row: Any) -> str:
-    """Return what makes a design comply, from a row of the metric `improvements`: first a filter card that models the
-    source, where the filter does not, then the improvement of the source. The row's remark where there is none.
+    """Return the change that makes a design comply, as text.
+
+    The text names a filter card that models the error source, if the present filter does not, and then the improvement
+    of the source itself.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    row : namedtuple
+        Row of the metric `improvements`. Without a source, the text is its remark.
     """
     case = {label: digest for digest, label in tables.labels.items()}[row.case]
     if not row.source:
         return f"{row.case}: {row.remark}."
     together, _, limits = row.remark.partition("; ") if row.remark.startswith("together") else ("", "", row.remark)
-    many = "," in row.source
+    is_joint = "," in row.source
     scenario = scenario_of(tables, case)
-    change = "" if many else _change(scenario, row.source, row.factor_ratio)
-    stated = next(one for one in tables.campaign["requirements"] if str(one["name"]) == row.requirement)
-    missing = None if many else missing_state(scenario, row.source, row.share_ratio)
+    change = "" if is_joint else _change(scenario, row.source, row.factor_ratio)
+    stated = next(
+        requirement for requirement in tables.campaign["requirements"] if str(requirement["name"]) == row.requirement
+    )
+    missing = None if is_joint else missing_state(scenario, row.source, row.share_ratio)
     return say(
         "comply",
         case=row.case,
@@ -73,15 +88,15 @@ def advice(tables: Tables, row: Any) -> str:
         share=f"{100.0 * row.share_ratio:.0f}",
         quantity=words(split_metric(str(stated["metric"]))[0]),
         event="" if stated.get("during") else words(where(stated)),
-        is_one=not many,
+        is_one=not is_joint,
         limits=limits,
     )
 
 
 def ways_to_comply(improvements: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of the metric `improvements` that name a change, those of designs that violate first.
+    """Return the rows of the metric `improvements` that name a change, violating designs first.
 
-    What linear covariance expects to be met as it is needs more runs, and no change.
+    A design that linear covariance expects to comply unchanged needs more runs, not a change; it is omitted.
     """
     rows = improvements[improvements.source != ""]
     return rows.sort_values("verdict", key=lambda verdicts: verdicts != "violated", kind="stable")
@@ -93,36 +108,52 @@ def _filter(missing: MissingState) -> str:
 
 
 def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingState]]:
-    """Return the first required error in words, without requirements "velocity error at injection", and of these
-    cases those whose filter lacks the state of one error source, each with the source's share of that error's mean
-    square.
+    """Return the designs whose filter does not model the dominating error source.
 
-    The source is the one with the largest share of a case whose filter does not model it; none where it dominates in
-    no case.
+    The error is that of the first requirement, or the velocity error at injection without requirements. The source is
+    the unmodelled one with the largest share in any case.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    cases : sequence of str
+        Digests of the cases.
+
+    Returns
+    -------
+    error : str
+        The error in words.
+    missing : list of MissingState
+        The cases whose filter lacks the state, each with the source's share; empty if the source dominates in no case.
     """
     stated = (tables.campaign.get("requirements") or [{"metric": "velocity_error_3d"}])[0]
     quantity = split_metric(str(stated["metric"]))[0].removeprefix("normalised_")
     shares = {case: _shares(tables, case, quantity, str(stated.get("at") or "injection")) for case in cases}
     tops = [
-        missing_state(scenario_of(tables, case), str(found.idxmax()), float(found.max()))
-        for case, found in shares.items()
-        if len(found)
+        missing_state(scenario_of(tables, case), str(shares_of_case.idxmax()), float(shares_of_case.max()))
+        for case, shares_of_case in shares.items()
+        if len(shares_of_case)
     ]
-    events = dict.fromkeys(str(found.name) for found in shares.values() if len(found))
-    error = " at ".join([f"{words(quantity)} error", *(words(one) for one in events if len(events) == 1)])
-    first = max((one for one in tops if one is not None), key=lambda one: one.share, default=None)
+    events = dict.fromkeys(str(shares_of_case.name) for shares_of_case in shares.values() if len(shares_of_case))
+    error = " at ".join([f"{words(quantity)} error", *(words(candidate) for candidate in events if len(events) == 1)])
+    first = max(
+        (candidate for candidate in tops if candidate is not None), key=lambda candidate: candidate.share, default=None
+    )
     if first is None:
         return error, []
-    every = [
-        missing_state(scenario_of(tables, case), first.source, float(found.get(first.source, 0.0)), 0.0)
-        for case, found in shares.items()
+    missing = [
+        missing_state(scenario_of(tables, case), first.source, float(shares_of_case.get(first.source, 0.0)), 0.0)
+        for case, shares_of_case in shares.items()
     ]
-    return error, [one for one in every if one is not None]
+    return error, [candidate for candidate in missing if candidate is not None]
 
 
 def _shares(tables: Tables, case: str, quantity: str, event: str) -> pd.Series:
-    """Return each source's share of the mean square of an error by its name, at an event or else at the last one, which
-    is the name of the series.
+    """Return each source's share of the mean square of an error, by source.
+
+    The shares are those at the event, or at the last event if the budget lacks it. The series is named after that
+    event.
     """
     budget = METRICS["budget"](tables)
     rows = budget[(budget.case == tables.labels[case]) & (budget.metric == f"{quantity}_error")]
@@ -133,38 +164,54 @@ def _shares(tables: Tables, case: str, quantity: str, event: str) -> pd.Series:
 def missing_state(
     scenario: Mapping[str, Any], source: str, share: float, least: float = DOMINATING
 ) -> MissingState | None:
-    """Return the state that a scenario's filter lacks for an error source; None where it has one, where no state models
-    the source, or where its share is below the least.
+    """Return the state that the filter of a scenario lacks for an error source.
+
+    Parameters
+    ----------
+    scenario : mapping
+        The scenario as nested mappings.
+    source : str
+        Error source.
+    share : float
+        Share of the source in the mean square, 0 to 1.
+    least : float
+        Smallest share that is reported.
+
+    Returns
+    -------
+    MissingState or None
+        None if the filter models the source, if no state models it, or if the share is below `least`.
     """
     card = scenario.get("filter") or {}
     state = next((name for path, _ in fields_of(source) for name in _states(path)), "")
     modelled = {*card.get("extra_states", ()), *card.get("consider", ()), *card.get("as_noise", ())}
     if share < least or not state or state in modelled:
         return None
-    wanted = {*modelled, state}
-    known = (
+    required = {*modelled, state}
+    suitable = (
         name
         for name, measured, states in _filter_cards()
-        if measured == frozenset(card.get("measurements", ())) and wanted <= states
+        if measured == frozenset(card.get("measurements", ())) and required <= states
     )
-    return MissingState(source, share, state, next(known, ""))
+    return MissingState(source, share, state, next(suitable, ""))
 
 
 def _states(path: tuple[str, ...]) -> Iterator[str]:
-    """Yield the extra state that models the error of a field of a scenario, where there is one."""
-    part, name = path[-2] if len(path) > 1 else "", path[-1]
-    if path[0] == "imu" and f"{part}_{name}" in PARAMETERS:
-        yield f"{part}_{name}"
+    """Yield the extra state that models the error in a field of a scenario; nothing if no state does."""
+    sensor, name = path[-2] if len(path) > 1 else "", path[-1]
+    if path[0] == "imu" and f"{sensor}_{name}" in PARAMETERS:
+        yield f"{sensor}_{name}"
     elif path[0] in ("receiver", "atmosphere") and name in EXTRAS:
         yield name
 
 
 @cache
 def _filter_cards() -> list[tuple[str, frozenset[str], frozenset[str]]]:
-    """Return name, measurements and extra states of the filter cards that come with the tool and have such states, but
-    not of those of a publication, which have its number.
+    """Return name, measurements and extra states of the shipped filter cards that have extra states.
+
+    Cards of a publication (recognised by their number) are omitted.
     """
-    found = []
+    cards = []
     folder = shipped("configs")
     for file in sorted((folder / "filters").glob("*.yaml")):
         if _OF_A_STUDY.search(file.stem):
@@ -175,12 +222,12 @@ def _filter_cards() -> list[tuple[str, frozenset[str], frozenset[str]]]:
             continue
         if card.get("extra_states"):
             states, measured = (frozenset(card.get(name) or ()) for name in ("extra_states", "measurements"))
-            found.append((f"filters/{file.stem}", measured, states))
-    return found
+            cards.append((f"filters/{file.stem}", measured, states))
+    return cards
 
 
 def _error(source: str) -> str:
-    """Return an error source as a noun phrase; of several the largest ones, and the number of others."""
+    """Return an error source as a noun phrase; of several sources the largest, and the number of others."""
     names = source.split(", ")
     if len(names) > 1:
         return among(names, _FEW - 1 if len(names) > _FEW else _FEW)
@@ -188,7 +235,7 @@ def _error(source: str) -> str:
 
 
 def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:
-    """Return "from 1500 to 1010 ppm (1 sigma)" for the fields of a source; empty where one is no single number."""
+    """Return "from 1500 to 1010 ppm (1 sigma)" for the fields of a source; empty if a field is not a single number."""
     parts = []
     fields = fields_of(source)
     for path, power in fields:
@@ -198,13 +245,14 @@ def _change(scenario: Mapping[str, Any], source: str, factor: float) -> str:
             return ""
         if float(size) != 0.0:
             unit = "deg" if path[-1] in _ANGLES else _DATASHEET.get(si, si)
-            shown = float(size) / parse(f"1 {unit}", si)
+            displayed = float(size) / parse(f"1 {unit}", si)
             name = f"{path[-1]} " if len(fields) > 1 else ""
-            parts.append(f"{name}from {number(shown)} to {number(shown * factor)} {unit}")
+            parts.append(f"{name}from {number(displayed)} to {number(displayed * factor)} {unit}")
     return f"{', '.join(parts)} (1 sigma)" if 0 < len(parts) <= _MOST_FIELDS else ""
 
 
 def _at(data: Any, path: tuple[str, ...]) -> Any:
+    """Return the value at a path of keys and list positions; None if the path does not exist."""
     for key in path:
         if isinstance(data, list) and key.isdigit() and int(key) < len(data):
             data = data[int(key)]

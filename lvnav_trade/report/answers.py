@@ -1,4 +1,4 @@
-"""The answer to each requirement: which designs meet it, what it rests on, what would make others comply."""
+"""The answer to each requirement: which designs meet it, on what evidence, and which change makes the others comply."""
 
 import math
 from typing import Any
@@ -18,7 +18,7 @@ from lvnav_trade.results.requirements.requirements import in_words, with_unit
 from lvnav_trade.results.statistics.select import mean_at
 from lvnav_trade.results.tables.read import Tables
 
-_FEW = 4  # cases that are all named beside their verdict
+_FEW = 4  # up to this number of cases, each is named with its verdict
 _WORDS = {  # of verdicts, from the best to the worst
     "met": "Met by",
     "undecided": "Undecided for",
@@ -29,7 +29,9 @@ _WORDS = {  # of verdicts, from the best to the worst
 
 
 def answers(tables: Tables) -> list[Block]:
-    """Return what each requirement says of the cases, how sure it is, what would make it met, and the worst runs."""
+    """Return the verdict on each requirement with its evidence, the changes that lead to compliance, and the worst
+    runs.
+    """
     verdicts = in_words(METRICS["requirements"](tables))
     blocks: list[Block] = []
     for requirement in tables.campaign.get("requirements") or ():
@@ -38,27 +40,31 @@ def answers(tables: Tables) -> list[Block]:
 
 
 def _worst_runs(tables: Tables) -> list[Block]:
-    """Return the run with the largest error of each requirement in the cases that decide, how to fly it again, and
-    pictures of them.
+    """Return the run with the largest error of each requirement in the deciding cases, the command that repeats it, and
+    figures of these runs.
     """
-    found = worst_runs(tables)
-    if found.empty:
+    worst = worst_runs(tables)
+    if worst.empty:
         return []
-    shown = found.assign(
-        case=found.case.map(tables.labels),
-        error=[with_unit(row.error, row.unit) for row in found.itertuples()],
-        command=[f"lvnav-trade replay . {row.case} {row.run_number}" for row in found.itertuples()],
+    rows = worst.assign(
+        case=worst.case.map(tables.labels),
+        error=[with_unit(row.error, row.unit) for row in worst.itertuples()],
+        command=[f"lvnav-trade replay . {row.case} {row.run_number}" for row in worst.itertuples()],
     )
     names = ["case", "run_number"]
-    kept = found[names].merge(tables.traces[names].drop_duplicates()).drop_duplicates()
-    drawn = [figure(tables, "worst_run", row.case, str(row.run_number)) for row in kept.itertuples()]
+    traced = worst[names].merge(tables.traces[names].drop_duplicates()).drop_duplicates()
+    drawn = [figure(tables, "worst_run", row.case, str(row.run_number)) for row in traced.itertuples()]
     pictures = [More("Pictures of the worst runs", drawn)] if drawn else []
-    return [stated("worst_runs", shown), *pictures]
+    return [stated("worst_runs", rows), *pictures]
 
 
 def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> list[Block]:
+    """Return the paragraphs on one requirement: the requirement, the cases by verdict, and how to comply.
+
+    rows : verdicts of all cases on the requirement
+    """
     name = str(requirement["name"])
-    wanted = say(
+    sentence = say(
         "wanted",
         metric=_metric(requirement),
         limit=_limit(requirement, rows.limit.iloc[0]),
@@ -66,13 +72,13 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
         probability=requirement["probability"],
         confidence=requirement.get("confidence", 0.9),
     )
-    blocks: list[Block] = [Text(wanted[0].upper() + wanted[1:], f"{name.capitalize()}.")]
+    blocks: list[Block] = [Text(sentence[0].upper() + sentence[1:], f"{name.capitalize()}.")]
     for verdict in ("met", "violated", "not confirmed", "undecided", "not applicable"):
         chosen = rows[rows.verdict == verdict]
         if len(chosen):
-            part = f"{len(chosen)} of {len(rows)} cases: " if len(chosen) > _FEW else ""
-            part = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else part
-            blocks.append(Text(f"{part}{_listed(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
+            count = f"{len(chosen)} of {len(rows)} cases: " if len(chosen) > _FEW else ""
+            count = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else count
+            blocks.append(Text(f"{count}{_listed(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
     blocks += [Text(text, "Linear covariance alone:") for text in _by_covariance(tables, name, rows)]
     better = METRICS["improvements"](tables)
     better = better[better.requirement == name]
@@ -82,12 +88,12 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
 
 
 def _listed(texts: list[str], separator: str = "; ") -> str:
-    """Join texts; of many the first ones, and how many more there are."""
+    """Join texts; of many only the first, with the number of the others."""
     return listed(texts, 2 * _FEW, separator)
 
 
 def _cases(verdict: str, rows: pd.DataFrame) -> list[str]:
-    """Name the cases of a verdict, with what it rests on."""
+    """Name the cases of a verdict, with the evidence for it."""
     if verdict == "undecided":
         return _undecided(rows)
     if verdict in ("not confirmed", "not applicable"):
@@ -96,7 +102,7 @@ def _cases(verdict: str, rows: pd.DataFrame) -> list[str]:
 
 
 def _rests_on(row: Any) -> str:
-    """Say what a verdict rests on: runs, or linear covariance and how many runs do not contradict it."""
+    """Name the evidence for a verdict: runs, or linear covariance and the number of runs that do not contradict it."""
     return say("rests_on", failures=row.failures, runs=row.runs, by_runs=row.by == "runs")
 
 
@@ -106,12 +112,13 @@ def _metric(requirement: dict[str, Any]) -> str:
 
 
 def _limit(requirement: dict[str, Any], shown: str) -> str:
-    """Write a limit; an angle in milliradians in degrees too."""
+    """Return a limit as text; an angle in milliradians is repeated in degrees."""
     size, _, unit = str(requirement["below"]).partition(" ")
     return f"{shown} ({math.degrees(float(size)):.3g} deg)" if unit == "rad" and "mrad" in shown else shown
 
 
 def _place(requirement: dict[str, Any]) -> str:
+    """Return the place of a requirement: "at injection", "at all times from lift-off"."""
     at = words(where(requirement))
     if not requirement.get("during"):
         return f"at {at}"
@@ -119,26 +126,26 @@ def _place(requirement: dict[str, Any]) -> str:
 
 
 def _by_covariance(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[str]:
-    """Say what linear covariance by itself would conclude, in one sentence where it concludes the same."""
+    """Return the verdicts by linear covariance alone; a single sentence if all agree with the verdicts of the runs."""
     frame = METRICS["expected"](tables)
     frame = frame[frame.requirement == name]
     runs = verdicts.set_index("case").verdict
-    shown = frame[(frame.verdict != frame.case.map(runs)) | (len(frame) <= _FEW)]
-    applies = ~shown.verdict.isin(["not applicable", "not confirmed"])
-    found = [
+    differing = frame[(frame.verdict != frame.case.map(runs)) | (len(frame) <= _FEW)]
+    applies = ~differing.verdict.isin(["not applicable", "not confirmed"])
+    sentences = [
         f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to keep it"
-        for row in shown[applies].itertuples()
+        for row in differing[applies].itertuples()
     ]
-    for (verdict, reason), rows in shown[~applies].groupby(["verdict", "reason"], sort=False):
-        found.append(f"{rows.case.iloc[0] if len(rows) == 1 else f'{len(rows)} cases'}: {verdict}, {reason}")
+    for (verdict, reason), rows in differing[~applies].groupby(["verdict", "reason"], sort=False):
+        sentences.append(f"{rows.case.iloc[0] if len(rows) == 1 else f'{len(rows)} cases'}: {verdict}, {reason}")
     if not len(frame):
         return []
     same = int((frame.verdict == frame.case.map(runs)).sum())
-    return [say("covariance_alone", same=same, whole=len(frame), others=found)]
+    return [say("covariance_alone", same=same, whole=len(frame), others=sentences)]
 
 
 def _chance(probability: float) -> str:
-    """Write a probability in percent; what would round to 100 is shown as more than 99.9."""
+    """Return a probability in percent; a value that would round to 100 is written as more than 99.9."""
     return "more than 99.9 %" if probability > 0.999 else f"{100 * probability:.3g} %"
 
 
@@ -149,12 +156,14 @@ def _undecided(rows: pd.DataFrame) -> list[str]:
 
 
 def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.DataFrame) -> list[str]:
-    """Say which source makes most of the error, by linear covariance, where a requirement is violated; or that what is
-    the same in every flight does. Of a phase, at the event that keeps the bound least.
+    """Return the largest error source by linear covariance for each case that violates a requirement.
+
+    The mean error, which is the same in every flight, counts as a source. For a phase, the budget is that of the event
+    with the smallest margin.
     """
     budget, quantity = METRICS["budget"](tables), split_metric(requirement["metric"])[0]
     digests = {label: case for case, label in tables.labels.items()}
-    found = []
+    sentences = []
     for case in violated.case:
         at, there = where(requirement), ""
         if requirement.get("during"):
@@ -165,8 +174,8 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
         if len(rows) and not why_not_applicable(tables, digests[case]):
             top, mean = rows.iloc[0], mean_at(tables, digests[case], at, quantity)
             if mean**2 > float((rows.sigma**2).sum()):
-                found.append(say("largest_mean", case=case, mean=mean, unit=top.unit, there=there))
+                sentences.append(say("largest_mean", case=case, mean=mean, unit=top.unit, there=there))
             else:
                 share = f"{100 * top.share_ratio:.0f}"
-                found.append(say("largest_source", case=case, source=top.source, share=share, there=there))
-    return [f"Largest source in the 3D error, by linear covariance: {_listed(found)}."] if found else []
+                sentences.append(say("largest_source", case=case, source=top.source, share=share, there=there))
+    return [f"Largest source in the 3D error, by linear covariance: {_listed(sentences)}."] if sentences else []

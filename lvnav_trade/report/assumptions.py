@@ -15,21 +15,22 @@ _RESOURCES = r"(?:^|\.)resources\."
 _ORDER = "The errors and the order of the cases are no better than these numbers."
 _COST_ALONE = "Only the section Cost and performance uses them; errors and margins do not."
 _SPREADS = "vehicle.dispersions"
-_SOURCE = {"wind_length": "wind"}  # fields of the spreads that are no source by themselves
+_SOURCE = {"wind_length": "wind"}  # fields of the dispersions that belong to the source of another field
 _ALONG = "Navigation errors are those along the nominal flight. See Assumptions."
 _NAMES = {"imu": "IMU", "receiver": "Receiver"}
 
 
 @of("assumptions")
 def assumptions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return every assumed or second-hand number once, with the cases that it affects; marks of one card that have the
-    same reason together.
+    """Return every assumed or second-hand number once, with the cases that it affects.
+
+    Marks of one card with the same reason are combined.
     """
     once_each = [name for name in frame if name != "case"]
     several = frame.groupby(once_each, sort=False).case.agg(tuple).reset_index()
     several["cases"] = several.case.map(lambda cases: cases_in_words(tables, cases))
     several["number"] = several.field + several.value_text.map(lambda value: f" ({value})" if value else "")
-    several["place"] = several.place.str.replace(r"\.\d+$", "", regex=True)  # one line for all items of a list
+    several["place"] = several.place.str.replace(r"\.\d+$", "", regex=True)  # items of a list share a row
     together = several.groupby(["place", "mark", "reason", "cases"], sort=False)
     grouped = together[["card", "number"]].agg(lambda names: ", ".join(dict.fromkeys(names))).reset_index()
     grouped = grouped.sort_values("place", key=lambda places: places.map(_first_of(frame)), kind="stable")
@@ -37,20 +38,21 @@ def assumptions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 
 def _first_of(frame: pd.DataFrame) -> Callable[[str], int]:
-    """Return the order of places: sections of the scenario as they come, the cards of each together."""
+    """Return a sort key for fields of a scenario: sections in their order, and within a section card by card."""
     sections = list(dict.fromkeys(frame.place.str.partition(".")[0]))
     return lambda place: sections.index(place.partition(".")[0])
 
 
 def ranked_by_assumptions(tables: Tables) -> list[Block]:
-    """Return a warning where products are compared by assumed or second-hand numbers, and what these decide: the errors
-    of the cases, or their cost and performance alone; nothing where none does.
+    """Return a warning if products are compared by numbers that are assumed or second hand; empty otherwise.
+
+    It says whether these numbers decide the errors of the cases, or their cost and performance alone.
     """
     frame = compared_by(tables)
     if len(tables.labels) < 2 or frame.empty:
         return []
     of_cost = frame.field.str.contains(_RESOURCES)
-    said = [
+    sentences = [
         f"{_marked(rows)}. {decided}"
         for rows, decided in ((frame[~of_cost], _ORDER), (frame[of_cost], _COST_ALONE))
         if len(rows)
@@ -58,11 +60,11 @@ def ranked_by_assumptions(tables: Tables) -> list[Block]:
     lead = "The comparison of the cases uses numbers that are not from the manufacturer's datasheet."
     if of_cost.all():
         lead = "The comparison of cost and performance uses numbers that are not from the manufacturer's datasheet."
-    return [Text(f"{' '.join(said)} See Assumptions.", lead)]
+    return [Text(f"{' '.join(sentences)} See Assumptions.", lead)]
 
 
 def placed_by_assumptions(tables: Tables) -> list[Block]:
-    """Return a warning where guided ascents draw spreads of the vehicle that are assumed or second hand."""
+    """Return a warning if guided ascents draw vehicle dispersions that are assumed or second hand."""
     frame, guided = METRICS["assumptions"](tables), set(METRICS["injection"](tables).case)
     rows = frame[frame.place.str.endswith(_SPREADS) & frame.case.isin(guided)]
     drawn = set(tables.injection_joint.source[tables.injection_joint.part == "vehicle"])
@@ -76,42 +78,42 @@ def placed_by_assumptions(tables: Tables) -> list[Block]:
 
 
 def _marked(frame: pd.DataFrame) -> str:
-    """Return the marked fields of each device, and in how many cases they are."""
+    """Return the marked fields of each device, with the number of cases that use them."""
     parts = []
     for device, rows in frame.groupby("device", sort=False):
         name = _NAMES.get(str(device), f"Sensor {str(device).partition('.')[2]}")
-        said = []
+        devices = []
         for mark, of_mark in rows.groupby("mark", sort=False):
             count = f"in {of_mark.marked.max()} of {of_mark.cases.iloc[0]} cases"
-            said.append(f"{_fields(list(of_mark.field))} ({mark} {count})")
-        parts.append(f"{name}: {'; '.join(said)}")
+            devices.append(f"{_fields(list(of_mark.field))} ({mark} {count})")
+        parts.append(f"{name}: {'; '.join(devices)}")
     return ". ".join(parts)
 
 
 def _fields(fields: Sequence[str]) -> str:
-    """Name fields as an engineer says them; of many the first ones and how many more there are."""
-    names = list(dict.fromkeys(words(one.removeprefix("resources.").replace(".", " ")) for one in fields))
+    """Return fields in words; of many only the first, with the number of the others."""
+    names = list(dict.fromkeys(words(field.removeprefix("resources.").replace(".", " ")) for field in fields))
     return among(names, _FEW)
 
 
 def cases_in_words(tables: Tables, cases: Collection[str]) -> str:
-    """Name cases (labels): all, or those of levels of one axis, or the first ones and how many more there are."""
+    """Return case labels in words: "all", the levels of one axis, or the first labels and the number of the others."""
     chosen = set(cases)
     if chosen == set(tables.labels.values()):
         return "all" if len(chosen) > 1 else "the one case"
     levels = {tables.labels[case]: axes for case, axes in tables.levels.items()}
     for axis in next(iter(levels.values()), {}):
-        own = list(dict.fromkeys(levels[label].get(axis, "") for label in levels if label in chosen))
-        if len(own) <= _FEW and {label for label in levels if levels[label].get(axis) in own} == chosen:
-            return f"{axis}={' or '.join(own)}"
+        axis_levels = list(dict.fromkeys(levels[label].get(axis, "") for label in levels if label in chosen))
+        if len(axis_levels) <= _FEW and {label for label in levels if levels[label].get(axis) in axis_levels} == chosen:
+            return f"{axis}={' or '.join(axis_levels)}"
     return among([label for label in levels if label in chosen], _FEW, "; ")
 
 
 @of("configuration")
 def configuration(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return a table for IMUs, receivers and filters; cases with the same numbers are in one line."""
+    """Return one table each for IMUs, receivers and filters; cases with equal numbers share a row."""
     kinds = frame.device.str.partition(" ")[0]
-    return [_table(tables, kind, frame[kinds == kind]) for kind in dict.fromkeys(kinds)]
+    return [_table(tables, device, frame[kinds == device]) for device in dict.fromkeys(kinds)]
 
 
 def _table(tables: Tables, kind: str, frame: pd.DataFrame) -> Table:
@@ -120,6 +122,6 @@ def _table(tables: Tables, kind: str, frame: pd.DataFrame) -> Table:
     for (case, _), rows in frame.groupby(["case", "device"], sort=False):
         values = dict(zip(rows.term, rows.value_text, strict=True))
         lines.setdefault((str(rows["name"].iloc[0]), *(values.get(term, "–") for term in terms)), []).append(str(case))
-    found = tuple((*line, cases_in_words(tables, dict.fromkeys(cases))) for line, cases in lines.items())
+    body = tuple((*line, cases_in_words(tables, dict.fromkeys(cases))) for line, cases in lines.items())
     caption = f"{kind[0].upper()}{kind[1:]}: key numbers of the cards, one sigma where they are errors."
-    return Table((kind, *terms, "cases"), found, (False,) * (len(terms) + 2), caption)
+    return Table((kind, *terms, "cases"), body, (False,) * (len(terms) + 2), caption)

@@ -27,7 +27,13 @@ MOST_CASES = 8
 
 
 class Text(NamedTuple):
-    """A paragraph, or a command."""
+    """A paragraph, or a command.
+
+    text : The text.
+    lead : First words, emphasised.
+    kind : "text", or "code" for a command.
+    is_nothing : Whether the text only says that there is nothing to show.
+    """
 
     text: str
     lead: str = ""  # first words, which are emphasised
@@ -38,9 +44,9 @@ class Text(NamedTuple):
 class Table(NamedTuple):
     """A table with finished texts."""
 
-    head: tuple[str, ...]  # headings of the columns
+    head: tuple[str, ...]  # column headings
     rows: tuple[tuple[str, ...], ...]
-    numeric: tuple[bool, ...]  # whether each column has numbers, which are right-aligned
+    numeric: tuple[bool, ...]  # whether each column is numeric, and so right-aligned
     caption: str = ""
     kind: str = "table"
 
@@ -117,7 +123,7 @@ Blocks = Callable[[Tables], list[Block]]
 class Section(NamedTuple):
     """A section of the report."""
 
-    name: str  # by which a campaign selects it
+    name: str  # name by which a campaign selects the section
     title: str
     blocks: list[Block]
 
@@ -201,15 +207,16 @@ def _interval_text(low: pd.Series, high: pd.Series) -> pd.Series:
 
 
 def _written(values: pd.Series, form: str) -> pd.Series:
+    """Return a column as text in a form (see `shown`)."""
     if form in ("", "words"):
         return words(values) if form else values
-    named: dict[str, Callable[[float], str]] = {
+    formats: dict[str, Callable[[float], str]] = {
         "number": number,
         "percent": percent,
         "element": lambda value: "–" if value != value else f"{value:.7g}" if value else f"0 (below {LEAST:g})",
         "time": lambda value: f"{value:.0f}" if value == value else "never",
     }
-    return values.map(named.get(form, lambda value: format(value, form) if value == value else "–"))
+    return values.map(formats.get(form, lambda value: format(value, form) if value == value else "–"))
 
 
 def table(frame: pd.DataFrame, caption: str = "", columns: str = "") -> Table:
@@ -288,72 +295,86 @@ def stated(name: str, frame: pd.DataFrame, alike: bool = False, **content: str) 
 
 
 def chosen_cases(tables: Tables) -> dict[str, str]:
-    """Return digest and label of the cases that get figures of their own, in the order of the plan."""
+    """Return the cases with figures of their own, label by digest, in the order of the plan."""
     if len(tables.labels) <= MOST_CASES:
         return tables.labels
     order = [*key_cases(tables), *METRICS["ranking"](tables).case]
-    kept = list(dict.fromkeys(order))[:MOST_CASES]
-    return {case: label for case, label in tables.labels.items() if label in kept}
+    selection = list(dict.fromkeys(order))[:MOST_CASES]
+    return {case: label for case, label in tables.labels.items() if label in selection}
 
 
 def deciding(tables: Tables) -> tuple[list[str], list[str]]:
-    """Return the cases (digests) and the quantities that requirements are decided by: those of the open sections.
+    """Return the cases (digests) and the quantities that decide the requirements; they are shown in the open sections.
 
-    Without requirements the best case, and all quantities.
+    Without requirements: the best case, and all quantities.
     """
-    asked = [
-        split_metric(str(one["metric"]))[0].removeprefix("normalised_")
-        for one in tables.campaign.get("requirements") or ()
+    required = [
+        split_metric(str(requirement["metric"]))[0].removeprefix("normalised_")
+        for requirement in tables.campaign.get("requirements") or ()
     ]
-    known = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
+    available = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
     labels = list(key_cases(tables)) or list(METRICS["ranking"](tables).case[:1])
     digests = {label: case for case, label in tables.labels.items()}
-    return [digests[label] for label in labels], [one for one in known if one in asked] or known
+    return [digests[label] for label in labels], [
+        requirement for requirement in available if requirement in required
+    ] or available
 
 
 def left_out(tables: Tables) -> list[Block]:
-    """Say that cases are left out, where some are."""
+    """Return a note on the cases without figures; empty if every case has figures."""
     more = len(tables.labels) - len(chosen_cases(tables))
     text = f"The decisive cases and the best ones are shown, {MOST_CASES} in all; {more} more are in the tables."
     return [Text(text)] if more > 0 else []
 
 
 def distinct(tables: Tables, name: str, columns: Sequence[str], cases: Iterable[str]) -> list[str]:
-    """Return one of these cases for each group whose rows of a table are the same."""
+    """Return one case of each group of cases that have equal rows in a table.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    name : str
+        Name of the table.
+    columns : sequence of str
+        Columns that are compared.
+    cases : iterable of str
+        Digests of the cases.
+    """
     frame, first = getattr(tables, name), dict[bytes, str]()
     values = [_numbers(frame[column]) for column in columns]
     places = _places(frame.case)
     for case in cases:
         at = places.get(case, np.empty(0, dtype=int))
-        said = b"".join(column[at].tobytes() for column in values)
-        first.setdefault(hashlib.sha256(said).digest(), case)
+        content = b"".join(column[at].tobytes() for column in values)
+        first.setdefault(hashlib.sha256(content).digest(), case)
     return list(first.values())
 
 
 def _places(cases: pd.Series) -> dict[str, Any]:
-    """Return the places (n_row,) of the rows of each case, the case first that stands first."""
+    """Return the row numbers (n_row,) of each case, in order of first occurrence."""
     return {str(case): places for case, places in cases.groupby(cases, sort=False).indices.items()}
 
 
 def _numbers(column: pd.Series) -> Any:
-    """Return numbers (n_row,) as they are, texts as numbers that are the same where the texts are."""
+    """Return a column (n_row,) as numbers; equal texts become equal numbers."""
     return column.to_numpy() if pd.api.types.is_numeric_dtype(column) else pd.factorize(column)[0]
 
 
 def few(group: Sequence[str]) -> tuple[Sequence[str], list[Block]]:
-    """Return no more cases than are drawn, and what to say then."""
+    """Return at most as many cases as are drawn, and a note on the others."""
     more = len(group) - MOST_CASES
-    said: list[Block] = [Text(f"{more} more cases that differ here are in the tables.")] if more > 0 else []
-    return group[:MOST_CASES], said
+    remark: list[Block] = [Text(f"{more} more cases that differ here are in the tables.")] if more > 0 else []
+    return group[:MOST_CASES], remark
 
 
 def named(tables: Tables, case: str, cases: Sequence[str]) -> str:
-    """Return the label of a case as a sentence where a figure does not stand for all cases."""
+    """Return the label of a case as a sentence if its figure does not represent all cases."""
     return f" {tables.labels[case]}." if len(cases) > 1 else ""
 
 
 def figures(tables: Tables, plot: str, cases: Sequence[str], **content: str) -> list[Block]:
-    """Return a figure of each case, numbered; the caption names it where there are several."""
+    """Return a numbered figure for each case; with several cases the caption names the case."""
     return [
         Picture(
             f"{plot}-{k}",
@@ -365,9 +386,10 @@ def figures(tables: Tables, plot: str, cases: Sequence[str], **content: str) -> 
 
 
 def figure(tables: Tables, plot: str, *about: str, name: str = "", **content: str) -> Picture:
-    """Return a figure of a case, a quantity or both, named by them and by its plot, or by `name` in its place.
+    """Return a figure of a case, of a quantity, or of both.
 
-    Its caption is the one of that name in `templates/texts.toml`, braces filled with label, quantity and content.
+    The figure is named after its plot and its subjects, or `name` if given. Its caption is the text of that name in
+    `templates/texts.toml`, with its braces filled with label, quantity and `content`.
     """
     case, quantity = (about[0], about[-1]) if about else ("", "")
     content |= {"label": tables.labels.get(case, ""), "quantity": quantity, "Quantity": quantity.capitalize()}

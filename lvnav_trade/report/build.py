@@ -120,23 +120,28 @@ def make(tables: Tables, sections: Sequence[str] | None = None, step: Callable[[
 
 
 def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], None]) -> Made:
+    """Return the content of the report, with strings converted for fast access to single cells."""
     stated = (tables.campaign.get("report") or {}).get("sections")
     names = list(sections or stated or SECTIONS)
     _check(names)
-    title, asked = title_of(tables), str(tables.campaign.get("description") or "")
+    title, question = title_of(tables), str(tables.campaign.get("description") or "")
     if tables.cases.empty:
-        return Made(title, asked, [Section(names[0], SECTIONS[names[0]][0], _without_cases(tables))], {})
-    made, labelled = [], tables
+        return Made(title, question, [Section(names[0], SECTIONS[names[0]][0], _without_cases(tables))], {})
+    sections_made, labelled = [], tables
     tables = named(labelled)
     detailed = _detailed(tables)
     for name in names:
-        made.append(Section(name, SECTIONS[name][0], SECTIONS[name][1](detailed if name in _DETAILED else tables)))
+        sections_made.append(
+            Section(name, SECTIONS[name][0], SECTIONS[name][1](detailed if name in _DETAILED else tables))
+        )
         step()
     if sections or stated:
-        made = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in made]
+        sections_made = [
+            section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in sections_made
+        ]
     else:
-        made = [section for section in made if not all(map(_is_nothing, section.blocks))]
-    for section in made:
+        sections_made = [section for section in sections_made if not all(map(_is_nothing, section.blocks))]
+    for section in sections_made:
         share_scales(block.figure for block in _flat(section.blocks) if isinstance(block, Picture))
     frames = {name: METRICS[name](detailed if name in _DETAILED else tables) for name in CSV}
     labels = {tables.labels[case]: label for case, label in labelled.labels.items()}
@@ -145,7 +150,7 @@ def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], Non
         frames |= {name: frame.assign(case=frame.case.map(labels)) for name, frame in of_cases.items()}
     frames |= {"designs": METRICS["designs"](labelled), "models": registered.evidence(labelled)}
     csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame)}
-    return Made(title, asked, [section for section in made if section.blocks], csv, head(tables))
+    return Made(title, question, [section for section in sections_made if section.blocks], csv, head(tables))
 
 
 def _without_cases(tables: Tables) -> list[Block]:
@@ -204,11 +209,11 @@ def build(
         A section does not exist.
     """
     tables = load(folder)
-    made = make(tables, sections, step)
-    pages = {"report.html": html_page(made.title, made.asked, made.sections, head=made.head)}
+    content = make(tables, sections, step)
+    pages = {"report.html": html_page(content.title, content.asked, content.sections, head=content.head)}
     if brief:
-        pages["brief.html"] = html_page(made.title, made.asked, _shortened(made.sections), BRIEF, made.head)
-    owned(tables.folder, "results").publish("report", {**made.csv, **pictures(made.sections, figures), **pages})
+        pages["brief.html"] = html_page(content.title, content.asked, _shortened(content.sections), BRIEF, content.head)
+    owned(tables.folder, "results").publish("report", {**content.csv, **pictures(content.sections, figures), **pages})
     return tables.folder / ("brief.html" if brief else "report.html")
 
 
@@ -238,7 +243,7 @@ def _shortened(sections: Sequence[Section]) -> list[Section]:
         return [] if isinstance(block, More | Grades | Designs) or is_beyond else [block]
 
     return [
-        section._replace(blocks=[part for block in section.blocks for part in short(block)])
+        section._replace(blocks=[shortened_block for block in section.blocks for shortened_block in short(block)])
         for section in sections
         if section.name in BRIEF
     ]
@@ -289,10 +294,10 @@ def keep(results: Path | str, folder: Path | str, tables: bool = True) -> Path:
     Path
         report.md.
     """
-    target, made = owned(folder, "report"), make(load(results))
-    page = markdown_page(made.title, made.asked, made.sections, made.head)
+    target, content = owned(folder, "report"), make(load(results))
+    page = markdown_page(content.title, content.asked, content.sections, content.head)
     with writing(folder, "the report cannot be kept there"):
-        target.publish("report", {**(made.csv if tables else {}), **pictures(made.sections), "report.md": page})
+        target.publish("report", {**(content.csv if tables else {}), **pictures(content.sections), "report.md": page})
     return target.folder / "report.md"
 
 

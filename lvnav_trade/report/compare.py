@@ -1,4 +1,4 @@
-"""A comparison as Markdown, as data for ``--json``, and as JUnit XML; what a repository keeps of a base."""
+"""Output of a comparison as Markdown, JSON (``--json``) and JUnit XML; copies of a base for a repository."""
 
 import io
 import json
@@ -30,7 +30,7 @@ _OF_ONE_MACHINE = ("command", "cpu", "folder", "host", "system", "timings_s", "c
 
 
 def answer(found: Comparison) -> str:
-    """Say the outcome in one sentence."""
+    """Return the outcome of a comparison in one sentence."""
     counts = Counter(found.frame.verdict)
     return say(
         "compared_with",
@@ -42,14 +42,17 @@ def answer(found: Comparison) -> str:
 
 
 def rows(found: Comparison) -> list[tuple[str, ...]]:
-    """Return the cells of `HEAD`, what is worse first."""
+    """Return the cells of the comparison table below `HEAD`, deteriorations first."""
     order = found.frame.verdict.map(ORDER.index)
     return [_row(row) for row in found.frame.loc[order.sort_values(kind="stable").index].itertuples(index=False)]
 
 
 def _row(row: Any) -> tuple[str, ...]:
+    """Return the cells of one compared quantity."""
     is_requirement = row.kind == "requirement"
-    what = say("quantity", metric=row.metric, is_requirement=is_requirement, event=row.event, statistic=row.statistic)
+    quantity = say(
+        "quantity", metric=row.metric, is_requirement=is_requirement, event=row.event, statistic=row.statistic
+    )
     unit = f" {row.unit}" if row.unit else ""
     sizes = [
         percent(value) if row.scale == "fraction of runs" else number(value) + unit
@@ -59,11 +62,11 @@ def _row(row: Any) -> tuple[str, ...]:
     word = row.verdict + (f" ({row.remark})" if row.remark else "")
     worth = f"{row.effective_runs:.0f}" if math.isfinite(row.effective_runs) else number(row.effective_runs)
     effect = _change(row.effect, row.scale, "g").lstrip("+")
-    return (word, row.case, what, *sizes, _change(row.change, row.scale), bounds, effect, str(row.runs), worth)
+    return (word, row.case, quantity, *sizes, _change(row.change, row.scale), bounds, effect, str(row.runs), worth)
 
 
 def _change(value: float, scale: str, form: str = "") -> str:
-    """Write a change with its sign: a ratio in percent, a fraction of runs in percentage points."""
+    """Return a change with its sign: a ratio in percent, a fraction of runs in percentage points."""
     if math.isnan(value):
         return "–"
     sign = "+" if value > 0 else ("-" if value < 0 else "")
@@ -73,14 +76,14 @@ def _change(value: float, scale: str, form: str = "") -> str:
 
 
 def markdown(found: Comparison) -> str:
-    """Return the comparison as a page."""
+    """Return a comparison as a Markdown page."""
     sides = {"base": found.base, "candidate": found.candidate, "notes": found.notes}
     confidence = percent(found.confidence)
     return render("compare.md.j2", **sides, answer=answer(found), head=HEAD, rows=rows(found), confidence=confidence)
 
 
 def content(found: Comparison) -> dict[str, Any]:
-    """Return the comparison as JSON can hold it: what is not a finite number is null."""
+    """Return a comparison as data for JSON; numbers that are not finite become null."""
     records = [
         {key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in row.items()}
         for row in found.frame.to_dict(orient="records")
@@ -97,7 +100,7 @@ def content(found: Comparison) -> dict[str, Any]:
 
 
 def junit(found: Comparison) -> str:
-    """Return the comparison as JUnit XML: worse is a failure, undecided is skipped."""
+    """Return a comparison as JUnit XML: "worse" is a failure, "undecided" is skipped."""
     counts = Counter(found.frame.verdict)
     numbers = {"tests": len(found.frame), "failures": counts["worse"], "skipped": counts["undecided"], "errors": 0}
     attributes = {key: str(value) for key, value in numbers.items()}
@@ -112,9 +115,9 @@ def junit(found: Comparison) -> str:
         )
         text = xml_text("; ".join(f"{name}: {cell}" for name, cell in zip(HEAD[3:], cells[3:], strict=True)))
         if row.verdict != "not worse":
-            kind = "failure" if row.verdict == "worse" else "skipped"
+            element = "failure" if row.verdict == "worse" else "skipped"
             message = f"{cells[0]}; change {cells[5]}, bounds {cells[6]}"
-            ElementTree.SubElement(case, kind, {"message": xml_text(message)}).text = text
+            ElementTree.SubElement(case, element, {"message": xml_text(message)}).text = text
         else:
             ElementTree.SubElement(case, "system-out").text = text
     ElementTree.indent(root)
@@ -122,18 +125,39 @@ def junit(found: Comparison) -> str:
 
 
 def parse_map(assignments: Sequence[str]) -> dict[str, str]:
-    """Return the mapping of texts such as ``tactical_fog:tactical_fog_worse``."""
-    found = {}
+    """Return the mapping of base cases to candidate cases.
+
+    Parameters
+    ----------
+    assignments : sequence of str
+        Texts such as ``tactical_fog:tactical_fog_worse``.
+
+    Raises
+    ------
+    InputError
+        A text is not BASE:CANDIDATE.
+    """
+    mapping = {}
     for text in assignments:
-        name, colon, other = (part.strip() for part in text.partition(":"))
-        if not (name and colon and other):
+        name, colon, candidate = (field.strip() for field in text.partition(":"))
+        if not (name and colon and candidate):
             raise InputError(f"--map {text}: write BASE:CANDIDATE, such as tactical_fog:tactical_fog_worse")
-        found[name] = other
-    return found
+        mapping[name] = candidate
+    return mapping
 
 
 def write(found: Comparison, md: Path | None = None, xml: Path | None = None) -> list[Path]:
-    """Write the files asked for, and append the page to the summary of a CI job where there is one; return them."""
+    """Write the requested files and return their paths.
+
+    In a CI job that offers a summary file, the page is appended to it.
+
+    Parameters
+    ----------
+    found : Comparison
+        The comparison.
+    md, xml : Path, optional
+        Markdown and JUnit files.
+    """
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
     files = [
         (md, "w", markdown),
@@ -152,12 +176,17 @@ def write(found: Comparison, md: Path | None = None, xml: Path | None = None) ->
 
 
 def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
-    """Copy what a later comparison needs of results into a folder, small enough for a repository; return the folder.
+    """Copy the results that a later comparison needs into a folder small enough for a repository; return the folder.
 
-    Without Monte-Carlo runs the history and the covariances go along: then they are what is compared.
+    Without Monte Carlo runs, the covariance history is copied too, because the comparison then uses it.
+
+    Raises
+    ------
+    InputError
+        A file of the results is damaged.
     """
     tables, target = load(results), owned(folder, "base")
-    if not tables.campaign:  # read once, so that a damaged file is not kept
+    if not tables.campaign:  # reading the campaign first rejects damaged results before they are copied
         raise damaged(tables.folder / RESOLVED, "it states nothing")
     names = KEPT if int(tables.cases.run_count.sum()) else (*KEPT, *KEPT_WITHOUT_RUNS)
     manifest = {name: value for name, value in tables.manifest.items() if name not in _OF_ONE_MACHINE}
@@ -165,7 +194,7 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
         files = {RESOLVED: (tables.folder / RESOLVED).read_bytes()}
         for name in names:
             file = f"{name}.parquet"
-            # a table of an older version may lack; a comparison that needs it says so
+            # results of an older version may lack a table; a comparison that needs it reports this
             if is_without_rows(tables.folder, name) or (tables.folder / file).exists():
                 files[file] = _kept(tables.folder, name)
         manifest[DIGESTS] = {name: digest(content) for name, content in files.items()}

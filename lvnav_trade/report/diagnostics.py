@@ -33,30 +33,32 @@ from lvnav_trade.results.statistics.gaussian import gaussian
 from lvnav_trade.results.statistics.select import final_event, mean_at
 from lvnav_trade.results.tables.read import Tables
 
-_LEAST_SHARE = 0.01  # part of the variance below which a source is summed with others in a table
+_LEAST_SHARE = 0.01  # share of the variance below which a table combines a source with others
 
 
 @of("budget", "The campaign requests no error budget.")
 def budget(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return linear covariance's errors by source: tables at every event, sandpiles, and when each source acted."""
-    key, asked = deciding(tables)
+    """Return the error budget by linear covariance: tables by source and event, stacked plots, and when each source
+    acted.
+    """
+    key, required = deciding(tables)
     blocks: list[Block] = [Text(note("budget"))]
-    rest: list[Block] = list(left_out(tables))
+    further: list[Block] = list(left_out(tables))
     for case in dict.fromkeys([*key, *chosen_cases(tables)]):
         for quantity in NAVIGATION:
-            place = blocks if case in key and quantity in asked else rest
+            place = blocks if case in key and quantity in required else further
             rows = frame[(frame.case == tables.labels[case]) & (frame.metric == f"{quantity}_error")]
             if len(rows) and (place is blocks or quantity != "attitude"):
                 place.append(figure(tables, "budget", case, quantity))
             if len(rows):
-                rest.append(_by_event(tables, case, quantity, rows))
+                further.append(_by_event(tables, case, quantity, rows))
             if len(rows) and quantity != "attitude" and (tables.adjoint.case == case).any():
-                rest.append(figure(tables, "heatmap", case, quantity, name="when"))
-    return [*blocks, More("Budgets at every event, of other cases and quantities, and when errors were made", rest)]
+                further.append(figure(tables, "heatmap", case, quantity, name="when"))
+    return [*blocks, More("Budgets at every event, of other cases and quantities, and when errors were made", further)]
 
 
 def _by_event(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> Table:
-    """Return source x event: sigma and part of the variance, largest at the final event first."""
+    """Return the table of sources by events: sigma and share of the variance, largest at the final event first."""
     events = separate_events(tables, case)
     names = list(events.event[events.t_s <= events.t_s[events.event == final_event(tables, case)].max()])
     share, sigma = (
@@ -77,27 +79,37 @@ def _by_event(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> T
 
 
 def _with_mean(tables: Tables, case: str, quantity: str, square: pd.Series[float]) -> tuple[tuple[str, ...], ...]:
-    """Return the rows of the mean error at the events and of the root mean square with it, where it counts at any."""
+    """Return the table rows of the mean error and of the RMS error at the events.
+
+    The result is empty if the mean error is insignificant at every event.
+
+    square : variance by event, in the square of the table's unit
+    """
     mean = np.array([mean_at(tables, case, event, quantity) for event in square.index])
     if not (mean**2 >= _LEAST_SHARE * (mean**2 + square)).any():
         return ()
-    whole = np.hypot(mean, np.sqrt(square))
-    shown = np.where(mean >= _LEAST_SHARE * whole, mean, np.nan)
-    return ("mean, the same in every flight", *map(number, shown)), ("root mean square", *map(number, whole))
+    rms = np.hypot(mean, np.sqrt(square))
+    significant_mean = np.where(mean >= _LEAST_SHARE * rms, mean, np.nan)
+    return ("mean, the same in every flight", *map(number, significant_mean)), ("root mean square", *map(number, rms))
 
 
 def _part(sigma: float, share: float) -> str:
-    """Write a sigma with two digits and its part; a dash for what would be 0 %, the sigma alone for all."""
+    """Return a sigma with two digits and its share of the variance.
+
+    A share that rounds to 0 % becomes a dash; for a share of 100 % only the sigma is written.
+    """
     if share > 1.0 - 1e-9:
         return number(sigma)
     return f"{float(f'{sigma:.2g}'):g} ({100.0 * share:.0f} %)" if share >= 0.005 else "–"
 
 
 def grades(tables: Tables) -> list[Block]:
-    """Return what a source of another size would do to the errors at the explained event: a control, and tables."""
+    """Return the effect of a larger or smaller error source on the errors at the diagnosed event: a control, and
+    tables.
+    """
     tuned = METRICS["sensitivity"](tables)
     metrics = (_metric(tables, case, quantity, tuned) for case in chosen_cases(tables) for quantity in NAVIGATION)
-    data = [found for found in metrics if found is not None]
+    data = [metric for metric in metrics if metric is not None]
     if not data:
         return [Text("The campaign requests no covariance by source at the event (covariance: {adjoint: true}).")]
     absent = "The campaign requests no re-tuned numbers (covariance: {sensitivity: true})."
@@ -106,7 +118,10 @@ def grades(tables: Tables) -> list[Block]:
 
 
 def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> dict[str, Any] | None:
-    """Return the squares of a norm and of its sources, in the units of people, with the re-tuned points of each."""
+    """Return the mean square of an error and of its sources, with the re-tuned points of each source.
+
+    Squares are in the square of the display unit. None if linear covariance has no budget of the error.
+    """
     rows = tables.adjoint[tables.adjoint.case == case]
     event = str(rows.event.iloc[0]) if len(rows) else final_event(tables, case)
     law = gaussian(tables, case, event, quantity, "3d")
@@ -119,8 +134,8 @@ def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> di
     for name, ratio, retuned in zip(tuned.source, tuned.factor_ratio, tuned.retuned, strict=True):
         points.setdefault(name, []).append([ratio, float(f"{retuned:.6g}")])
     sources: list[dict[str, Any]] = [
-        {"name": name, "square": float(np.trace(part)) * factor**2, "retuned": points[name]}
-        for name, part in law.sources.items()
+        {"name": name, "square": float(np.trace(covariance)) * factor**2, "retuned": points[name]}
+        for name, covariance in law.sources.items()
     ]
     sources.sort(key=lambda source: -source["square"])
     total = float(np.trace(law.covariance) + law.mean @ law.mean) * factor**2
@@ -129,6 +144,10 @@ def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> di
 
 
 def _grades_table(found: dict[str, Any]) -> Table:
+    """Return the table of the error for factors on the sigma of each source.
+
+    With frozen gains the mean square is J + (f^2 - 1) J_i, where J_i is the contribution of source i and f the factor.
+    """
     factors = (0.1, 0.3, 1.0, 3.0, 10.0)
     rows = []
     for source in found["sources"]:
@@ -141,8 +160,10 @@ def _grades_table(found: dict[str, Any]) -> Table:
             ]
             rows.append((source["name"], f"{100 * share:.0f} %", *cells))
     head = ("source", "part of the mean square", *(f"x {factor:g}" for factor in factors))
-    what = "gains frozen / filter re-tuned" if any(source["retuned"] for source in found["sources"]) else "gains frozen"
-    caption = f"{found['case']}: {found['metric']} ({found['unit']}), {what}; sigma of one source times a factor."
+    compared = (
+        "gains frozen / filter re-tuned" if any(source["retuned"] for source in found["sources"]) else "gains frozen"
+    )
+    caption = f"{found['case']}: {found['metric']} ({found['unit']}), {compared}; sigma of one source times a factor."
     return Table(head, tuple(rows), (False, *(True for _ in head[1:])), caption)
 
 
@@ -151,25 +172,28 @@ def observability(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return rank, smallest singular values and weakest direction of each phase of flight."""
     frame = frame.assign(rank=frame.rank_count.astype(str) + " / " + frame.state_count.astype(str))
     labels = chosen_cases(tables).values()
-    shown = [stated("observability", frame[frame.case == label], label=label) for label in labels]
+    case_tables = [stated("observability", frame[frame.case == label], label=label) for label in labels]
     text = Text(note("observability", tolerance=frame.tolerance_ratio.iloc[0]))
-    return [text, *left_out(tables), *shown, *error_bound(tables)]
+    return [text, *left_out(tables), *case_tables, *error_bound(tables)]
 
 
 def error_bound(tables: Tables) -> list[Block]:
-    """Return whether the noise that each filter models keeps its error bounded, where a campaign asked."""
+    """Return whether the noise that each filter models bounds its error, if the campaign requests this analysis.
+
+    The error is bounded if the system is observable (full rank) and every measurement noise is positive.
+    """
     rows = []
     for case, group in tables.error_bound.groupby("case", sort=False):
-        one, noise = group.iloc[0], group[group.matrix == "R"]
-        holds = one.rank_count == one.state_count and (noise.low_si > 0.0).all()
+        first_row, noise = group.iloc[0], group[group.matrix == "R"]
+        holds = first_row.rank_count == first_row.state_count and (noise.low_si > 0.0).all()
         noises = [f"{number(r.low_si)} to {number(r.high_si)} {r.unit}" for r in noise.itertuples()]
-        bounds = (one.low_si, one.high_si, one.weakest, "; ".join(noises), "yes" if holds else "no")
-        rows.append((tables.labels[case], f"{one.rank_count} / {one.state_count}", *bounds))
+        bounds = (first_row.low_si, first_row.high_si, first_row.weakest, "; ".join(noises), "yes" if holds else "no")
+        rows.append((tables.labels[case], f"{first_row.rank_count} / {first_row.state_count}", *bounds))
     return [Text(note("error_bound")), stated("error_bound", pd.DataFrame(rows))] if rows else []
 
 
 def spot_check(tables: Tables) -> list[Block]:
-    """Return what a few runs of each case say of linear covariance: the least likely row of each case."""
+    """Return how a few runs of each case agree with linear covariance: the least likely result of each case."""
     frame = METRICS["spot_check"](tables)
     if frame.empty:
         return [Text("No spot check: only the runs of the campaign, if any, test linear covariance.")]
@@ -181,8 +205,8 @@ def spot_check(tables: Tables) -> list[Block]:
     runs = " to ".join(dict.fromkeys(f"{count}" for count in (frame.runs.min(), frame.runs.max())))
     if worst.empty:
         return []
-    found: list[Block] = [Text(note("spot_check", runs=runs)), stated("spot_check", worst)]
-    return [*found, figure(tables, "validity")] if is_a_grid(tables) else found
+    blocks: list[Block] = [Text(note("spot_check", runs=runs)), stated("spot_check", worst)]
+    return [*blocks, figure(tables, "validity")] if is_a_grid(tables) else blocks
 
 
 @of("nonlinearity")
@@ -197,61 +221,64 @@ def nonlinearity(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 _SHARES = ("false alarm", "detected", ISOLATED, IN_PART, WRONG, "missed", "recovered")
 _TIMES = ("detected", ISOLATED, "recovered")
-_MOST = 4  # decisions of a case that the page shows
+_MOST = 4  # decisions shown for each case
 
 
 @of("integrity")
 def rates(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the rates of each case, and the times to detect, to isolate and to recover."""
+    """Return detection, isolation and false-alarm rates of each case, and the times to detect, to isolate and to
+    recover.
+    """
     rows = []
-    for (case, fault), one in frame.groupby(["case", "fault"], sort=False):
-        of_outcome = one.set_index("outcome")
-        row = {"case": case, "fault": fault.replace("_", " "), "runs": int(one.run_count.iloc[0])}
+    for (case, fault), outcomes in frame.groupby(["case", "fault"], sort=False):
+        of_outcome = outcomes.set_index("outcome")
+        row = {"case": case, "fault": fault.replace("_", " "), "runs": int(outcomes.run_count.iloc[0])}
         row |= {name: _share(of_outcome, name) for name in _SHARES}
         row |= {f"time, {name}": _time(of_outcome, name) for name in _TIMES}
         rows.append(row)
-    found = pd.DataFrame(rows).rename(columns=lambda name: name.replace(" ", "_"))
-    return [Text(note("integrity")), stated("integrity", found)]
+    all_rates = pd.DataFrame(rows).rename(columns=lambda name: name.replace(" ", "_"))
+    return [Text(note("integrity")), stated("integrity", all_rates)]
 
 
 def _share(rows: pd.DataFrame, outcome: str) -> str:
-    """Write a share in percent with its interval; a dash where the case has no such outcome."""
+    """Return a share in percent with its confidence interval; a dash if the case lacks the outcome."""
     if outcome not in rows.index:
         return "–"
-    one = rows.loc[outcome]
-    return f"{100 * one.share_ratio:.3g} ({100 * one.low_ratio:.3g} to {100 * one.high_ratio:.3g})"
+    result = rows.loc[outcome]
+    return f"{100 * result.share_ratio:.3g} ({100 * result.low_ratio:.3g} to {100 * result.high_ratio:.3g})"
 
 
 def _time(rows: pd.DataFrame, outcome: str) -> str:
-    """Write the median time, and in brackets that of linear covariance."""
+    """Return the median time (s) over the runs, followed by that of linear covariance in brackets."""
     if outcome not in rows.index:
         return "–"
-    one = rows.loc[outcome]
-    return f"{number(one.median_s)} ({number(one.lincov_s)})"
+    result = rows.loc[outcome]
+    return f"{number(result.median_s)} ({number(result.lincov_s)})"
 
 
 @of("tested_errors")
 def worth(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return errors at the last event with the tests and without them, where the campaign has both."""
+    """Return errors at the last event with and without the fault tests, if the campaign has both."""
     return [stated("tested_errors", frame)]
 
 
 @of("decisions")
 def _decided(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return the most frequent exclusions of each case, with their times."""
     keys = ["case", "isolated", "satellites"]
     times = frame.loc[frame.index.repeat(frame.run_count)].groupby(keys, sort=False).t_s
-    found = pd.DataFrame(
+    decisions = pd.DataFrame(
         {"times": times.size(), "first_s": times.min(), "median_s": times.median(), "last_s": times.max()}
     )
-    found["lincov"] = frame.groupby(keys, sort=False).lincov.sum().reindex(found.index)
-    found = found.reset_index().sort_values("times", ascending=False, kind="stable")
-    shown = found.groupby("case", sort=False).head(_MOST)
+    decisions["lincov"] = frame.groupby(keys, sort=False).lincov.sum().reindex(decisions.index)
+    decisions = decisions.reset_index().sort_values("times", ascending=False, kind="stable")
+    first_rows = decisions.groupby("case", sort=False).head(_MOST)
     order = {case: place for place, case in enumerate(frame.case.unique())}
-    return [stated("decisions", shown.sort_values("case", key=lambda case: case.map(order), kind="stable"))]
+    return [stated("decisions", first_rows.sort_values("case", key=lambda case: case.map(order), kind="stable"))]
 
 
 def integrity(tables: Tables) -> list[Block]:
-    """Return what filters that test for faults found, in tables, and their decisions over time."""
+    """Return the performance of the fault tests in tables, and figures of their decisions over time."""
     blocks = rates(tables)
     if not blocks:
         return []

@@ -45,13 +45,13 @@ def head(tables: Tables) -> Head:
     commit = str(manifest.get("commit") or "")
     lines = [(name, card.get(name)) for name in ("classification", "issue", "author")]
     date = str(manifest.get("finished") or manifest.get("created") or "")[:10]
-    named = card.get("title") and (manifest.get("campaign") or tables.campaign.get("name"))
-    lines += [("date", date), ("campaign", named), ("lvnav-trade", manifest.get("tool"))]
-    found = [Line(name, str(text)) for name, text in lines if text]
+    has_title = card.get("title") and (manifest.get("campaign") or tables.campaign.get("name"))
+    lines += [("date", date), ("campaign", has_title), ("lvnav-trade", manifest.get("tool"))]
+    block = [Line(name, str(text)) for name, text in lines if text]
     if commit.endswith(CHANGED):
         text = f"{commit}: the results cannot be computed again from a commit"
-        return (*found, Line("commit", text, True))
-    return (*found, *([Line("commit", commit)] if commit else []))
+        return (*block, Line("commit", text, True))
+    return (*block, *([Line("commit", commit)] if commit else []))
 
 
 def stated_requirements(tables: Tables) -> list[Block]:
@@ -81,8 +81,8 @@ def stated_requirements(tables: Tables) -> list[Block]:
 
 def _limits(tables: Tables) -> dict[str, str]:
     """Return the known limits of requirements by name, as text in the unit of the verdicts."""
-    known = METRICS["requirements"](tables).dropna(subset=["limit"]).drop_duplicates("requirement")
-    return {row.requirement: with_unit(row.limit, row.unit) for row in known.itertuples()}
+    limits = METRICS["requirements"](tables).dropna(subset=["limit"]).drop_duplicates("requirement")
+    return {row.requirement: with_unit(row.limit, row.unit) for row in limits.itertuples()}
 
 
 def place_of(requirement: Mapping[str, Any]) -> str:
@@ -93,8 +93,8 @@ def place_of(requirement: Mapping[str, Any]) -> str:
 def margin_policy(tables: Tables, margins: pd.DataFrame) -> list[Block]:
     """Return the paragraph on the margin policy; empty without a policy.
 
-    It names the designs with the margin required in the present phase of the project, and those of them that do not
-    have it within the window around an event.
+    It names the designs with the margin required in the present project phase, and those among them that lose it within
+    the window around an event.
     """
     policy = tables.campaign.get("margin_policy")
     if not policy or margins.empty:
@@ -102,26 +102,28 @@ def margin_policy(tables: Tables, margins: pd.DataFrame) -> list[Block]:
     required = _fraction(policy["required"][policy["phase"]])
     least = margins.groupby("case", sort=False).margin_ratio.agg(lambda sizes: sizes.min(skipna=False))
     short = least[~(least >= required)]
-    kept = len(least) - len(short)
-    named = [
+    with_margin = len(least) - len(short)
+    designs = [
         f"{case} ({'no margin' if margin != margin else f'{100.0 * margin:+.0f} %'})" for case, margin in short.items()
     ]
-    places = " and ".join(dict.fromkeys(place_of(one) for one in tables.campaign.get("requirements") or ()))
+    places = " and ".join(
+        dict.fromkeys(place_of(requirement) for requirement in tables.campaign.get("requirements") or ())
+    )
     text = say(
         "margin_policy",
         phase=policy["phase"],
         required=required,
-        kept=kept,
+        kept=with_margin,
         whole=len(least),
         places=places,
-        short=named,
+        short=designs,
         around=_margins_around(tables, required, set(least.index) - set(short.index)),
     )
     return [Text(text, "Margin policy.")]
 
 
 def _margins_around(tables: Tables, required: float, kept: Collection[str]) -> str:
-    """Return the sentence on the cases that have less than the required margin in a window around an event."""
+    """Return the sentence on the cases with less than the required margin in a window around an event."""
     frame = METRICS["windows"](tables)
     frame = frame[frame.case.isin(kept)]
     frame = frame.assign(margin=1.0 - frame.worst / frame.limit)
@@ -133,9 +135,9 @@ def _margins_around(tables: Tables, required: float, kept: Collection[str]) -> s
         f"{row.case} ({100.0 * row.margin:+.0f} % in {row.requirement}, {when(row, words(row.event))})"
         for row in short.itertuples()
     ]
-    named, by = with_evidence(each, short.by)
+    cases, by = with_evidence(each, short.by)
     events = " and ".join(dict.fromkeys(words(short.event)))
-    return say("margin_around", kept=len(kept), short=len(short), events=events, evidence=by, cases=named)
+    return say("margin_around", kept=len(kept), short=len(short), events=events, evidence=by, cases=cases)
 
 
 def _fraction(value: float | str) -> float:

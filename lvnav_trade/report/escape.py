@@ -1,4 +1,4 @@
-"""Names and texts of the user as plain text in Markdown, CSV, XML and scripts: nothing of them is taken as code."""
+"""Escaping of the user's names and texts for Markdown, CSV, XML and scripts, so that none of them is read as code."""
 
 import base64
 import re
@@ -22,7 +22,7 @@ _INLINE = (
     (re.compile(r"&(?=#?\w+;)"), "&amp;"),
     (re.compile(r"<(?=[A-Za-z/!?])"), "&lt;"),
 )
-_LINKS = (re.compile(r"(\])(?=[(\[:])"), r"\\\1")  # a link, or what a link refers to
+_LINKS = (re.compile(r"(\])(?=[(\[:])"), r"\\\1")  # a link, or the target of a reference link
 _BRACKETS = (re.compile(r"([\[\]])"), r"\\\1")
 _LINE_START = re.compile(r"^[ \t]+|[ \t]+$", re.MULTILINE)
 _STRUCTURE = re.compile(r"^(?=#{1,6}(?:\s|$)|>|[-=:|][-=:| ]*$|\|)", re.MULTILINE)
@@ -37,34 +37,34 @@ _HIDDEN_JSON = re.compile(r"(?<!\\)((?:\\\\)*)\\(u(?:00[01][0-9a-f]|007f|00[89][
 
 
 def markdown(text: object) -> str:
-    """Return a text of one or more paragraphs that Markdown shows as it is; its lists stay lists."""
+    """Return a text of one or more paragraphs, escaped for Markdown; lists remain lists."""
     return _STRUCTURE.sub(r"\\", _LINE_START.sub("", _inline(text)))
 
 
 def markdown_line(text: object) -> str:
-    """Return a text as one line, for a heading or an emphasis."""
+    """Return a text escaped as one line of Markdown, for a heading or an emphasis."""
     return markdown(" ".join(str(text).split()))
 
 
 def markdown_cell(text: object) -> str:
-    """Return a text for a cell of a table."""
+    """Return a text escaped for a cell of a Markdown table."""
     return _inline(" ".join(str(text).split())).replace("|", "\\|")
 
 
 def markdown_alt(text: object) -> str:
-    """Return a text for the description of a picture."""
+    """Return a text escaped for the description of a picture in Markdown."""
     return _inline(" ".join(str(text).split()), _BRACKETS)
 
 
 def _inline(text: object, links: tuple[re.Pattern[str], str] = _LINKS) -> str:
-    found = str(text)
+    escaped = str(text)
     for pattern, by in (*_INLINE, links):
-        found = pattern.sub(by, found)
-    return found
+        escaped = pattern.sub(by, escaped)
+    return escaped
 
 
 def markdown_fence(text: object) -> str:
-    """Return the fence of a block of code: longer than any in the text."""
+    """Return the fence of a Markdown code block, longer than any run of backticks in the text."""
     return "".ljust(max(3, 1 + max(map(len, re.findall("`+", str(text))), default=0)), "`")
 
 
@@ -73,23 +73,41 @@ MARKDOWN = {"md": markdown, "line": markdown_line, "cell": markdown_cell, "alt":
 
 
 def source(name: str) -> str:
-    """Return a template, or what stands in one."""
+    """Return the content of a file in `report/templates`."""
     return (resources.files("lvnav_trade.report") / "templates" / name).read_text(encoding="utf-8")
 
 
 @cache
 def texts() -> dict[str, dict[str, Any]]:
-    """Return what `templates/texts.toml` holds."""
+    """Return the content of `templates/texts.toml`."""
     return tomllib.loads(source("texts.toml"))
 
 
 def note(name: str, group: str = "notes", **content: Any) -> str:
-    """Return what a report says of something (`templates/texts.toml`), its braces filled with content."""
+    """Return a text of the report by its name.
+
+    Parameters
+    ----------
+    name, group : str
+        Key and table in `templates/texts.toml`.
+    **content
+        Values for the braces in the text.
+    """
     return " ".join(texts()[group][name].split()).format(**content)
 
 
 def render(template: str, **content: Any) -> str:
-    """Return a page: its template filled with content; a Markdown page has single blank lines."""
+    """Return a page from its template.
+
+    HTML templates (``.html.j2``) escape all values. Markdown pages (``.md.j2``) get single blank lines.
+
+    Parameters
+    ----------
+    template : str
+        File name in `report/templates`.
+    **content
+        Variables of the template.
+    """
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(source),
         autoescape=lambda name: bool(name and name.endswith(".html.j2")),
@@ -108,28 +126,31 @@ def render(template: str, **content: Any) -> str:
 
 
 def _shown(value: Any) -> Any:
-    """Return a value as a template writes it: hidden characters of a text as their escape sequences."""
+    """Return a value as a template prints it; hidden characters of a text become escape sequences."""
     return visible(value) if type(value) is str else value
 
 
 def data_json(data: Any) -> str:
-    """Return data as JSON that may stand in a script element of a page."""
+    """Return data as JSON that is safe within a script element of a page."""
     return _HIDDEN_JSON.sub(r"\1\\\\\2", str(htmlsafe_json_dumps(data)))
 
 
 def xml_text(text: object) -> str:
-    """Return a text without the characters that XML cannot hold."""
+    """Return a text in which characters that XML does not allow are replaced or made visible."""
     return visible(_NOT_XML.sub("�", str(text)))
 
 
 def csv_text(frame: pd.DataFrame) -> str:
-    """Return a frame as CSV with six digits; an apostrophe precedes text that a spreadsheet would take as a formula."""
+    """Return a frame as CSV with six digits.
+
+    Texts that a spreadsheet would evaluate as a formula are prefixed with an apostrophe.
+    """
     safe = frame.rename(columns=_csv_cell)
-    for place, kind in enumerate(safe.dtypes):
-        if isinstance(kind, pd.StringDtype):  # a name stands in many rows
+    for place, dtype in enumerate(safe.dtypes):
+        if isinstance(dtype, pd.StringDtype):  # names repeat: escape each only once
             names = safe.iloc[:, place]
             safe.isetitem(place, names.map({name: _csv_cell(name) for name in names.unique()}))
-        elif not pd.api.types.is_numeric_dtype(kind):
+        elif not pd.api.types.is_numeric_dtype(dtype):
             safe.isetitem(place, [_csv_cell(value) for value in safe.iloc[:, place]])
     return str(safe.to_csv(index=False, float_format="%.6g"))
 

@@ -1,4 +1,4 @@
-"""The sections behind the answer: flight, errors, consistency, agreement, published numbers, satellites, delays."""
+"""Detailed sections of the report: flight, errors, consistency, agreement, published numbers, satellites, delays."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ _FACT_UNITS = (
     ("_s", "_s", "s", 1.0),
 )
 """What a fact's name ends with, what of that is its unit, the unit for people, their factor."""
-_FEW = 3  # cases of which every event stands in the table of errors
+_FEW = 3  # up to this number of cases, the table of errors has every event
 NAVIGATION = ("position", "velocity", "attitude")
-_FLOWN = 1e-6  # seconds: what is younger counts as present
+_FLOWN = 1e-6  # s, largest age of data that count as current
 
 
 @of("requirements", "The campaign states no requirement.")
 def requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the verdicts in figures."""
+    """Return the table of verdicts with their numbers."""
     failed = np.isinf(frame.estimate).any()
     text = note("requirements") + (", ∞ where more runs failed." if failed else ".")
     frame = in_words(frame)
@@ -72,11 +72,12 @@ def requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 @of("windows")
 def windows(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the worst errors around the events of the requirements."""
+    """Return the worst errors in the windows around the events of the requirements."""
     return [stated("windows", frame.assign(by=frame.by.replace("LinCov", "linear covariance")))]
 
 
 def _expected(tables: Tables) -> list[Block]:
+    """Return the table of probabilities expected by linear covariance."""
     frame = in_words(METRICS["expected"](tables))
     frame = frame.assign(
         expected=expectation(frame),
@@ -85,18 +86,18 @@ def _expected(tables: Tables) -> list[Block]:
         limit=frame.limit.replace("", "–"),
         remark=frame.reason.fillna(""),
     )
-    found = stated("expected", frame if frame.remark.any() else frame.drop(columns="remark"))
-    return [found, Text(note("expected"))]
+    layout = stated("expected", frame if frame.remark.any() else frame.drop(columns="remark"))
+    return [layout, Text(note("expected"))]
 
 
 def expectation(frame: pd.DataFrame) -> pd.Series[Any]:
-    """Return the expected part of flights (%); of a phase, where it is bounded from above only, in words."""
-    part, above = 100.0 * frame.expected_probability, frame.reason == ABOVE_ONLY
-    return part.map(number).where(~above, "at most " + part.map(number)) if above.any() else part
+    """Return the expected share of flights that comply (%); for a phase with an upper bound only, as text."""
+    share, above = 100.0 * frame.expected_probability, frame.reason == ABOVE_ONLY
+    return share.map(number).where(~above, "at most " + share.map(number)) if above.any() else share
 
 
 def trajectory(tables: Tables) -> list[Block]:
-    """Return the flight, once per distinct trajectory."""
+    """Return the tables and figures of the trajectory, once for each distinct trajectory."""
     group = distinct(tables, "reference", ["t_s", "altitude_m"], tables.labels)
     blocks: list[Block] = []
     for case, drawn in zip(group, figures(tables, "trajectory", group), strict=True):
@@ -111,7 +112,11 @@ def trajectory(tables: Tables) -> list[Block]:
 
 
 def fact(name: str, value: float | str) -> tuple[str, str]:
-    """Write a fact of the trajectory (SI, its unit at the end of its name) in the units of people."""
+    """Return name and value of a trajectory fact in display units.
+
+    name : name with its SI unit at the end
+    value : in that unit
+    """
     if isinstance(value, str):
         return words(name), value
     for ending, suffix, unit, factor in _FACT_UNITS:
@@ -121,49 +126,54 @@ def fact(name: str, value: float | str) -> tuple[str, str]:
 
 
 def envelopes(tables: Tables) -> list[Block]:
-    """Return the errors of all cases together, then of each case against its covariances, then the RMS table."""
-    known = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
-    key, asked = deciding(tables)
-    compared = [figure(tables, "comparison", quantity, name="compare") for quantity in (asked or known)]
-    rest: list[Block] = [
-        figure(tables, "comparison", quantity, name="compare") for quantity in known if quantity not in asked
+    """Return the errors of all cases together, then of each case with its covariances, then the table of RMS errors."""
+    quantities = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
+    key, required = deciding(tables)
+    compared = [figure(tables, "comparison", quantity, name="compare") for quantity in (required or quantities)]
+    folded: list[Block] = [
+        figure(tables, "comparison", quantity, name="compare") for quantity in quantities if quantity not in required
     ]
-    own = [(case, quantity) for case in dict.fromkeys([*key, *chosen_cases(tables)]) for quantity in known]
-    open_ones = [(case, quantity) for case, quantity in own if case in key and quantity in asked]
+    pairs = [(case, quantity) for case in dict.fromkeys([*key, *chosen_cases(tables)]) for quantity in quantities]
+    open_ones = [(case, quantity) for case, quantity in pairs if case in key and quantity in required]
     simulated = [about for about in open_ones if _has_runs(tables, *about)]
     blocks: list[Block] = [*compared, *(figure(tables, "quantiles", *about) for about in simulated)]
     blocks += [figure(tables, "envelope", *about) for about in open_ones]
-    rest += [*left_out(tables), *(figure(tables, "envelope", *about) for about in own if about not in open_ones)]
+    folded += [*left_out(tables), *(figure(tables, "envelope", *about) for about in pairs if about not in open_ones)]
     frame = METRICS["rms"](tables)
-    frame = frame[(frame.axis == "3d") & frame.metric.isin([f"{quantity}_error" for quantity in known])]
+    frame = frame[(frame.axis == "3d") & frame.metric.isin([f"{quantity}_error" for quantity in quantities])]
     places = _places(tables)
     frame = frame[[place in places[case] for case, place in zip(frame.case, frame.phase_or_event, strict=True)]]
     frame = frame.assign(metric=words(frame.metric), phase_or_event=words(frame.phase_or_event)).drop(columns="axis")
-    return [*blocks, More("Errors of other cases and quantities", rest), More("Numbers", [stated("envelopes", frame)])]
+    return [
+        *blocks,
+        More("Errors of other cases and quantities", folded),
+        More("Numbers", [stated("envelopes", frame)]),
+    ]
 
 
 def _has_runs(tables: Tables, case: str, quantity: str) -> bool:
-    """Whether quantiles of the 3-D error over runs are stored."""
+    """Return whether quantiles of the 3-D error over the runs are stored."""
     return bool(history_of(tables, case, quantity, "3d").q95_si.notna().any())
 
 
 def _places(tables: Tables) -> dict[str, set[str]]:
-    """Return by label what the table of errors shows of a case: the flight, and events at different times; of many
-    cases only the events that are asked for, and the final one.
+    """Return the places that the table of errors shows for each label: the whole flight, and events at distinct times.
+
+    With many cases only the events of requirements and the final event.
     """
-    wanted = {where(requirement) for requirement in tables.campaign.get("requirements") or ()}
-    wanted.add(str((tables.campaign.get("covariance") or {}).get("at") or ""))
-    found = {}
+    required = {where(requirement) for requirement in tables.campaign.get("requirements") or ()}
+    required.add(str((tables.campaign.get("covariance") or {}).get("at") or ""))
+    places = {}
     for case, label in tables.labels.items():
         if len(tables.labels) <= _FEW:
-            found[label] = {"flight", *separate_events(tables, case).event}
+            places[label] = {"flight", *separate_events(tables, case).event}
         else:
-            found[label] = {"flight", final_event(tables, case), *(wanted & set(flight_events(tables, case).event))}
-    return found
+            places[label] = {"flight", final_event(tables, case), *(required & set(flight_events(tables, case).event))}
+    return places
 
 
 def separate_events(tables: Tables, case: str) -> pd.DataFrame:
-    """Return the events at different times, in their order; the final one stands for those that coincide with it."""
+    """Return the events at distinct times, in order; the final event represents those that coincide with it."""
     events = flight_events(tables, case)
     events = events.assign(last=events.event == final_event(tables, case))
     return events.sort_values(["t_s", "last"], kind="stable").drop_duplicates("t_s", keep="last")
@@ -174,9 +184,9 @@ def consistency(tables: Tables) -> list[Block]:
     frame = METRICS["consistency"](tables)
     frame = frame.assign(inside_ratio=frame.inside_ratio * 100)
     verdicts = METRICS["filter_verdicts"](tables)
-    shown = [filter_verdict(row.verdict, row.sigma_ratio) for row in verdicts.itertuples()]
+    verdict_texts = [filter_verdict(row.verdict, row.sigma_ratio) for row in verdicts.itertuples()]
     by = verdicts.by.replace("LinCov", "linear covariance")
-    verdicts = verdicts.assign(shown=shown, moment=words(verdicts.moment), by=by)
+    verdicts = verdicts.assign(shown=verdict_texts, moment=words(verdicts.moment), by=by)
     blocks: list[Block] = [Text(note("consistency")), stated("filter_verdicts", verdicts)]
     blocks += [stated("consistency", frame), *left_out(tables)]
     without = frame.case[(frame.test == "ANEES") & (frame.time_count == 0)]
@@ -202,7 +212,7 @@ def _whiteness(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 
 def agreement(tables: Tables) -> list[Block]:
-    """Return the verdict per case and the rows that disagree."""
+    """Return the verdict of each case and the quantities that disagree."""
     rows, cases = METRICS["agreement"](tables), by_case(tables)
     alpha = percent(float(cases.alpha_ratio.iloc[0])) if len(cases) else ""
     gate = tables.innovations.groupby("case", sort=False).false_rejection_ratio.max() * 100
@@ -226,20 +236,20 @@ def _controlled(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 @of("outages", "No fault in any case.")
 def outages(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the errors around every fault."""
+    """Return the errors before, during and after every fault."""
     frame = frame.assign(fault=words(frame.fault), metric=words(frame.metric))
     return [stated("outages", frame)]
 
 
 @of("references", "The campaign names no published number.")
 def references(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return published numbers beside ours."""
+    """Return published numbers next to the computed numbers."""
     inside = int(frame.in_band.sum())
     return [Text(f"{inside} of {len(frame)} numbers lie in their band."), stated("references", frame)]
 
 
 def reproduce(tables: Tables) -> list[Block]:
-    """Return commands, seed, versions, digests."""
+    """Return the commands, the seed, the versions and the digests with which the results can be reproduced."""
     manifest = {**tables.manifest, "seed": tables.campaign.get("seed", tables.manifest.get("seed"))}
     keys = (
         "campaign",
@@ -267,7 +277,7 @@ def reproduce(tables: Tables) -> list[Block]:
 
 
 def satellites(tables: Tables) -> list[Block]:
-    """Return satellites in view with their C/N0, and the sky, once per distinct sky."""
+    """Return the satellites in view with their C/N0, and the sky plot, once for each distinct geometry."""
     columns = ["t_s", "satellite", "tracked", "state", "cn0_db_hz", "antenna_number"]
     group, blocks = few(distinct(tables, "satellites", columns, tables.labels))
     for k, case in enumerate(group, 1):
@@ -281,10 +291,10 @@ def satellites(tables: Tables) -> list[Block]:
 
 
 def _measured(rows: pd.DataFrame, label: str) -> list[Block]:
-    mine = rows[rows.tracked & rows.cn0_db_hz.notna()]
-    if mine.empty:
+    tracked = rows[rows.tracked & rows.cn0_db_hz.notna()]
+    if tracked.empty:
         return []
-    groups = mine.assign(elevation_deg=np.degrees(mine.elevation_rad)).groupby("satellite")
+    groups = tracked.assign(elevation_deg=np.degrees(tracked.elevation_rad)).groupby("satellite")
     frame = pd.DataFrame(
         {
             "tracked from (s)": groups.t_s.min().map("{:.0f}".format),
@@ -306,9 +316,9 @@ def _range(groups: Any, digits: int) -> pd.Series:
 
 
 def tracking(tables: Tables) -> list[Block]:
-    """Return what channels do with every satellite, fixes, losses by reason, and recovery after every fault.
+    """Return channel states of every satellite, fixes, losses of lock by reason, and recovery after every fault.
 
-    Empty where no receiver has channels and no fault takes satellites.
+    The result is empty if no receiver models channels and no fault affects satellites.
     """
     changes = METRICS["transitions"](tables)
     if changes.empty and not (METRICS["recovery"](tables).lost_count > 0).any():
@@ -320,8 +330,8 @@ def tracking(tables: Tables) -> list[Block]:
 
 
 def delays(tables: Tables) -> list[Block]:
-    """Return delays of the atmosphere, what the correction leaves of them, and latency; empty where there is none."""
-    columns = [f"{layer}{kind}_m" for layer in LAYERS for kind in ("", "_left")]
+    """Return atmospheric delays, the residual delays after correction, and the latency; empty if there are none."""
+    columns = [f"{layer}{suffix}_m" for layer in LAYERS for suffix in ("", "_left")]
     delayed = [case for case in tables.labels if _layers(tables, case)]
     group, blocks = few(distinct(tables, "satellites", ["t_s", "satellite", *columns], delayed))
     if group:
@@ -334,7 +344,7 @@ def delays(tables: Tables) -> list[Block]:
 
 
 def _layers(tables: Tables, case: str) -> list[str]:
-    names = [f"{layer}{kind}_m" for layer in LAYERS for kind in ("", "_left")]
+    names = [f"{layer}{suffix}_m" for layer in LAYERS for suffix in ("", "_left")]
     columns = pick_columns(tables.satellites, names, case=case)
     return layers_of(pd.DataFrame(dict(zip(names, columns, strict=True))))
 
@@ -342,20 +352,20 @@ def _layers(tables: Tables, case: str) -> list[str]:
 def _delay_table(tables: Tables) -> Block:
     rows = []
     for case, label in tables.labels.items():
-        mine = tables.satellites[(tables.satellites.case == case) & tables.satellites.tracked]
+        lines = tables.satellites[(tables.satellites.case == case) & tables.satellites.tracked]
         for layer in _layers(tables, case):
-            true, left = mine[f"{layer}_m"], mine[f"{layer}_left_m"]
-            worst = mine.loc[left.abs().idxmax()]
-            sizes = [float((delay**2).mean() ** 0.5) for delay in (true, left)]
-            which = f"{worst.satellite} at {worst.t_s:.0f} s, {np.degrees(worst.elevation_rad):.0f} deg"
+            true, residual = lines[f"{layer}_m"], lines[f"{layer}_left_m"]
+            worst = lines.loc[residual.abs().idxmax()]
+            sizes = [float((delay**2).mean() ** 0.5) for delay in (true, residual)]
+            where_worst = f"{worst.satellite} at {worst.t_s:.0f} s, {np.degrees(worst.elevation_rad):.0f} deg"
             extremes = f"{number(round(true.min(), 6))} to {number(true.max())}"
-            rows.append((label, layer, extremes, *sizes, float(left.mean()), left[worst.name], which))
+            rows.append((label, layer, extremes, *sizes, float(residual.mean()), residual[worst.name], where_worst))
     return stated("delays", pd.DataFrame(rows), alike=True)
 
 
 @of("stops")
 def logic_tables(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return what filters with a logic did: starts, stops and restarts, and every kind of change."""
+    """Return the mode logic of the filters in tables: starts, stops, restarts, and transitions by type."""
     ratios = ["started_ratio", "corrected_ratio", "ended_ratio"]
     percents = frame.assign(**{ratio: 100.0 * frame[ratio] for ratio in ratios})
     return [stated("stops", percents), *_changes(tables)]
@@ -367,7 +377,7 @@ def _changes(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 
 def logic(tables: Tables) -> list[Block]:
-    """Return what filters with a logic did, in tables, and their modes over time."""
+    """Return the mode logic of the filters in tables, and figures of the modes over time."""
     cases = tables.cases.case[tables.cases.logic.eq(True)]
     columns = [name for name in tables.logic.columns if name != "case"]
     group, more = few(distinct(tables, "logic", columns, cases))

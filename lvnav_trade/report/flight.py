@@ -19,35 +19,35 @@ from lvnav_trade.report.escape import note
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.tables.read import Tables
 
-_SIDE_BY_SIDE = 6  # cases that a table holds beside each other
+_SIDE_BY_SIDE = 6  # largest number of cases side by side in a table
 
 
 @of("orbit", "No case ends in an orbit that clears the ground.")
 def orbit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the orbit at the final event with the errors of its estimate, and the correction."""
+    """Return the orbit at the final event with the errors of its estimate, and the correction manoeuvre."""
     blocks: list[Block] = [Text(note("orbit")), *left_out(tables)]
     for case, label in chosen_cases(tables).items():
-        mine = frame[frame.case == label]
-        if mine.empty:
+        elements = frame[frame.case == label]
+        if elements.empty:
             blocks.append(Text(f"{label}: the flight does not end in an orbit."))
             continue
-        for event, rows in mine.groupby("event", sort=False):
-            known = rows if rows.runs.max() > 0 else rows.drop(columns=["mc_sigma", "mc_bias", "mc_q99"])
-            blocks.append(stated("orbit", known, label=label, event=words(event)))
+        for event, rows in elements.groupby("event", sort=False):
+            columns = rows if rows.runs.max() > 0 else rows.drop(columns=["mc_sigma", "mc_bias", "mc_q99"])
+            blocks.append(stated("orbit", columns, label=label, event=words(event)))
             blocks += [Text(f"{why}.", "Not applicable.") for why in dict.fromkeys(rows.remark) if why]
         blocks += [figure(tables, "orbit", case), *_not_gaussian(tables, label)]
     return [*blocks, Text(note("correction")), stated("correction", METRICS["correction"](tables))]
 
 
 def _not_gaussian(tables: Tables, label: str) -> list[Block]:
-    """Say which elements of a case's orbit the ellipse of the figure does not describe."""
+    """Return a note on the orbital elements whose errors the ellipse of the figure does not describe."""
     frame = METRICS["normality"](tables)
     rows = frame[(frame.case == label) & ~frame.gaussian.astype(bool)]
     if rows.empty:
         return []
-    named = ", ".join(f"{row.quantity} (skewness {row.skewness:+.2g})" for row in rows.itertuples())
+    skewed = ", ".join(f"{row.quantity} (skewness {row.skewness:+.2g})" for row in rows.itertuples())
     chance = f"chance below {rows.p_ratio.max():.1g} for a Gaussian" if rows.p_ratio.max() > 0.0 else "no Gaussian"
-    text = f"The errors of {named} are not Gaussian ({rows.runs.iloc[0]} runs, {chance}): "
+    text = f"The errors of {skewed} are not Gaussian ({rows.runs.iloc[0]} runs, {chance}): "
     return [
         Text(f"{text}the 3-sigma ellipse, a first-order covariance, does not describe them; quantiles do.", "Warning:")
     ]
@@ -55,14 +55,14 @@ def _not_gaussian(tables: Tables, label: str) -> list[Block]:
 
 @of("impact", "No stored state of any case has a point of impact.")
 def impact(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the points of impact with their ellipses, and the verdict on the corridor."""
+    """Return the impact points with their ellipses, and the verdict on the corridor."""
     blocks: list[Block] = [Text(note("impact")), *_corridor(tables), *left_out(tables)]
     for case, label in chosen_cases(tables).items():
         rows = frame[(frame.case == label) & (frame.event != "")]
         if len(rows):
             axes = rows.major_3sigma_km.map(number) + " x " + rows.minor_3sigma_km.map(number)
-            known = rows if rows.runs.max() > 1 else rows[[name for name in rows if not name.startswith("mc_")]]
-            blocks.append(stated("impact", known.assign(axes=axes), label=label))
+            columns = rows if rows.runs.max() > 1 else rows[[name for name in rows if not name.startswith("mc_")]]
+            blocks.append(stated("impact", columns.assign(axes=axes), label=label))
         if (frame.case == label).any():
             blocks.append(figure(tables, "impact", case))
     return blocks
@@ -76,7 +76,9 @@ def _corridor(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 
 @of("motion")
 def motion_table(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return how much better than the raw sample rate and acceleration are, and whether as the filter models."""
+    """Return by how much the estimates of rate and acceleration improve on the raw samples, and whether the errors
+    match the filter's covariance.
+    """
     return [Text(note("motion")), stated("motion", _by_axis(frame))]
 
 
@@ -85,9 +87,10 @@ def _by_axis(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def motion_summary(tables: Tables) -> list[Block]:
-    """Return in short, for cases that estimate rate and acceleration: the range over phases, and how many verdicts.
+    """Return a summary for cases that estimate rate and acceleration: the range over the phases, and the counts of
+    verdicts.
 
-    Nothing without runs, or where the vehicle is under control: there the nozzle is asked for.
+    The result is empty without runs, and for a vehicle under control, for which the nozzle movement decides.
     """
     frame = METRICS["motion"](tables)
     if len(tables.nozzle) or not tables.cases.run_count.any():
@@ -98,11 +101,14 @@ def motion_summary(tables: Tables) -> list[Block]:
     if frame.empty:
         return []
     rows = []
-    for (case, error), one in _by_axis(frame).groupby(["case", "error"], sort=False):
-        low, high = (one.low / one.over_sigma_ratio).min(), (one.high / one.over_sigma_ratio).max()
-        counts = one.as_modelled.value_counts().items()
-        ranges = [_range(one[name]) for name in ("better_percent", "formal_better_percent", "over_sigma_ratio")]
-        verdicts = ", ".join(f"{name} in {count} of {len(one)}" for name, count in counts)
+    for (case, error), case_rows in _by_axis(frame).groupby(["case", "error"], sort=False):
+        low, high = (
+            (case_rows.low / case_rows.over_sigma_ratio).min(),
+            (case_rows.high / case_rows.over_sigma_ratio).max(),
+        )
+        counts = case_rows.as_modelled.value_counts().items()
+        ranges = [_range(case_rows[name]) for name in ("better_percent", "formal_better_percent", "over_sigma_ratio")]
+        verdicts = ", ".join(f"{name} in {count} of {len(case_rows)}" for name, count in counts)
         rows.append((case, error, *ranges, f"times {number(low)} to {number(high)}", verdicts))
     phases = stated("motion_summary", pd.DataFrame(rows))
     return [Text(note("motion_summary")), phases]
@@ -113,7 +119,7 @@ def _range(values: pd.Series) -> str:
 
 
 def observed_table(tables: Tables) -> list[Block]:
-    """Return the ranks of a campaign that asked for windows of flight, case by case."""
+    """Return the observability ranks in the requested windows of the flight, case by case."""
     if not (tables.campaign.get("covariance") or {}).get("window"):
         return []
     tolerance = float(tables.observability.tolerance_ratio.iloc[0])
@@ -121,55 +127,59 @@ def observed_table(tables: Tables) -> list[Block]:
 
 
 def motion(tables: Tables) -> list[Block]:
-    """Return rate and acceleration of every case that estimates them."""
-    known = set(zip(tables.outputs.case, tables.outputs.quantity, strict=True))
+    """Return tables and figures of rate and acceleration for every case that estimates them."""
+    estimated = set(zip(tables.outputs.case, tables.outputs.quantity, strict=True))
     return motion_table(tables) + [
         figure(tables, "motion", case, quantity)
         for case in tables.labels
         for quantity in ("rate", "acceleration")
-        if (case, quantity) in known
+        if (case, quantity) in estimated
     ]
 
 
 @of("allan")
 def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the Allan deviations of the cases' inertial units, at the averaging times nearest to decades; cases with
-    the same unit stand once.
+    """Return the Allan deviations of the IMUs at the averaging times nearest to whole decades.
+
+    Cases with the same IMU share a row.
     """
     decades = [10.0**k for k in range(-2, 5)]
     nearest = [
-        int((one.tau_s / t - 1.0).abs().idxmin())
-        for _, one in frame.groupby(["case", "sensor"], sort=False)
+        int((curve.tau_s / t - 1.0).abs().idxmin())
+        for _, curve in frame.groupby(["case", "sensor"], sort=False)
         for t in decades
-        if one.tau_s.min() / 1.5 < t < 1.5 * one.tau_s.max()
+        if curve.tau_s.min() / 1.5 < t < 1.5 * curve.tau_s.max()
     ]
-    found = stated("allan", frame.loc[list(dict.fromkeys(nearest))], alike=True)
-    shown = [case for case, label in chosen_cases(tables).items() if label in set(frame.case)]
-    return [Text(note("allan")), found, *(figure(tables, "allan", case) for case in shown)]
+    deviations = stated("allan", frame.loc[list(dict.fromkeys(nearest))], alike=True)
+    cases = [case for case, label in chosen_cases(tables).items() if label in set(frame.case)]
+    return [Text(note("allan")), deviations, *(figure(tables, "allan", case) for case in cases)]
 
 
 @of("exclusions")
 def exclusions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return which inertial units were excluded, in how many runs and when."""
+    """Return the excluded IMUs, with the number of runs and the times."""
     percents = frame.assign(share=100.0 * frame.share_ratio, low=100.0 * frame.low_ratio, high=100.0 * frame.high_ratio)
     return [Text(note("exclusions")), stated("exclusions", percents)]
 
 
 @of("protection")
 def protection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the protection levels of every case, how often errors of runs exceed them, and both over time."""
+    """Return the protection levels of every case, the rate at which errors of the runs exceed them, and figures of
+    both.
+    """
     card = tables.campaign["covariance"]["protection"]
     stated_numbers = {name: f"{float(value):g}" for name, value in card.items()}
     percents = frame.assign(low=100.0 * frame.low_ratio, high=100.0 * frame.high_ratio)
-    shown = [case for case, label in chosen_cases(tables).items() if label in set(frame.case)]
-    drawn = [figure(tables, "protection", case) for case in shown]
+    cases = [case for case, label in chosen_cases(tables).items() if label in set(frame.case)]
+    drawn = [figure(tables, "protection", case) for case in cases]
     return [Text(note("protection", **stated_numbers)), stated("protection", percents), *left_out(tables), *drawn]
 
 
 def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
-    """Return nozzle movement by burn with paired reductions, what it is worth, and the motion in its envelopes.
+    """Return the nozzle movement by burn with paired reductions, the effect of the filtered rate, and the motion
+    compared with its envelopes.
 
-    In brief: burns and envelopes only of cases that have the card's rate gain.
+    brief : only burns and envelopes, of cases with the rate gain of the card
     """
     moved, turned = METRICS["nozzle"](tables), METRICS["turning"](tables)
     if moved.empty:
@@ -178,30 +188,30 @@ def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
         gains = {case: float(levels.get("rate_gain", 1.0)) for case, levels in tables.levels.items()}
         scaled = [tables.labels[case] for case, gain in gains.items() if gain != 1.0]
         moved, turned = moved[~moved.case.isin(scaled)], turned[~turned.case.isin(scaled)]
-    kept = turned[turned.feed == "filtered"].drop(columns="feed")
-    tabled = (("nozzle", moved), ("worth", METRICS["worth"](tables)), ("turning", kept))
+    filtered = turned[turned.feed == "filtered"].drop(columns="feed")
+    tabled = (("nozzle", moved), ("worth", METRICS["worth"](tables)), ("turning", filtered))
     return [Text(note("nozzle")), *(stated(name, frame) for name, frame in tabled)]
 
 
 def control(tables: Tables) -> list[Block]:
-    """Return the vehicle under control: tables, and figures of every case."""
+    """Return tables and figures of the vehicle under control."""
     blocks = control_tables(tables)
     if not blocks:
         return []
     if any("rate_gain" in levels for levels in tables.levels.values()):
         blocks.append(figure(tables, "sweep", name="nozzle-sweep"))
-    shown = (("movement", "nozzle"), ("turning", ""))
-    return blocks + [figure(tables, plot, case, name=name) for case in list(tables.labels)[:4] for plot, name in shown]
+    plots = (("movement", "nozzle"), ("turning", ""))
+    return blocks + [figure(tables, plot, case, name=name) for case in list(tables.labels)[:4] for plot, name in plots]
 
 
-_LOST_SHOWN = 10  # of a case, of the runs that do not reach their cut-off
-_LEAST_SHARE = 0.01  # of the variance, of a source that is shown
-_SHOWN = ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node", "inclination")  # on the page
+_LOST_SHOWN = 10  # runs listed for each case among those that miss their cut-off
+_LEAST_SHARE = 0.01  # smallest share of the variance of a source in the table
+_SHOWN = ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node", "inclination")  # in the report
 
 
 @of("injection")
 def injection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return errors of the achieved orbits with their parts, how the runs end, and pictures."""
+    """Return the errors of the achieved orbits with their contributions, how the runs end, and figures."""
     ends = METRICS["cutoff"](tables)
     spread = ends.low_ratio.map("{:.3g}".format) + " to " + ends.high_ratio.map("{:.3g}".format)
     spread = spread.where(ends.runs > 0, "-")

@@ -26,7 +26,13 @@ _TABLES = {"repeats": "repeated", "own": "own", "again": "again", "verification"
 
 
 class Counted(NamedTuple):
-    """Number of rows of one kind by their verdicts."""
+    """Number of rows of one kind by their verdicts.
+
+    total : All rows.
+    hold : Reproduced.
+    fail : Not reproduced.
+    undecided : Not decided by the runs.
+    """
 
     total: int
     hold: int  # reproduced
@@ -37,32 +43,42 @@ class Counted(NamedTuple):
 def counted(rows: pd.DataFrame) -> dict[str, Counted]:
     """Return the counts of rows by kind: number, order, statement.
 
-    rows : rows of `references.csv`, where `counts_as` is the kind and `verdict` the verdict
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        Rows of `references.csv` with the columns `counts_as` (the kind) and `verdict`.
     """
     counts = {}
-    for kind in (*_KINDS, "statement"):
-        words = rows.verdict[rows.counts_as == kind]
+    for row_kind in (*_KINDS, "statement"):
+        words = rows.verdict[rows.counts_as == row_kind]
         if len(words):
             hold, fail = int((words == HOLDS).sum()), int((words == FAILS).sum())
-            counts[kind] = Counted(len(words), hold, fail, len(words) - hold - fail)
+            counts[row_kind] = Counted(len(words), hold, fail, len(words) - hold - fail)
     return counts
 
 
 def said(rows: pd.DataFrame, kinds: Mapping[str, Counted]) -> str:
     """Return the counts of numbers and orders as a sentence without its full stop."""
     each = []
-    for kind, words in _KINDS.items():
-        if kind in kinds:
-            count = kinds[kind]
-            rest = f", {count.undecided} are undecided" if count.undecided else ""
-            each.append(f"{count.hold} of {count.total} {words} are reproduced, {count.fail} are not{rest}")
+    for row_kind, words in _KINDS.items():
+        if row_kind in kinds:
+            count = kinds[row_kind]
+            open_count = f", {count.undecided} are undecided" if count.undecided else ""
+            each.append(f"{count.hold} of {count.total} {words} are reproduced, {count.fail} are not{open_count}")
     return f"Of {len(rows)} published results that count, {int(held(rows).sum())} are reproduced: {'; '.join(each)}"
 
 
 def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataFrame | None = None) -> list[Block]:
     """Return the counts of rows, and the three most important rows and statements that are not reproduced.
 
-    The result is empty without rows. important : beginnings of items, the most important first.
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Rows of published numbers. Without rows the result is empty.
+    important : sequence of str
+        Beginnings of items, most important first.
+    statements : pandas.DataFrame, optional
+        Rows of statements.
     """
     if frame.empty:
         return []
@@ -82,11 +98,11 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
             f"Separately, of {len(single)} numbers within their band that are of one published run, {among} lie "
             f"between the {points} % quantiles of our runs."
         )
-    every = frame if statements is None else pd.concat([frame, statements], ignore_index=True)
+    evidence_rows = frame if statements is None else pd.concat([frame, statements], ignore_index=True)
     apart = [
-        f"{len(mine)} {words} ({int(held(mine).sum())} hold)"
+        f"{len(marked)} {words} ({int(held(marked).sum())} hold)"
         for mark, words in _NOT_COUNTED.items()
-        if len(mine := every[every.counts_as == mark])
+        if len(marked := evidence_rows[evidence_rows.counts_as == mark])
     ]
     if apart:
         lines.append(f"Not counted: {'; '.join(apart)}.")
@@ -95,33 +111,33 @@ def headline(frame: pd.DataFrame, important: Sequence[str], statements: pd.DataF
         failing = pd.concat([failing, statements[statements.verdict == FAILS]], ignore_index=True)
     blocks: list[Block] = [Text(" ".join(lines))]
     if len(failing):
-        whole = frame if statements is None else pd.concat([frame, statements], ignore_index=True)
-        blocks.append(stated("most_important", _short(most_important(failing, important), whole)))
+        all_rows = frame if statements is None else pd.concat([frame, statements], ignore_index=True)
+        blocks.append(stated("most_important", _short(most_important(failing, important), all_rows)))
     return blocks
 
 
 def _short(rows: pd.DataFrame, whole: pd.DataFrame) -> pd.DataFrame:
     """Return rows with shorter texts, for the first screen.
 
-    The case of an item that occurs in one case only is replaced by its campaign. The expression of a row with an item
-    is omitted, because the item describes it.
+    An item that occurs in one case only gets the campaign in place of the case. If a row has an item, its expression is
+    omitted, because the item describes it.
     """
     has_item, cases = rows["item"] != "", whole.groupby("item")["case"].nunique()
     alone = has_item & rows["item"].map(cases).eq(1)
     expression = has_item & rows.metric.str.contains(_EXPRESSION)
-    named = short_cases(rows)["case"]
+    case_names = short_cases(rows)["case"]
     return rows.assign(
-        case=named.where(~alone, rows["case"].str.partition(": ")[0]), metric=rows.metric.mask(expression, "")
+        case=case_names.where(~alone, rows["case"].str.partition(": ")[0]), metric=rows.metric.mask(expression, "")
     )
 
 
 def those_that_miss(frame: pd.DataFrame) -> list[Block]:
-    """Return the counted rows that do not hold, with reasons."""
+    """Return the counted rows that are not reproduced, with reasons."""
     rows = frame[evidence(frame) & ~held(frame)]
     return [stated("out_of_band", short_cases(rows))] if len(rows) else []
 
 
 def not_counted(frame: pd.DataFrame) -> list[Block]:
-    """Return the rows that are not counted: repeated, not published, read again, and of the tool."""
+    """Return the rows that are not counted: repeated, not published, read again, or checks of the tool."""
     groups = ((name, frame[frame.counts_as == mark]) for mark, name in _TABLES.items())
     return [stated(name, short_cases(rows)) for name, rows in groups if len(rows)]

@@ -1,4 +1,4 @@
-"""A flight as KML, for viewers of the Earth: its path, its events, and ellipses of the position error along it."""
+"""Trajectories as KML for viewers of the Earth: path, events, and position error ellipses."""
 
 from __future__ import annotations
 
@@ -22,13 +22,17 @@ from lvnav_trade.results.tables.read import Tables
 
 SIGMAS = 3.0
 _AXES = ("north", "east", "down")
-_CORNERS = 36  # of an ellipse
-_COLOURS = ("1f77ff", "b4771f", "2ca02c", "2827d6")  # blue, green, red; one case after the other
+_CORNERS = 36  # points of an ellipse
+_COLOURS = ("1f77ff", "b4771f", "2ca02c", "2827d6")  # KML writes blue, green, red; cases use them in turn
 
 
 class Flight(NamedTuple):
-    """What is drawn of a case: its name, the tables `reference` and `events` of it, and the covariance (3, 3) in m^2 of
-    the position error, axes north, east, down, at the time (s) of every ellipse.
+    """The flight of a case as it is drawn.
+
+    name : Label of the case.
+    reference : Its rows of the table `reference`.
+    events : Its rows of the table `events`.
+    ellipses : Covariance of the position error, (3, 3) in m^2, axes north, east, down, by time (s).
     """
 
     name: str
@@ -38,39 +42,52 @@ class Flight(NamedTuple):
 
 
 def flights(tables: Tables, ellipses: bool, every: float) -> list[Flight]:
-    """Return what is drawn of every case in a folder of results.
+    """Return the flight of every case in a folder of results.
 
-    ellipses: at the events whose covariance is stored in full, and every `every` seconds of the history, where only the
-    sigma of each axis is. InputError where errors are not reported in frame ned.
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the results.
+    ellipses : bool
+        Whether to add error ellipses: at the events whose covariance is stored in full, and along the history, which
+        stores the sigma of each axis only.
+    every : float
+        Interval (s) of the ellipses along the history.
+
+    Raises
+    ------
+    InputError
+        Ellipses are requested, but the errors are not reported in frame ned; or a table lacks a case.
     """
     if ellipses and not set(_AXES) <= set(tables.history.axis):
         raise InputError(f"{tables.folder}: ellipses need errors that are reported in frame ned")
-    found = []
+    drawn = []
     for case, label in tables.labels.items():
         reference, events = (table[table["case"] == case] for table in (tables.reference, tables.events))
         if reference.empty:
             raise damaged(tables.folder / "reference.parquet", f"no rows of the case {label}")
-        found.append(Flight(label or "flight", reference, events, _ellipses(tables, case, every) if ellipses else {}))
-    return found
+        drawn.append(Flight(label or "flight", reference, events, _ellipses(tables, case, every) if ellipses else {}))
+    return drawn
 
 
 def _ellipses(tables: Tables, case: str, every: float) -> dict[float, Floats]:
-    axes, found = list(_AXES), dict[float, Floats]()
-    history, whole = (
+    """Return the covariances of the ellipses by time (see `Flight`)."""
+    axes, covariances = list(_AXES), dict[float, Floats]()
+    history, is_full = (
         frame[(frame["case"] == case) & (frame.quantity == "position")]
         for frame in (tables.history, tables.covariances)
     )
     sigma = history[history.axis.isin(axes)].pivot_table(index="t_s", columns="axis", values="lincov_true_si")
     if len(sigma):
         times = sigma.index.to_numpy()
-        wanted = np.arange(times[0], times[-1] + 0.5 * every, every)
-        for time in times[np.unique(np.abs(times[:, None] - wanted).argmin(axis=0))]:
-            found[float(time)] = np.diag(sigma.loc[time, axes].to_numpy(dtype=float) ** 2)
-    for time, rows in whole[whole.source == ""].groupby("t_s"):
+        instants = np.arange(times[0], times[-1] + 0.5 * every, every)
+        for time in times[np.unique(np.abs(times[:, None] - instants).argmin(axis=0))]:
+            covariances[float(time)] = np.diag(sigma.loc[time, axes].to_numpy(dtype=float) ** 2)
+    for time, rows in is_full[is_full.source == ""].groupby("t_s"):
         square = rows.pivot_table(index="axis", columns="other_axis", values="true_si2")
         full = square.combine_first(square.T).reindex(index=axes, columns=axes)
-        found[float(time)] = full.to_numpy(dtype=float)
-    return dict(sorted(found.items()))
+        covariances[float(time)] = full.to_numpy(dtype=float)
+    return dict(sorted(covariances.items()))
 
 
 def write_kml(file: Path, title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> Path:
@@ -83,9 +100,18 @@ def write_kml(file: Path, title: str, drawn: Sequence[Flight], magnify: float = 
 def kml(title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> bytes:
     """Return flights as KML 2.2.
 
-    The altitude of every coordinate is the height above the ellipsoid, called absolute; viewers count it from their own
-    sea level, which is within 110 m of it. Ellipses are 3-sigma, `magnify` times as large; what is drawn is the shadow
-    of the ellipsoid on the local horizontal, what is written in its placemark the ellipsoid itself.
+    Parameters
+    ----------
+    title : str
+        Name of the document.
+    drawn : sequence of Flight
+        The flights.
+    magnify : float
+        Factor on the size of the 3-sigma ellipses.
+
+    Notes ----- Altitudes are heights above the ellipsoid, with altitude mode "absolute". Viewers count these from their
+    own sea level, which differs by at most 110 m. An ellipse is the projection of the error ellipsoid on the local
+    horizontal; its placemark gives the ellipsoid.
     """
     folders = [
         {
@@ -101,7 +127,7 @@ def kml(title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> bytes:
 
 
 def _coordinates(longitude: ArrayLike, latitude: ArrayLike, height: ArrayLike) -> str:
-    """Return longitude, latitude (deg from rad) and height (m) as KML writes them, to a millimetre."""
+    """Return longitude, latitude (from rad to deg) and height (m) as KML coordinates with millimetre resolution."""
     rows = np.broadcast(np.degrees(longitude), np.degrees(latitude), height)
     return " ".join(f"{lon:.9f},{lat:.9f},{h:.3f}" for lon, lat, h in rows)
 
@@ -111,17 +137,21 @@ def _at(flight: Flight, time: float) -> pd.Series[float]:
 
 
 def _event(flight: Flight, name: str, time: float) -> tuple[str, str, str]:
-    """Return name, description and place of an event or the start of a fault: time, height, speed over the ground."""
+    """Return name, description and coordinates of an event or of the start of a fault.
+
+    The description gives time, height and ground speed.
+    """
     here = _at(flight, time)
     height, speed = here.altitude_m * 1e-3, here.ground_speed_m_per_s
-    said = f"{time:.3f} s, height {height:.3f} km, speed over the ground {speed:.1f} m/s"
-    return name, said, _coordinates(here.longitude_rad, here.latitude_rad, here.altitude_m)
+    description = f"{time:.3f} s, height {height:.3f} km, speed over the ground {speed:.1f} m/s"
+    return name, description, _coordinates(here.longitude_rad, here.latitude_rad, here.altitude_m)
 
 
 def _ellipse(flight: Flight, time: float, covariance: Floats, magnify: float) -> tuple[str, str, str]:
+    """Return name, description and coordinates of an error ellipse at a time (s); covariance (3, 3) in m^2."""
     north, east, down = SIGMAS * np.sqrt(np.diag(covariance))
     sizes = SIGMAS * np.sqrt(np.maximum(np.linalg.eigvalsh(covariance), 0.0))[::-1]
-    said = (
+    description = (
         f"3 sigma of position: north {north:.3g} m, east {east:.3g} m, down {down:.3g} m; half axes of the ellipsoid "
         f"{', '.join(f'{size:.3g}' for size in sizes)} m; drawn {magnify:g} times as large"
     )
@@ -130,4 +160,4 @@ def _ellipse(flight: Flight, time: float, covariance: Floats, magnify: float) ->
     off = seen_from_above @ rotation_e_n(here.latitude_rad, here.longitude_rad)[:2]
     r_e = ecef_from_geodetic(here.latitude_rad, here.longitude_rad, here.altitude_m) + off
     latitude, longitude, height = geodetic_from_ecef(r_e)
-    return f"3 sigma at {time:.6g} s", said, _coordinates(longitude, latitude, height)
+    return f"3 sigma at {time:.6g} s", description, _coordinates(longitude, latitude, height)

@@ -1,4 +1,4 @@
-"""Report on a recorded log: errors of a campaign's filters during outages that are imposed on the log."""
+"""Report on a recorded log: errors of a campaign's filters during simulated outages."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -21,11 +21,11 @@ _COLUMNS = (
 
 
 def page(done: Processed, campaign: Campaign) -> tuple[str, str, list[Section]]:
-    """Return title, what is said below it, and the sections of the page."""
+    """Return title, introduction and sections of the report on a processed log."""
     blocks: list[Block] = [
         Text(done.card.source),
         Text(note("recorded", campaign=campaign.name, alignment=_alignment(done))),
-        *(Text(f"{one}.") for one in done.notes),
+        *(Text(f"{remark}.") for remark in done.notes),
         table(done.summary, "Outages by case and length.", _COLUMNS),
         *(Text(text) for text in _wanting(done)),
         Picture("outages", outages_of_log(done.outages), note("outages_of_log", "figures")),
@@ -34,17 +34,18 @@ def page(done: Processed, campaign: Campaign) -> tuple[str, str, list[Section]]:
 
 
 def _alignment(done: Processed) -> str:
-    found = done.alignment
-    how = f"from the motion, one sigma {np.degrees(found.heading_sigma):.2g} deg"
-    rate = ", ".join(f"{value:.3g}" for value in np.degrees(found.gyro_bias))
+    """Return the description of the initial alignment."""
+    alignment = done.alignment
+    heading_source = f"from the motion, one sigma {np.degrees(alignment.heading_sigma):.2g} deg"
+    rate = ", ".join(f"{value:.3g}" for value in np.degrees(alignment.gyro_bias))
     return (
-        f"Heading at the end of the rest: {np.degrees(found.heading) % 360.0:.1f} deg "
-        f"({'stated' if done.card.heading is not None else how}); removed from the rates: {rate} deg/s."
+        f"Heading at the end of the rest: {np.degrees(alignment.heading) % 360.0:.1f} deg "
+        f"({'stated' if done.card.heading is not None else heading_source}); removed from the rates: {rate} deg/s."
     )
 
 
 def _wanting(done: Processed) -> Iterator[str]:
-    """Say of each row what it lacks."""
+    """Yield a sentence on the missing outputs of each row."""
     for row in done.summary.itertuples():
         if reason := _reason(row):
             yield f"{row.case}, {row.length_s:g} s: {reason}."
@@ -52,7 +53,7 @@ def _wanting(done: Processed) -> Iterator[str]:
 
 def _reason(row: Any) -> str:
     if row.failed:
-        return ""  # among the notes: what is left says nothing of the filter
+        return ""  # the notes explain it: such a row gives no evidence on the filter
     if row.inside_percent < INSIDE:
         return f"{row.inside_percent:.0f} % inside three sigma, fewer than {INSIDE:g} %: the filter assumes too little"
     if row.nees_ratio < LEAST_NEES:

@@ -1,4 +1,4 @@
-"""Pages of searches: inverse questions, sensitivity indices, tuning; Markdown, HTML, figures and CSV in one folder."""
+"""Reports on searches: inverse problems, sensitivity indices, tuning; Markdown, HTML, figures and CSV in one folder."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from lvnav_trade.report.sentences import say
 from lvnav_trade.results.evaluation.covariances import NOT_APPLICABLE
 from lvnav_trade.results.tables.contents import owned
 
-_FEW = 6  # answers that are said in a line each
+_FEW = 6  # up to this number of solutions, each gets a sentence
 
 
 def write(
@@ -26,8 +26,30 @@ def write(
     frames: Mapping[str, pd.DataFrame],
     files: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a page, its tables and other files into a folder of the tool's own; return the page. InputError for another
-    folder.
+    """Write the report of a search into a folder of its own.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Folder of the report. Files of an earlier search report are replaced.
+    title, asked : str
+        Title, and question of the search.
+    blocks : sequence of Block
+        Content.
+    frames : mapping
+        CSV tables by name.
+    files : mapping, optional
+        Further text files by name.
+
+    Returns
+    -------
+    Path
+        The Markdown report.
+
+    Raises
+    ------
+    InputError
+        The folder has other content.
     """
     sections = [Section("search", "Result", list(blocks))]
     pages = {"report.md": markdown_page(title, asked, sections), "report.html": html_page(title, asked, sections)}
@@ -40,22 +62,27 @@ def write(
 def solved(
     answers: pd.DataFrame, intervals: pd.DataFrame, scanned: pd.DataFrame, confirmed: pd.DataFrame, names: Sequence[str]
 ) -> list[Block]:
-    """Return what an inverse question found; names: of the fields that were varied."""
-    shown = answers.drop(columns=["evaluations"])
-    two = bool(answers.along.notna().any())
-    if not two:
-        shown = shown.drop(columns=["along", "along_unit"])
-    found: list[Block] = [Text(_answer(one, names), "") for one in answers.itertuples()] if len(answers) <= _FEW else []
-    found += [Text(note("solve")), table(_words(shown), f"Largest {names[0]} that meets the requirements.")]
+    """Return the solutions of an inverse problem.
+
+    names : names of the varied fields
+    """
+    rows = answers.drop(columns=["evaluations"])
+    has_curve = bool(answers.along.notna().any())
+    if not has_curve:
+        rows = rows.drop(columns=["along", "along_unit"])
+    blocks: list[Block] = (
+        [Text(_answer(solution, names), "") for solution in answers.itertuples()] if len(answers) <= _FEW else []
+    )
+    blocks += [Text(note("solve")), table(_words(rows), f"Largest {names[0]} that meets the requirements.")]
     if not answers.monotone.all():
-        found.append(table(_words(intervals), "Not monotone: the intervals in which the requirements are met."))
-    if two:
-        found.append(Picture("boundary", plots.boundary(answers, names), note("boundary", "figures")))
+        blocks.append(table(_words(intervals), "Not monotone: the intervals in which the requirements are met."))
+    if has_curve:
+        blocks.append(Picture("boundary", plots.boundary(answers, names), note("boundary", "figures")))
     else:
-        found.append(Picture("solve", plots.ratios(scanned, answers, names[0]), note("solve", "figures")))
+        blocks.append(Picture("solve", plots.ratios(scanned, answers, names[0]), note("solve", "figures")))
     if len(confirmed):
-        found += [Text(note("solve_confirmed")), table(_words(confirmed), "Runs on both sides of each answer.")]
-    return found
+        blocks += [Text(note("solve_confirmed")), table(_words(confirmed), "Runs on both sides of each answer.")]
+    return blocks
 
 
 def _words(frame: pd.DataFrame) -> pd.DataFrame:
@@ -63,11 +90,13 @@ def _words(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _answer(row: Any, names: Sequence[str]) -> str:
-    """Say one answer: the value, what it is the largest of, and what binds."""
+    """Return a solution as a sentence: the largest value of the field that meets the requirements, and the limiting
+    one.
+    """
     _, is_outside, why = row.remark.partition(NOT_APPLICABLE)
     return say(
         "largest",
-        case=", ".join(part for part in (row.case, row.tuning) if part != "base"),
+        case=", ".join(label for label in (row.case, row.tuning) if label != "base"),
         at=f"{names[1]} = {row.along:.4g} {row.along_unit}" if row.along == row.along else "",
         field=names[0],
         value=f"{row.answer:.4g} {row.unit}" if row.answer == row.answer else "",
@@ -79,29 +108,50 @@ def _answer(row: Any, names: Sequence[str]) -> str:
 
 
 def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[Block]:
-    """Return which case meets the requirements with the least of a total (its column)."""
+    """Return the case that meets the requirements with the smallest total.
+
+    least : column of the total, such as cost or mass
+    """
     best, name = answers[answers.chosen], least.split("_")[0]
     if len(best):
-        one = best.iloc[0]
-        said = f"{one.case}: {name} {one[least]:g}, error over limit {one.error_ratio:.3g} (largest: {one.binding})."
+        top = best.iloc[0]
+        sentence = (
+            f"{top.case}: {name} {top[least]:g}, error over limit {top.error_ratio:.3g} (largest: {top.binding})."
+        )
         lead = f"Least {name} that meets the requirements:"
     else:
-        said, lead = "", "No case meets the requirements."
-    found: list[Block] = [Text(said, lead), table(_words(answers), f"All cases, smallest {name} first.")]
+        sentence, lead = "", "No case meets the requirements."
+    blocks: list[Block] = [Text(sentence, lead), table(_words(answers), f"All cases, smallest {name} first.")]
     if len(confirmed):
         caption = "Runs of the chosen case, and of the next cheaper one, which does not meet the requirements."
-        found += [Text(note("solve_confirmed")), table(_words(confirmed), caption)]
-    return found
+        blocks += [Text(note("solve_confirmed")), table(_words(confirmed), caption)]
+    return blocks
 
 
 def indexed(
     frame: pd.DataFrame, case: str, error: str, covered: float, predicted: float, samples: int, remark: str = ""
 ) -> list[Block]:
-    """Return sensitivity indices, how much of the mean square they are of and how well the surrogate predicts."""
+    """Return sensitivity indices, the share of the mean square that they cover, and the accuracy of the surrogate.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Indices of each error source.
+    case, error : str
+        Label of the case, and name of the error.
+    covered : float
+        Share of the mean square that the sources cover.
+    predicted : float
+        Share of the variance that the surrogate predicts.
+    samples : int
+        Number of samples.
+    remark : str
+        Further text.
+    """
     order = frame.sort_values("retuned_total", ascending=False).iloc[:3]
-    said = "; ".join(
-        f"{one.source} {one.retuned_total:.2f} +- {one.retuned_total_half_width:.2f} (frozen {one.frozen_total:.2f})"
-        for one in order.itertuples()
+    ranking = "; ".join(
+        f"{row.source} {row.retuned_total:.2f} +- {row.retuned_total_half_width:.2f} (frozen {row.frozen_total:.2f})"
+        for row in order.itertuples()
     )
     about = (
         f"{error.replace('_', ' ')}, case {case}: the sources contribute {100 * covered:.3g} % of the mean square. "
@@ -111,15 +161,15 @@ def indexed(
     drawn = Picture("indices", plots.indices(frame), note("indices", "figures"))
     lead = "Largest total indices, filter re-tuned:"
     warning = [Text(f"{remark}.", "Linear covariance:")] if remark else []
-    return [Text(f"{said}.", lead), *warning, Text(about), Text(note("indices")), table(_words(frame)), drawn]
+    return [Text(f"{ranking}.", lead), *warning, Text(about), Text(note("indices")), table(_words(frame)), drawn]
 
 
 def tuned(values: pd.DataFrame, cases: pd.DataFrame, source: str) -> list[Block]:
-    """Return the numbers of a tuned filter, what they do in every case, those held out too, and its card's source."""
-    found: list[Block] = [Text(_tuning(cases), "Error over its limit:")]
+    """Return the tuned filter parameters, the errors in every case (validation cases too), and the card as source."""
+    blocks: list[Block] = [Text(_tuning(cases), "Error over its limit:")]
     numbers = table(_words(values), "The filter's numbers.")
     return [
-        *found,
+        *blocks,
         Text(note("tune")),
         numbers,
         table(_words(cases), "Every case, before and after."),
@@ -128,9 +178,9 @@ def tuned(values: pd.DataFrame, cases: pd.DataFrame, source: str) -> list[Block]
 
 
 def _tuning(cases: pd.DataFrame) -> str:
-    """Say what tuning did to the worst of the cases that had a part in it, and to those held out."""
-    said = []
+    """Return the effect of tuning on the worst tuned case and on the worst validation case."""
+    sentences = []
     for role, rows in cases.groupby("role", sort=False):
         before, after = rows.ratio_before.max(), rows.ratio_after.max()
-        said.append(f"{role}, worst of {len(rows)}: {before:.3g} before, {after:.3g} after")
-    return "; ".join(said) + "."
+        sentences.append(f"{role}, worst of {len(rows)}: {before:.3g} before, {after:.3g} after")
+    return "; ".join(sentences) + "."

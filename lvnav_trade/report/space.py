@@ -1,4 +1,4 @@
-"""Sections on many designs and on curves along an axis: which axes matter, the best designs, the nearest misses."""
+"""Sections on design spaces: influence of the axes, best designs, nearest misses, and curves along an axis."""
 
 from __future__ import annotations
 
@@ -40,44 +40,44 @@ _NAMES = {"error_ratio": "error over limit", "nees_per_state_ratio": "NEES per s
 
 
 def space(tables: Tables) -> list[Block]:
-    """Return what many designs show together; nothing of results that hold each case whole."""
+    """Return the sections on a design space; empty if the results store every case in full."""
     if not tables.has_designs:
         return []
     frame = possible(tables)
-    found: list[Block] = [Text(line) for line in _lead(tables, frame) if line]
+    blocks: list[Block] = [Text(line) for line in _lead(tables, frame) if line]
     effects, swings = METRICS["effects"](tables), METRICS["swings"](tables)
     within = ", with its 95 % interval" if tables.is_sampled else ""
     for number, name in enumerate(dict.fromkeys(effects.requirement), 1):
         drawn = figure(tables, "effects", name, requirement=name, interval=within)
-        found.append(drawn._replace(name=f"effects-{number}"))
+        blocks.append(drawn._replace(name=f"effects-{number}"))
         if name in set(swings.requirement):
             limit = "; dashed: the limit" if np.isfinite(limit_of(tables, name)) else ""
             drawn = figure(tables, "swings", name, requirement=name, interval=within, limit=limit)
-            found.append(drawn._replace(name=f"swings-{number}"))
+            blocks.append(drawn._replace(name=f"swings-{number}"))
     if len(METRICS["regions"](tables)):
-        found.append(figure(tables, "regions", interval=within))
-    found.append(Designs(data_json(_explorer(tables, frame))))
-    found += _rows(tables, frame)
+        blocks.append(figure(tables, "regions", interval=within))
+    blocks.append(Designs(data_json(_explorer(tables, frame))))
+    blocks += _rows(tables, frame)
     if len(effects):
-        shown = effects.assign(axis=effects.axis.map(axis_label))
-        tables_of_axes = [stated("effects", _without_intervals(tables, shown, "low"))]
+        rows = effects.assign(axis=effects.axis.map(axis_label))
+        tables_of_axes = [stated("effects", _without_intervals(tables, rows, "low"))]
         if len(swings):
             tables_of_axes.append(stated("swings", _without_intervals(tables, _ends(tables, swings), "low")))
-        found.append(More(note("effects_title"), [Text(note("effects")), *tables_of_axes]))
+        blocks.append(More(note("effects_title"), [Text(note("effects")), *tables_of_axes]))
     regions = METRICS["regions"](tables)
     if len(regions):
-        shown = _without_intervals(tables, _for_people(tables, regions), "share_low")
-        found.append(More(note("regions_title"), [stated("regions", shown, interval=_EXACT * tables.is_sampled)]))
-    return [*found, Text(_whole(tables)), *_analysed_whole(tables, frame)]
+        rows = _without_intervals(tables, _for_people(tables, regions), "share_low")
+        blocks.append(More(note("regions_title"), [stated("regions", rows, interval=_EXACT * tables.is_sampled)]))
+    return [*blocks, Text(_whole(tables)), *_analysed_whole(tables, frame)]
 
 
 def _without_intervals(tables: Tables, frame: pd.DataFrame, low: str) -> pd.DataFrame:
-    """Return a table with intervals where the designs are drawn at random; without these columns of a grid."""
+    """Return a table without its interval columns, unless the designs are random samples."""
     return frame if tables.is_sampled else frame.drop(columns=[low, low.replace("low", "high")])
 
 
 def _ends(tables: Tables, swings: pd.DataFrame) -> pd.DataFrame:
-    """Return the errors at the ends of the axes in units for people."""
+    """Return the errors at the ends of the axes in display units."""
     columns = errors_of(tables, possible(tables))
     units = [people_of(tables, columns[name]) for name in swings.requirement]
     factor = np.array([factor for _, factor in units])
@@ -95,43 +95,43 @@ def _ends(tables: Tables, swings: pd.DataFrame) -> pd.DataFrame:
 
 
 def _analysed_whole(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the designs that the other sections are about, by the labels that they have there."""
+    """Return the designs that were analysed in full, with their labels in the other sections."""
     rows = frame[frame.case.isin(tables.labels)]
     if rows.empty:
         return []
-    shown = _shown(tables, rows).assign(label=[tables.labels[case] for case in rows.case])
-    return [stated("space_labels", shown)]
+    labelled = _shown(tables, rows).assign(label=[tables.labels[case] for case in rows.case])
+    return [stated("space_labels", labelled)]
 
 
 def _lead(tables: Tables, frame: pd.DataFrame) -> list[str]:
-    """Return how many designs meet all requirements, of how many of these the filter cannot be trusted, and how many
-    are impossible.
+    """Return the number of designs that meet all requirements, that of designs with an inconsistent filter among them,
+    and the number of infeasible designs.
     """
     about = tables.manifest.get("space") or {}
-    met = int((frame.verdict == "met").sum()) if "verdict" in frame else 0
+    n_met = int((frame.verdict == "met").sum()) if "verdict" in frame else 0
     impossible = {str(reason): int(count) for reason, count in (about.get("impossible") or {}).items()}
     lines = [
         say(
             "space",
             designs=int(about.get("designs", len(tables.designs))),
             possible=len(frame),
-            met=met,
+            met=n_met,
             undescribed=int((frame.verdict == "not applicable").sum()) if "verdict" in frame else 0,
-            share=interval(met, len(frame)) if tables.is_sampled and len(frame) else None,
+            share=interval(n_met, len(frame)) if tables.is_sampled and len(frame) else None,
             requirements=len(tables.campaign.get("requirements") or ()),
             which=counts_of(tables, frame),
         )
     ]
     if "nees_per_state_ratio" in frame:
-        good = frame[frame.verdict == "met"] if met else frame
+        good = frame[frame.verdict == "met"] if n_met else frame
         doubtful = overconfident(good)
-        lines.append(say("space_filters", doubtful=doubtful, whole=len(good), is_met=met > 0, limit=OVERCONFIDENT))
+        lines.append(say("space_filters", doubtful=doubtful, whole=len(good), is_met=n_met > 0, limit=OVERCONFIDENT))
     lines.append(say("impossible", reasons=impossible) if impossible else "")
     return lines
 
 
 def _whole(tables: Tables) -> str:
-    """Say which designs the other sections are about."""
+    """Return a sentence on the designs that the other sections show."""
     about = (tables.manifest.get("space") or {}).get("whole") or {}
     card = tables.campaign.get("monte_carlo") or {}
     sections = (tables.campaign.get("report") or {}).get("sections") or ["space"]
@@ -146,30 +146,32 @@ def _whole(tables: Tables) -> str:
 
 
 def _rows(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Return the best designs, the nearest misses and the front, each with the command that analyses it whole."""
+    """Return the best designs, the nearest misses and the Pareto front, each with the command for its full analysis."""
     if "error_ratio" not in frame or not frame.error_ratio.notna().any():
         return []
-    met = frame[frame.verdict == "met"]
+    compliant = frame[frame.verdict == "met"]
     misses = frame[(frame.verdict != "met") & frame.error_ratio.notna()]
     cheap = [name for name in ("cost", "mass_kg") if name in frame and frame[name].nunique() > 1]
-    best = met.sort_values([*cheap[:1], "error_ratio"], kind="stable").head(_ROWS)
+    best = compliant.sort_values([*cheap[:1], "error_ratio"], kind="stable").head(_ROWS)
     missed = misses.sort_values("error_ratio", kind="stable").head(_ROWS)
-    found: list[Block] = []
+    blocks: list[Block] = []
     if len(best):
         order = f"by {cheap[0].partition('_')[0]}, then error" if cheap else "by error"
-        found.append(stated("space_best", _shown(tables, best), order=order))
+        blocks.append(stated("space_best", _shown(tables, best), order=order))
     if len(missed):
-        shown = stated("space_missed", _shown(tables, missed))
-        found.append(More(note("missed_title"), [shown]) if len(best) else shown)
-    if cheap and len(met):
-        values = met[[*cheap, "error_ratio"]].to_numpy(dtype=float)
-        front = met[[dominating(values, k) < 0 for k in range(len(met))]].sort_values(cheap[0], kind="stable")
-        found.append(More(note("front_title"), [stated("space_front", _shown(tables, front.head(_ROWS)))]))
-    return found
+        missed_table = stated("space_missed", _shown(tables, missed))
+        blocks.append(More(note("missed_title"), [missed_table]) if len(best) else missed_table)
+    if cheap and len(compliant):
+        values = compliant[[*cheap, "error_ratio"]].to_numpy(dtype=float)
+        front = compliant[[dominating(values, k) < 0 for k in range(len(compliant))]].sort_values(
+            cheap[0], kind="stable"
+        )
+        blocks.append(More(note("front_title"), [stated("space_front", _shown(tables, front.head(_ROWS)))]))
+    return blocks
 
 
 def _shown(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
-    """Return designs for people: levels in the units of the campaign, errors, cost, command."""
+    """Return designs for display: levels in the units of the campaign, errors, cost, command."""
     rows = pd.DataFrame(index=frame.index)
     rows["design"] = [_levels(tables, row) for _, row in frame[axes_of(frame)].iterrows()]
     for name in _SUMMED:
@@ -188,23 +190,23 @@ def _levels(tables: Tables, row: pd.Series) -> str:
 
 
 def _command(tables: Tables) -> str:
-    """Return the command that runs the campaign, as it was given, or with its name."""
+    """Return the command that runs the campaign, with its path as the user typed it or else with its name."""
     words = [str(word) for word in tables.manifest.get("command") or ()]
     campaign = words[1] if len(words) > 1 and words[0] == "run" else f"{tables.manifest.get('campaign')}.yaml"
     return f"lvnav-trade run {campaign}"
 
 
 def _for_people(tables: Tables, regions: pd.DataFrame) -> pd.DataFrame:
-    """Return shares with the ends of each part in the units of the campaign."""
+    """Return shares by part of an axis, with the ends of each part in the units of the campaign."""
     rows = regions[regions.requirement == ALL]
     parts = [str(row.level) or range_text(tables, str(row.axis), row.low, row.high) for row in rows.itertuples()]
     return rows.assign(axis=rows.axis.map(axis_label), part=parts)
 
 
 def _explorer(tables: Tables, frame: pd.DataFrame) -> dict[str, Any]:
-    """Return the data of the scatter and of the parallel axes, arrays of single precision."""
+    """Return the data of the interactive scatter plot and of the parallel axes, as arrays in single precision."""
     columns = [_column(tables, frame, name) for name in axes_of(frame)]
-    errors = [requirement_columns(one)[0] for one in tables.campaign.get("requirements") or ()]
+    errors = [requirement_columns(requirement)[0] for requirement in tables.campaign.get("requirements") or ()]
     for name in dict.fromkeys(
         ["velocity_m_per_s", "position_m", *errors, "error_ratio", "nees_per_state_ratio", "cost"]
     ):
@@ -246,59 +248,62 @@ def _packed(values: Floats) -> str:
     return base64.b64encode(values.astype("<f4").tobytes()).decode()
 
 
-_FEW = 6  # crossings of an axis that are said in a line
+_FEW = 6  # up to this number of crossings, each is named in the sentence
 
 
 def curves(tables: Tables) -> list[Block]:
-    """Return a figure of every numeric axis, the crossings, and a tornado of every requirement."""
+    """Return a figure of every numeric axis, the crossings of the limits, and a tornado plot of every requirement."""
     frame, crossings, bars = (METRICS[name](tables) for name in ("curves", "crossings", "tornado"))
-    found: list[Block] = [Text(said, "The limit is reached at:")] if (said := _crossings(crossings)) else []
+    blocks: list[Block] = [Text(sentence, "The limit is reached at:")] if (sentence := _crossings(crossings)) else []
     for number, axis in enumerate(dict.fromkeys(frame.axis), 1):
         drawn = figure(tables, "curves", axis, axis=axis.replace("_", " "))
-        found.append(drawn._replace(name=f"curves-{number}"))
+        blocks.append(drawn._replace(name=f"curves-{number}"))
     if len(crossings):
-        found.append(stated("crossings", crossings))
+        blocks.append(stated("crossings", crossings))
     for number, name in enumerate(dict.fromkeys(bars.requirement), 1):
         drawn = figure(tables, "tornado", name, requirement=name)
-        found.append(drawn._replace(name=f"tornado-{number}"))
-    return found
+        blocks.append(drawn._replace(name=f"tornado-{number}"))
+    return blocks
 
 
 def _crossings(frame: pd.DataFrame) -> str:
-    """Say where curves of linear covariance (else of runs) reach their limits, of axes with few crossings."""
+    """Return where the curves reach their limits, for axes with few crossings.
+
+    The curves are those of linear covariance, or of the runs if there are none.
+    """
     axes = []
     for _, rows in frame.groupby(["axis", "requirement"], sort=False) if len(frame) else ():
         rows = rows[rows.by == rows.by.iloc[0]]
         if len(rows) <= _FEW:
-            one = rows.iloc[0]
+            crossing = rows.iloc[0]
             at = [
                 {"value": f"{row.crossing:.3g} {row.axis_unit}".strip(), "case": row.case} for row in rows.itertuples()
             ]
-            limit = f"{one.limit:g} {one.unit}"
-            axes.append({"axis": one.axis, "requirement": one.requirement, "limit": limit, "at": at})
+            limit = f"{crossing.limit:g} {crossing.unit}"
+            axes.append({"axis": crossing.axis, "requirement": crossing.requirement, "limit": limit, "at": at})
     return say("crossings", axes=axes)
 
 
 def pareto(tables: Tables) -> list[Block]:
-    """Return the cheapest case that meets everything, the cases with their totals, and the front."""
+    """Return the cheapest compliant case, the cases with their totals, and the Pareto front."""
     frame = METRICS["pareto"](tables)
     if frame.empty:
         return []
-    known = {"cost": "cost", "mass": "mass_kg"}
-    order = ranked(frame, [name for name, column in known.items() if frame[column].notna().all()])
+    columns_of_total = {"cost": "cost", "mass": "mass_kg"}
+    order = ranked(frame, [name for name, column in columns_of_total.items() if frame[column].notna().all()])
     best = order.iloc[0]
     lead = (
         "Cheapest that meets all requirements:"
         if best.meets
         else "No design is shown to meet all requirements. Cheapest:"
     )
-    found: list[Block] = [Text(_priced(best), lead)]
+    blocks: list[Block] = [Text(_priced(best), lead)]
     cheaper = order[(order.verdict == "undecided") & (order.error_ratio <= 1.0) & (order.cost < best.cost)]
     if best.meets and len(cheaper):
-        found.append(Text(_priced(cheaper.iloc[0]), "Cheaper, but its runs leave it undecided:"))
-    return [*found, Text(note("pareto")), stated("pareto", order), figure(tables, "pareto")]
+        blocks.append(Text(_priced(cheaper.iloc[0]), "Cheaper, but its runs leave it undecided:"))
+    return [*blocks, Text(note("pareto")), stated("pareto", order), figure(tables, "pareto")]
 
 
 def _priced(one: Any) -> str:
-    """Return a case with its cost, mass and largest error over its limit."""
+    """Return a case with its cost, its mass and its largest ratio of error to limit."""
     return f"{one.case} (cost {one.cost:g}, {one.mass_kg:g} kg; error over limit {one.error_ratio:.2g})."

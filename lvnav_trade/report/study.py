@@ -100,14 +100,16 @@ def build(
 
 
 def assumptions(study: Study) -> list[Section]:
-    """Return what the publication leaves open, as a section; none where nothing is said."""
+    """Return the section on what the publication does not specify; empty if the study states nothing about it."""
     blocks: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
     return [Section("assumptions", "Assumptions", blocks)] if blocks else []
 
 
 def agreed(answered: Sequence[Answered]) -> pd.DataFrame:
     """Return the rows of agreement.csv: runs against linear covariance, by campaign and case."""
-    return together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
+    return together(
+        answered, [agreement(campaign_results.tables).dropna(subset="monte_carlo") for campaign_results in answered]
+    )
 
 
 def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -116,16 +118,16 @@ def frame_of(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def flight_of(one: Answered, case: Case) -> bytes:
-    """Return the flight of a case as KML."""
+    """Return the trajectory of a case as KML."""
     label = one.tables.labels[_cases(one, case)[0]]
     drawn = [flight for flight in flights(one.tables, True, 60.0) if flight.name == label]
     return kml(f"{one.part.campaign}: {label}", drawn)
 
 
 def together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Return the frames of all campaigns, the campaign's name before each case."""
-    found = [named(one, frame) for one, frame in zip(answered, frames, strict=True)]
-    return pd.concat([frame for frame in found if len(frame)] or found[:1], ignore_index=True)
+    """Return the frames of all campaigns as one frame, with the campaign's name before each case."""
+    labelled = [named(campaign_results, frame) for campaign_results, frame in zip(answered, frames, strict=True)]
+    return pd.concat([frame for frame in labelled if len(frame)] or labelled[:1], ignore_index=True)
 
 
 def named(one: Answered, frame: pd.DataFrame) -> pd.DataFrame:
@@ -163,7 +165,10 @@ def answer(study: Study, every: pd.DataFrame, script: StudyScript, campaigns: Se
 
 
 def line_of(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
-    """Return the line of a campaign in the table of campaigns; frame: rows of all of them."""
+    """Return the row of a campaign in the table of campaigns.
+
+    frame : rows of published numbers of all campaigns
+    """
     of_campaign = frame[frame["case"].str.startswith(f"{one.part.campaign}: ") & evidence(frame)]
     counted, cases = by_case(one.tables), one.tables.cases
     tested = counted[counted.verdict.isin(["agree", "disagree"])]
@@ -179,7 +184,10 @@ def line_of(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
 
 
 def campaign_section(one: Answered, frame: pd.DataFrame, script: StudyScript) -> Section:
-    """Return the section of a campaign; frame: its rows."""
+    """Return the section of a campaign.
+
+    frame : rows of published numbers of this campaign
+    """
     part, tables = one.part, one.tables
     question = part.question or one.campaign.description
     blocks: list[Block] = [Text(" ".join(question.split()))] if question else []
@@ -188,14 +196,18 @@ def campaign_section(one: Answered, frame: pd.DataFrame, script: StudyScript) ->
         blocks.append(stated("study_references", frame, sources="; ".join(dict.fromkeys(frame.source))))
     blocks += [*script.blocks(one), *motion_summary(tables), *control_tables(tables, brief=True)]
     blocks += [*observed_table(tables), *study_tables(tables, part.tables, part.paired)]
-    shown = [(f"{place}-{figure.plot}", figure) for place, figure in enumerate(part.figures, 1)]
+    numbered = [(f"{place}-{figure.plot}", figure) for place, figure in enumerate(part.figures, 1)]
     if not any(figure.plot == "spread" for figure in part.figures):
-        shown.append(("spread", Figure(plot="spread")))
-    for name, figure in shown:
-        known = script.figures.get(figure.plot)
-        drawn = _draw(one, figure, script) if known is None else known.draw(one, figure)
+        numbered.append(("spread", Figure(plot="spread")))
+    for name, figure in numbered:
+        script_figure = script.figures.get(figure.plot)
+        drawn = _draw(one, figure, script) if script_figure is None else script_figure.draw(one, figure)
         if drawn is not None:
-            about = note(figure.plot, "figures_of_a_study", **figure.model_dump()) if known is None else known.caption
+            about = (
+                note(figure.plot, "figures_of_a_study", **figure.model_dump())
+                if script_figure is None
+                else script_figure.caption
+            )
             blocks.append(Picture(f"{part.campaign}-{name}", drawn, " ".join((figure.caption or about).split())))
     if part.kml is not None:
         file = f"{part.campaign}.kml"
@@ -206,23 +218,24 @@ def campaign_section(one: Answered, frame: pd.DataFrame, script: StudyScript) ->
 
 def heading(campaign: str) -> str:
     """Return the name of a campaign as a heading: ``imu_noise`` becomes IMU noise."""
-    first, *rest = [word.upper() if word in _ACRONYMS else word for word in campaign.split("_")]
-    return " ".join([first[:1].upper() + first[1:], *rest])
+    first, *following = [word.upper() if word in _ACRONYMS else word for word in campaign.split("_")]
+    return " ".join([first[:1].upper() + first[1:], *following])
 
 
 def _draw(one: Answered, figure: Figure, script: StudyScript) -> Drawing | None:
-    case, many, quantity = _cases(one, figure.case)[0], figure.cases, figure.quantity
-    for asked in many:
-        _cases(one, asked)
-    over = (quantity, many, figure.axis, figure.during)
+    """Return the drawing of a figure of study.yaml, by the script or by a plot of the report."""
+    case, level_sets, quantity = _cases(one, figure.case)[0], figure.cases, figure.quantity
+    for level_set in level_sets:
+        _cases(one, level_set)
+    over = (quantity, level_sets, figure.axis, figure.during)
     metric = figure.model_dump(include={"metric", "at", "during", "statistic"})
     published = None if figure.published is None else Published(figure.published, figure.band or (0.5, 2.0))
     arguments: dict[str, tuple[Any, ...]] = {
         "spread": ([*one.campaign.model_dump(mode="json")["references"], *script.references(one.campaign.name)],),
         "errors": over,
         "relative": over,
-        "autocorrelation": (many, figure.channels),
-        "locus": (figure.axis, metric, figure.unit, published, many, figure.varied, figure.flown),
+        "autocorrelation": (level_sets, figure.channels),
+        "locus": (figure.axis, metric, figure.unit, published, level_sets, figure.varied, figure.flown),
         "sweep": (figure.band,),
         "envelope": (case, quantity),
         "budget": (case, quantity),
@@ -242,16 +255,22 @@ def _cases(one: Answered, case: Case) -> list[str]:
 
 
 def agreements(answered: Sequence[Answered]) -> Section:
-    """Return the appendix: cases in which runs and linear covariance do not agree."""
-    frame = pd.concat([by_case(one.tables).assign(campaign=one.part.campaign) for one in answered], ignore_index=True)
+    """Return the appendix with the cases in which runs and linear covariance disagree."""
+    frame = pd.concat(
+        [
+            by_case(campaign_results.tables).assign(campaign=campaign_results.part.campaign)
+            for campaign_results in answered
+        ],
+        ignore_index=True,
+    )
     frame = frame[frame.verdict != "no runs"]
     frame = frame.assign(
         outside=frame.outside_count.astype(str) + " of " + frame.tested_count.astype(str),
         furthest=frame.state + " at " + frame.event,
     )
-    others = frame[frame.verdict != "agree"]
+    differing = frame[frame.verdict != "agree"]
     blocks: list[Block] = [Text(note("study_agreement", level=percent(0.01)))]
-    blocks += [stated("study_agreement", others)] if len(others) else []
+    blocks += [stated("study_agreement", differing)] if len(differing) else []
     return Section("agreement", APPENDIX, blocks)
 
 
@@ -279,7 +298,7 @@ def study_tables(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block
     wanted : requirements, logic, coverage, paired, error_bound, integrity, tested_errors
     axis : axis whose levels are compared in the table `paired`
     """
-    made: dict[str, Callable[[Tables], list[Block]]] = {
+    builders: dict[str, Callable[[Tables], list[Block]]] = {
         "requirements": _requirements,
         "logic": logic_tables,
         "coverage": _coverage,
@@ -288,16 +307,16 @@ def study_tables(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block
         "integrity": rates,
         "tested_errors": worth,
     }
-    return [block for name, make in made.items() if name in wanted for block in make(tables)]
+    return [block for name, make in builders.items() if name in wanted for block in make(tables)]
 
 
 @of("requirements")
 def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     verdicts = {"met": "pass", "violated": "fail", "undecided": "undecided"}
     beyond = frame.failures.astype(str) + " of " + frame.runs.astype(str)
-    part, sure = frame.probability.iloc[0], frame.confidence.iloc[0]
+    share, sure = frame.probability.iloc[0], frame.confidence.iloc[0]
     text = (
-        f"{int((frame.verdict == 'met').sum())} of {len(frame)} cells pass: at least {100 * part:g} % of flights "
+        f"{int((frame.verdict == 'met').sum())} of {len(frame)} cells pass: at least {100 * share:g} % of flights "
         f"within the limit, at a confidence of {100 * sure:g} %."
     )
     frame = in_words(frame).assign(verdict=frame.verdict.map(verdicts), beyond=beyond)
@@ -315,12 +334,12 @@ def _coverage(tables: Tables) -> list[Block]:
 
 
 def _spaced(frame: pd.DataFrame) -> list[str]:
-    """Return events at least an eighth of the flight apart from each other, beginning with injection (or the last)."""
+    """Return events at least an eighth of the flight apart, starting from injection (or from the last event)."""
     times = frame.drop_duplicates("event").set_index("event").t_s.sort_values(ascending=False, kind="stable")
     last = str(times.index[0]) if "injection" not in times.index else "injection"
     selected, distance = [last], (times.max() - times.min()) / 8.0
     for name, t in times.items():
-        if all(abs(t - times[other]) >= distance for other in selected):
+        if all(abs(t - times[event]) >= distance for event in selected):
             selected.append(str(name))
     return selected
 
@@ -334,11 +353,11 @@ def _paired(tables: Tables, axis: str) -> list[Block]:
 
 
 def _shown_events(frame: pd.DataFrame) -> list[str]:
-    """Return the events at which paired differences are shown: first, last, and changes by a factor of two."""
+    """Return the events at which paired differences are shown: first, last, and each change by a factor of two."""
     worst = frame.groupby("event", sort=False).difference_ratio.max()
-    shown, level = [worst.index[0]], float(worst.iloc[0])
+    selection, level = [worst.index[0]], float(worst.iloc[0])
     for name, value in worst.items():
         if value > 2.0 * level or value < 0.5 * level:
-            shown.append(name)
+            selection.append(name)
             level = float(value)
-    return [str(name) for name in dict.fromkeys([*shown, worst.index[-1]])]
+    return [str(name) for name in dict.fromkeys([*selection, worst.index[-1]])]

@@ -18,14 +18,14 @@ from lvnav_trade.results.requirements.requirements import with_unit
 from lvnav_trade.results.requirements.windows import COVARIANCE
 from lvnav_trade.results.tables.read import Tables
 
-_FEW = 4  # cases that are all named beside their verdict
-_MULTIPLE = 2.0  # times the limit from which on an error is written as a multiple of it, not as a margin
+_FEW = 4  # up to this number of cases, each is named with its verdict
+_MULTIPLE = 2.0  # error over limit from which it is written as a multiple, not as a margin
 SIGNS = {"met": "✓", "undecided": "?", "not applicable": "–", "not confirmed": "!", "violated": "✗"}
 _ROLES = {"worst": "worst", "binding": "smallest margin of those within their limits", "best": "best"}
 
 
 def summary(tables: Tables) -> list[Block]:
-    """Return the answer in a few lines, the margin of every requirement in every case, and the ranking."""
+    """Return the verdict in a few lines, the margin of every requirement in every case, and the ranking."""
     frame = METRICS["margins"](tables)
     blocks: list[Block] = [*_beyond(tables), *_verdict(frame), *short_lived(tables), *overconfidence(tables)]
     blocks += [*margin_policy(tables, frame), *_cases_that_decide(tables, frame)]
@@ -49,7 +49,7 @@ def summary(tables: Tables) -> list[Block]:
 
 
 def _verdict(frame: pd.DataFrame) -> list[Block]:
-    """Say how many designs meet the requirements, how many violate which, and what either rests on."""
+    """Return the number of designs that meet the requirements, the violated requirements, and the evidence for both."""
     if frame.empty:
         return []
     names = list(dict.fromkeys(frame.requirement))
@@ -73,22 +73,22 @@ def _verdict(frame: pd.DataFrame) -> list[Block]:
 
 
 def _not_met(frame: pd.DataFrame, of_cases: pd.Series, verdict: str, is_several: bool) -> str:
-    """Return how many designs have a verdict as their worst, and of which requirements where there are several."""
+    """Return the number of designs with a verdict as their worst, and the requirements if there are several."""
     these = frame[frame.case.isin(of_cases.index[of_cases == verdict]) & (frame.verdict == verdict)]
-    which = these.groupby("requirement", sort=False).size()
+    counts = these.groupby("requirement", sort=False).size()
     return say(
         "not_met",
         designs=int((of_cases == verdict).sum()),
         verdict=verdict,
-        which=dict(which.items()) if is_several else {},
+        which=dict(counts.items()) if is_several else {},
         evidence=_evidence(frame, of_cases, verdict),
     )
 
 
 def _evidence(frame: pd.DataFrame, of_cases: pd.Series, verdict: str) -> str:
-    """Say how many designs of a verdict are shown by their runs, where others rest on linear covariance.
+    """Return the number of designs whose verdict is confirmed by runs, if other designs rest on linear covariance.
 
-    That a design complies is shown where all its requirements are; that it violates one, by that one.
+    Compliance of a design is confirmed if all its requirements are; a violation, if that requirement is.
     """
     of_runs = frame.by != COVARIANCE
     if of_runs.all() or not of_runs.any() or verdict not in ("met", "violated"):
@@ -97,26 +97,26 @@ def _evidence(frame: pd.DataFrame, of_cases: pd.Series, verdict: str) -> str:
     if rows.empty:
         return ""
     by_case = rows[rows.verdict == verdict].groupby("case", sort=False).of_runs
-    shown = by_case.all() if verdict == "met" else by_case.any()
-    others = by_case.any()[~shown]
-    return say("evidence", by_runs=int(shown.sum()), others=len(others), in_part=bool(others.any()))
+    confirmed = by_case.all() if verdict == "met" else by_case.any()
+    by_covariance = by_case.any()[~confirmed]
+    return say("evidence", by_runs=int(confirmed.sum()), others=len(by_covariance), in_part=bool(by_covariance.any()))
 
 
 def _cases_that_decide(tables: Tables, frame: pd.DataFrame) -> list[Block]:
-    """Name the worst case, the one with the smallest margin of those that comply, and the best."""
-    found = []
+    """Return the worst case, the compliant case with the smallest margin, and the best case."""
+    sentences = []
     for case, role in key_cases(tables).items():
         rows = frame[frame.case == case]
         row = rows.loc[rows.margin_ratio.idxmin()]
         size, limit = (with_unit(value, row.unit) for value in (row.estimate, row.limit))
-        found.append(f"{_ROLES[role]}: {case} ({_signed(row)}, {size} of {limit})")
-    return [Text(f"{'; '.join(found)}.", "Margins.")] if found else []
+        sentences.append(f"{_ROLES[role]}: {case} ({_signed(row)}, {size} of {limit})")
+    return [Text(f"{'; '.join(sentences)}.", "Margins.")] if sentences else []
 
 
 def _signed(row: Any, as_multiple: bool | None = None) -> str:
-    """Write a margin with the sign of its verdict.
+    """Return a margin with the sign of its verdict.
 
-    as_multiple: whether the error is written as a multiple of the limit; where it is at least `_MULTIPLE` by default.
+    as_multiple : Whether to write the error as a multiple of the limit; by default from `_MULTIPLE` on.
     """
     size = row.margin_ratio
     if pd.isna(size):
@@ -127,12 +127,13 @@ def _signed(row: Any, as_multiple: bool | None = None) -> str:
 
 
 def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
-    """Return the matrix of cases and requirements, smallest margin first: margins, whether the filter is consistent,
-    the worst error around events, and the errors that rank the cases.
+    """Return the matrix of cases by requirements, smallest margin first.
+
+    Columns: margins, consistency of the filter, worst error around events, and the errors that rank the cases.
     """
     names = list(dict.fromkeys(frame.requirement))
     ranking = METRICS["ranking"](tables).set_index("case")
-    shown = [name for name in ("velocity", "position", "attitude") if name in ranking]
+    quantities = [name for name in ("velocity", "position", "attitude") if name in ranking]
     multiple = {name: bool((1.0 - rows.margin_ratio >= _MULTIPLE).any()) for name, rows in frame.groupby("requirement")}
     alone = bool((frame.by == COVARIANCE).all())
     cells = {
@@ -146,12 +147,14 @@ def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
             *(cells.get((case, name), "") for name in names),
             filters[case],
             *(of.get(case, "–") for of in around.values()),
-            *(number(ranking.at[case, name]) for name in shown),
+            *(number(ranking.at[case, name]) for name in quantities),
         )
         for case in dict.fromkeys(frame.case)
     )
-    units = [f"{name} ({ranking[f'{name}_unit'].iloc[0]})" for name in shown]
-    at = [words(one["at"]) for one in tables.campaign.get("requirements") or () if one.get("at")]
+    units = [f"{name} ({ranking[f'{name}_unit'].iloc[0]})" for name in quantities]
+    at = [
+        words(requirement["at"]) for requirement in tables.campaign.get("requirements") or () if requirement.get("at")
+    ]
     caption = say(
         "matrix",
         required=_required(tables, frame),
@@ -164,29 +167,29 @@ def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
         event=words(METRICS["ranking"](tables).event.iloc[0]),
     )
     head = ("design", *names, "filter consistent over the run?", *around, *units)
-    return Table(head, rows, (False, *(True for _ in names), False, *(True for _ in (*around, *shown))), caption)
+    return Table(head, rows, (False, *(True for _ in names), False, *(True for _ in (*around, *quantities))), caption)
 
 
 def _required(tables: Tables, frame: pd.DataFrame) -> str:
-    """Return what is required, in a sentence: limit, place and share of flights; empty beyond a few requirements."""
+    """Return the requirements as a sentence: limit, place and share of flights; empty if there are too many."""
     stated = tables.campaign.get("requirements") or ()
     if len(stated) > _FEW:
         return ""
     limits = {row.requirement: with_unit(row.limit, row.unit) for row in frame.dropna(subset="limit").itertuples()}
     parts = [
         {
-            "name": one["name"],
-            "limit": limits.get(one["name"], one["below"]),
-            "place": place_of(one),
-            "probability": float(one["probability"]),
+            "name": requirement["name"],
+            "limit": limits.get(requirement["name"], requirement["below"]),
+            "place": place_of(requirement),
+            "probability": float(requirement["probability"]),
         }
-        for one in stated
+        for requirement in stated
     ]
     return say("required", requirements=parts) if parts else ""
 
 
 def _beyond(tables: Tables) -> list[Block]:
-    """Say what of the flights is beyond usual limits, because their cards allow it: nobody should overlook it."""
+    """Return a warning if cards allow flights outside validated limits, which a reader should not overlook."""
     lines = tables.manifest.get("beyond_limits", [])
     return [Text(f"{'; '.join(lines)}. All results below rest on that.", "Beyond usual limits:")] if lines else []
 
@@ -211,22 +214,26 @@ def _ranking(tables: Tables) -> Block:
     left_out = " Runs that failed before are left out of it." if frame.failed.any() else ""
     columns = ["case | runs = run_count", *(["failed"] if left_out else [])]
     for quantity in (name for name in ("velocity", "position", "attitude") if name in frame):
-        unit, again = frame[f"{quantity}_unit"].iloc[0], "".ljust(len(columns))  # a heading stands once in a frame
+        unit, blank_heading = (
+            frame[f"{quantity}_unit"].iloc[0],
+            "".ljust(len(columns)),
+        )  # headings of a frame are unique: blanks of different length
         columns.append(f"{quantity} ({unit}) = {quantity}")
-        columns.append(f"95 % interval{again} = {quantity}_low to {quantity}_high: number")
+        columns.append(f"95 % interval{blank_heading} = {quantity}_low to {quantity}_high: number")
     caption = f"Ranking: 3D RMS error at {words(frame.event.iloc[0])}, best velocity first.{left_out}"
-    found = table(frame, caption, " | ".join(columns))
-    return found._replace(head=tuple(name.rstrip() for name in found.head))
+    ranking = table(frame, caption, " | ".join(columns))
+    return ranking._replace(head=tuple(name.rstrip() for name in ranking.head))
 
 
 def _agreement(tables: Tables) -> list[str]:
-    found = by_case(tables)
-    tested = found[found.verdict.isin(["agree", "disagree"])]
-    outside = found[found.verdict == "not applicable"].groupby("reason", sort=False)
+    """Return sentences on the agreement of runs and linear covariance."""
+    cases = by_case(tables)
+    tested = cases[cases.verdict.isin(["agree", "disagree"])]
+    outside = cases[cases.verdict == "not applicable"].groupby("reason", sort=False)
     why = [f"{listed(list(rows.case), 2 * _FEW)} ({reason})" for reason, rows in outside]
     parts = [f"Not applicable: {'; '.join(why)}."] if why else []
     if not len(tested):
         return parts
     bad = tested[tested.verdict == "disagree"]
-    named = [say("disagreement", case=row.case, row=row._asdict()) for row in bad.itertuples()]
-    return [say("agreement", tested=len(tested), level=float(tested.alpha_ratio.iloc[0]), bad=named), *parts]
+    disagreements = [say("disagreement", case=row.case, row=row._asdict()) for row in bad.itertuples()]
+    return [say("agreement", tested=len(tested), level=float(tested.alpha_ratio.iloc[0]), bad=disagreements), *parts]
