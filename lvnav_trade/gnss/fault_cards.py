@@ -1,4 +1,8 @@
-"""Cards of faults: the failed device or signal, the time, and the size."""
+"""Cards of faults: the failed device or signal, the time, and the size.
+
+Their effects: `faults` (signals and receiver), `interference`, and for IMUs `simulation.preparation.imu` and
+`imu_arrays`.
+"""
 
 import math
 from collections.abc import Iterator

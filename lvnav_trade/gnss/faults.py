@@ -1,4 +1,4 @@
-"""Faults of a case: their effects on satellites and receiver at the epochs."""
+"""Faults of a case: when they are active, and their effects on satellites and receiver at the epochs."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple

@@ -1,4 +1,7 @@
-"""Strapdown integration over a window of IMU ticks: coning and sculling compensation, inertial or Earth-fixed axes."""
+"""Strapdown integration over a window of IMU ticks: coning and sculling compensation, inertial or Earth-fixed axes.
+
+It is called by `mechanisation.mechanise`, which all others call.
+"""
 
 import math
 from typing import NamedTuple

@@ -55,7 +55,7 @@ def parse(text: str, unit: str, has_sign: bool = True) -> float:
     Parameters
     ----------
     text : one number, one space and one unit in the spelling of datasheets (``0.2 deg/sqrt(h)``, ``50 ug/sqrt(Hz)``),
-        with a decimal point and without thousands separators. Units are those of `unit_list`.
+        with a decimal point and without thousands separators. Units: `unit_spelling.units`.
     unit : SI unit of the result.
     has_sign : whether the quantity may be negative. Otherwise, as for a sigma, a plus-minus sign is allowed.
 

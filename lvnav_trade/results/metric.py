@@ -1,6 +1,7 @@
 """Base class of metrics: named numbers of a case, evaluated by Monte Carlo runs and by linear covariance.
 
-A family of metrics is a subclass; its module in `families` lists the members. The `registry` finds them by name.
+A family of metrics is a subclass; its module in the folder `metrics` lists the members. The `registry` finds them by
+name.
 """
 
 from __future__ import annotations
@@ -70,7 +71,8 @@ class SingleValue(NamedTuple):
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric. A family overrides the members that apply to it; at least `value`.
+    """A metric. A family overrides the members that apply to it: at least `value`, for requirements also
+    `errors` and, where linear covariance describes it, `law`.
 
     name : Name in campaigns.
     unit : SI unit; "-" or "%" for a number without unit.

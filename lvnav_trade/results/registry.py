@@ -1,6 +1,6 @@
-"""Registry of the metrics that can be named, collected from the modules of `families`.
+"""Registry of the metrics that can be named, collected from the modules of the folder `metrics`.
 
-A module of `families` lists its metrics in ``METRICS``. No other place lists metrics: requirements, references, the
+A module there lists its metrics in ``METRICS``. No other place lists metrics: requirements, references, the
 list of metrics, tables and the report use this registry.
 """
 

@@ -234,12 +234,12 @@ class SensorCard(Conditions, NamedCard):
 
 
 class Registration(NamedTuple):
-    """Registration of a sensor, in the tuple `SENSORS` of its module in `observables/sensors`.
+    """Registration of a sensor, in the tuple `SENSORS` of its module in this folder.
 
     card : Class of the card; its `model` is the filter model.
     evidence : Tests that verify the sensor, and its omissions; sensors with common evidence are one row of the report.
-    fill : Kernel that sets Jacobian rows and innovations; its arguments are a selection of those of `sensors.fill`.
-    measure : Kernel that sets the measured values, with arguments of `sensors.measure`; None: the engines set them.
+    fill : Kernel that sets Jacobian rows and innovations; its arguments are a selection of those of `family.fill`.
+    measure : Kernel that sets the measured values, with arguments of `family.measure`; None: the engines set them.
     order : Rank among the sensors and of the measurement in a filter card, fixed for compatibility. Sensors without it
         come last, by name.
     """

@@ -1,4 +1,4 @@
-"""True receiver clock of one run, with the same draws as the simulation."""
+"""True receiver clock of one run by itself, for `api.flights`: with the draws and the step of `sensing`."""
 
 import numpy as np
 

@@ -1,6 +1,6 @@
 """Filter side of a run, window by window and epoch by epoch, without access to the truth.
 
-`flight.fly` calls these steps after increments have been sensed and after measurements have been taken.
+`flight_loop.fly` calls these steps after increments have been sensed and after measurements have been taken.
 """
 
 from lvnav_trade.filter.ekf import clear_epoch

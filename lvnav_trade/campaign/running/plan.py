@@ -42,7 +42,7 @@ def blocks(campaign: Campaign, cases: Sequence[Case], done: Mapping[str, Sequenc
 
     Blocks start at multiples of their size, so that 500 runs and then 500 more give the same blocks as 1000 at once.
     Only an incomplete last block is computed again. `done` has the first run and the number of runs of the stored
-    blocks, by digest of the case.
+    blocks, by digest of the case. A run takes all blocks, and leaves out the stored ones when it flies.
     """
     if campaign.monte_carlo is None:
         return []

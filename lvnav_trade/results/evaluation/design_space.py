@@ -71,7 +71,7 @@ def effects(tables: Tables) -> pd.DataFrame:
     that are drawn at random; a grid is no sample.
     first_order: part of the variance of the error's logarithm that the axis explains alone, from means over parts of
     the axis with as many designs each, what chance explains taken off.
-    sobol_first, sobol_total: Sobol's indices of the squared error by a fit of polynomials to its logarithm (`chaos`),
+    sobol_first, sobol_total: Sobol's indices of the squared error by a fit of polynomials to its logarithm (`fitted`),
     of samples over numeric axes alone; predicted: how well the fit predicts left-out designs (1: exactly).
     """
     rows: list[tuple[Any, ...]] = []

@@ -251,7 +251,9 @@ POINTS, NODES = 512, 6  # of quadrature for the indices of a fit
 
 
 def basis(d: int) -> list[tuple[tuple[int, int], ...]]:
-    """Return the polynomials of `chaos`, each as (variable, degree): single ones to `DEGREE`, products of two lines."""
+    """Return the polynomials of `fitted`, each as (variable, degree): single ones to `DEGREE`, and products of two
+    lines.
+    """
     single = [((k, degree),) for k in range(d) for degree in range(1, DEGREE + 1)]
     return [(), *single, *(((i, 1), (j, 1)) for i, j in combinations(range(d), 2))]
 

@@ -223,7 +223,7 @@ def white_of(unit: ImuCard, dt: float) -> Floats:
 def along_axes(units: Units, dt: float) -> tuple[Floats, Floats]:
     """Return angle and velocity increments along the sensing axes, (n_triad, n_imu, 3) each, without errors.
 
-    Lever arms are compensated as in the kernel (`simulate.units.swung`).
+    Lever arms are compensated as in the kernel (`simulation.imu_array.swung`).
     """
     directions = units.frames[:, :, 0]
     angles = np.einsum("tcj,tnj->tnc", directions, units.dtheta)
