@@ -214,10 +214,8 @@ def _ranking(tables: Tables) -> Block:
     left_out = " Runs that failed before are left out of it." if frame.failed.any() else ""
     columns = ["case | runs = run_count", *(["failed"] if left_out else [])]
     for quantity in (name for name in ("velocity", "position", "attitude") if name in frame):
-        unit, blank_heading = (
-            frame[f"{quantity}_unit"].iloc[0],
-            "".ljust(len(columns)),
-        )  # headings of a frame are unique: blanks of different length
+        # Headings of a frame are unique: blanks of different length
+        unit, blank_heading = frame[f"{quantity}_unit"].iloc[0], "".ljust(len(columns))
         columns.append(f"{quantity} ({unit}) = {quantity}")
         columns.append(f"95 % interval{blank_heading} = {quantity}_low to {quantity}_high: number")
     caption = f"Ranking: 3D RMS error at {words(frame.event.iloc[0])}, best velocity first.{left_out}"

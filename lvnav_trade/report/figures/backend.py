@@ -1,13 +1,13 @@
-"""matplotlib, imported where MPLBACKEND names a backend that is not installed: figures here need none."""
+"""Import of matplotlib without the backend that MPLBACKEND selects: figures of this package need none."""
 
 import os
 import sys
 
 try:
     import matplotlib as mpl
-except ValueError:  # a notebook sets the variable for every command that it starts, in other installations too
+except ValueError:  # a notebook sets MPLBACKEND for all its child processes, where that backend may be missing
     del os.environ["MPLBACKEND"]
-    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:  # half imported
+    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:  # partly imported
         del sys.modules[name]
     import matplotlib as mpl
 

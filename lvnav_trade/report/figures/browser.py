@@ -1,4 +1,4 @@
-"""Figures as JSON that `report/templates/figures.js` draws in a browser: arrays of single precision, each once."""
+"""Figures as JSON that `report/templates/figures.js` draws in a browser; arrays in single precision, each once."""
 
 import base64
 import json
@@ -32,10 +32,10 @@ _STYLES = (
 
 
 def data_of(figure: Figure) -> str:
-    """Return a figure as JSON."""
+    """Return a figure as JSON, safe within a script element."""
     arrays: dict[bytes, int] = {}
     rows, columns = figure.grid.shape
-    found = {
+    document = {
         "rows": rows,
         "columns": columns,
         "height": figure.height,
@@ -44,9 +44,9 @@ def data_of(figure: Figure) -> str:
         "panels": [_panel(panel, arrays) for panel in figure.panels],
         "legend": [_mark(mark, {}) for mark in figure.legend()],
     }
-    found["arrays"] = [base64.b64encode(content).decode() for content in arrays]
-    text = json.dumps(found, separators=(",", ":"), ensure_ascii=False, default=float, allow_nan=False)
-    for letter in "<>&\u2028\u2029":  # it stands in a script element
+    document["arrays"] = [base64.b64encode(content).decode() for content in arrays]
+    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, default=float, allow_nan=False)
+    for letter in "<>&\u2028\u2029":  # the JSON is within a script element
         text = text.replace(letter, f"\\u{ord(letter):04x}")
     return text
 
@@ -62,7 +62,7 @@ def _panel(panel: Panel, arrays: dict[bytes, int]) -> dict[str, Any]:
     units = {f"{side}unit": unit_of(panel.axes.get(f"{side}label", "")) for side in ("x", "y")}
     labels = {f"{side}label": label for side in ("x", "y") if (label := panel.label(side))}
     over_time = panel.events is not None
-    if over_time:  # of panels below each other the last alone has a label
+    if over_time:  # only the lowest panel of a column has a label
         units["xunit"], labels["xname"] = "s", "t"
     words = {"alt": alt_text(panel), "linked": over_time}
     return {
@@ -78,35 +78,35 @@ def _panel(panel: Panel, arrays: dict[bytes, int]) -> dict[str, Any]:
 
 
 def _mark(mark: Mark, arrays: dict[bytes, int]) -> dict[str, Any]:
-    """Return a mark; its arrays by their places in `arrays`."""
-    found = {name: mark.style[name] for name in _STYLES if name in mark.style}
+    """Return a mark with its arrays replaced by their indices in `arrays`."""
+    encoded = {name: mark.style[name] for name in _STYLES if name in mark.style}
     dashes = mark.style.get("ls", "-")
-    found["ls"] = _DASHES.get(dashes) if isinstance(dashes, str) else [2.0 * length for length in dashes[1]]
+    encoded["ls"] = _DASHES.get(dashes) if isinstance(dashes, str) else [2.0 * length for length in dashes[1]]
     if mark.style.get("hatch"):
-        found["hatch"] = True
+        encoded["hatch"] = True
     content = mark.data if mark.kind not in ("line", "band") else _thinned(mark.data)
     for name, values in content.items():
         if isinstance(values, np.ndarray):
             packed = np.asarray(values, dtype="<f4").tobytes()
-            found[name] = arrays.setdefault(packed, len(arrays))
+            encoded[name] = arrays.setdefault(packed, len(arrays))
             if values.ndim == 2:
-                found["shape"] = values.shape
+                encoded["shape"] = values.shape
         else:
-            found[name] = values
-    return {"kind": mark.kind, "label": mark.label, **found}
+            encoded[name] = values
+    return {"kind": mark.kind, "label": mark.label, **encoded}
 
 
 def _thinned(data: dict[str, Floats]) -> dict[str, Floats]:
-    """Return lines over one abscissa with at most `MOST_POINTS` points each, its extremes kept."""
+    """Return lines over one abscissa with at most `MOST_POINTS` points each, without loss of their extremes."""
     x = data["x"]
     if x.size <= MOST_POINTS or not (np.diff(x) >= 0.0).all():
         return data
-    kept = [np.array([0, x.size - 1])]
+    selected = [np.array([0, x.size - 1])]
     for values in (values for name, values in data.items() if name != "x"):
-        for part in np.array_split(np.arange(x.size), MOST_POINTS // (2 * (len(data) - 1))):
-            here = values[part]
+        for block in np.array_split(np.arange(x.size), MOST_POINTS // (2 * (len(data) - 1))):
+            here = values[block]
             if np.isfinite(here).any():
-                kept.append(part[[np.nanargmin(here), np.nanargmax(here)]])
-            kept.append(part[np.isnan(here)][:1])
-    chosen = np.unique(np.concatenate(kept))
+                selected.append(block[[np.nanargmin(here), np.nanargmax(here)]])
+            selected.append(block[np.isnan(here)][:1])
+    chosen = np.unique(np.concatenate(selected))
     return {name: values[chosen] for name, values in data.items()}

@@ -1,4 +1,4 @@
-"""The error budget: variance by source over time with the filter's own on it, and when each source acted."""
+"""Error budget: variance by source over time compared with the filter's own, and when each source contributed."""
 
 import numpy as np
 import pandas as pd
@@ -17,18 +17,18 @@ _REST = "#c4c9d1"
 # Every other layer is hatched: neighbours differ in black and white.
 _HATCHES = ("", "////", "", "....", "", "xxxx", "", "")
 _MAP = "YlGnBu"
-_BIASED = 0.01  # part of the mean square from which on the mean error is drawn beside the variance
-# Percent: smaller contributions are left white, sources with a smaller sum are drawn together.
+_BIASED = 0.01  # share of the mean square from which the mean error is drawn in addition to the variance
+# Percent: smaller contributions are white; sources with a smaller sum are combined.
 _LEAST, _LEAST_ROW = 1e-2, 0.05
 
 
 @drawing
 def budget(tables: Tables, case: str, quantity: str) -> Figure:
-    """Draw the true variance of a 3-D error over time, source on source, and its parts.
+    """Draw the true variance of a 3-D error over time, stacked by source, and the shares of the sources.
 
-    Above, a sandpile: heights are variances on an axis scaled and labelled as their root, so that the top of the pile
-    reads as one sigma of the true error and squares add; the line is the filter's own sigma. Where the pile rises above
-    the line the filter is optimistic, by what lies between. Below, the same layers as parts of the true variance.
+    In the upper panel, heights are variances, and the axis is labelled with their square root. The top of the stack is
+    therefore one sigma of the true error. The line is the filter's own sigma; the filter is optimistic where the stack
+    exceeds it. The lower panel has the same layers as shares of the true variance.
     """
     rows = pick(tables.budget, case=case, event="", quantity=quantity, axis="3d")
     share = rows.pivot_table(index="t_s", columns="source", values="share_ratio", sort=False) * 100.0
@@ -56,27 +56,29 @@ def budget(tables: Tables, case: str, quantity: str) -> Figure:
 
 @once
 def _order(tables: Tables) -> list[str]:
-    """Return the sources of all cases and quantities, largest mean part first: stacks of a report have one order."""
+    """Return the sources of all cases and quantities, largest mean share first: all stacks of a report agree."""
     rows = pick(tables.budget, event="", axis="3d")
     return list(rows.groupby("source", sort=False).share_ratio.mean().sort_values(ascending=False, kind="stable").index)
 
 
 def _layers(share: pd.DataFrame, order: list[str]) -> pd.DataFrame:
     largest = list(share.mean().sort_values(ascending=False, kind="stable").index[:MOST_SOURCES])
-    found = share[sorted(largest, key=order.index)].copy()
+    layers = share[sorted(largest, key=order.index)].copy()
     if share.shape[1] > MOST_SOURCES:
-        found[REST] = share.drop(columns=largest).sum(axis=1)
-    return found
+        layers[REST] = share.drop(columns=largest).sum(axis=1)
+    return layers
 
 
 def _colours(names: list[str], order: list[str]) -> list[str]:
-    """Return a colour for each layer, by its place in the order; of two with one colour the later has another."""
-    found: dict[str, str] = {REST: _REST}
+    """Return a colour for each layer by its position in the order; if two layers share a colour, the later gets
+    another.
+    """
+    colours: dict[str, str] = {REST: _REST}
     for name in (name for name in names if name != REST):
         place = order.index(name)
         turned = (*_SOURCES[place % len(_SOURCES) :], *_SOURCES[: place % len(_SOURCES)])
-        found[name] = next(colour for colour in turned if colour not in found.values())
-    return [found[name] for name in names]
+        colours[name] = next(colour for colour in turned if colour not in colours.values())
+    return [colours[name] for name in names]
 
 
 def _stack(ax: Panel, layers: pd.DataFrame, colours: list[str]) -> None:
@@ -94,26 +96,27 @@ def _root_axis(ax: Panel, top: float) -> None:
 
 
 def _round_step(step: float) -> float:
-    """Return 1, 2 or 5 times a power of ten, next above."""
+    """Return the next larger number of the form 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(step))
     return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= step * 0.999))
 
 
 @drawing
 def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
-    """Draw what each source put into a 3-D error at the explained event, and when: sources x time, largest on top.
+    """Draw the contribution of each source to a 3-D error at the diagnosed event, by the time at which it acted.
 
-    What is drawn once (constant errors, initial errors) stands in a column of its own: the start. At the right the sum.
+    Sources are rows, largest on top, and times are columns. Errors drawn once (constant and initial errors) are in the
+    first column, the start. The sum is at the right.
     """
     rows = pick(contributions(tables), case=tables.labels[case], metric=f"{quantity}_error")
     total = rows.groupby("source", sort=False).share_ratio.sum().sort_values(ascending=False, kind="stable") * 100.0
     names = list(total.index[total >= _LEAST_ROW][:MOST_ROWS])
-    rest = [name for name in total.index if name not in names]
+    others = [name for name in total.index if name not in names]
     edges = np.unique(np.concatenate([rows.t_start_s, rows.t_end_s]))
     wide = rows.pivot_table(index="source", columns="t_start_s", values="share_ratio", sort=False) * 100.0
-    if rest:
-        wide.loc[REST] = wide.loc[rest].sum()
-        total[REST] = total[rest].sum()
+    if others:
+        wide.loc[REST] = wide.loc[others].sum()
+        total[REST] = total[others].sum()
         names.append(REST)
     image = wide.reindex(index=names, columns=edges[:-1]).to_numpy()
     event = rows.event.iloc[0].replace("_", " ")

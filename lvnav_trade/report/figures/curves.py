@@ -1,4 +1,4 @@
-"""Errors over a numeric axis, with their limits and where they cross them; tornado of axes varied one at a time."""
+"""Errors along a numeric axis with their limits and crossings; tornado plot of axes varied one at a time."""
 
 import numpy as np
 
@@ -7,14 +7,15 @@ from lvnav_trade.report.figures.style import drawing, line_of, scale_up
 from lvnav_trade.results.evaluation import METRICS
 from lvnav_trade.results.tables.read import Tables
 
-_MOST = 8  # curves of one panel
+_MOST = 8  # largest number of curves in a panel
 
 
 @drawing
 def curves(tables: Tables, axis: str) -> Figure:
-    """Draw, requirement by requirement, the error that the asked fraction of flights stays below over a numeric axis.
+    """Draw, for each requirement, the P-quantile of the error along a numeric axis, where P is the required
+    probability.
 
-    Lines are linear covariance, dots are runs, the dashed line is the limit, crosses are where a curve reaches it.
+    Lines are linear covariance, dots are runs, the dashed line is the limit, crosses mark where a curve reaches it.
     """
     frame = METRICS["curves"](tables)
     frame = frame[frame.axis == axis]
@@ -24,14 +25,14 @@ def curves(tables: Tables, axis: str) -> Figure:
     figure, grid = canvas(len(names), 1, 2.6)
     for ax, name in zip(grid[:, 0], names, strict=True):
         rows = frame[frame.requirement == name]
-        for number, (others, curve) in enumerate(list(rows.groupby("others", sort=False))[:_MOST]):
-            ax.plot(curve.value, curve.lincov, label=others or "linear covariance", **line_of(number))
+        for number, (other_levels, curve) in enumerate(list(rows.groupby("others", sort=False))[:_MOST]):
+            ax.plot(curve.value, curve.lincov, label=other_levels or "linear covariance", **line_of(number))
             dots = {"ls": "none", "marker": "o", "ms": 3, "color": line_of(number)["color"]}
             ax.plot(curve.value, curve.monte_carlo.replace(np.inf, np.nan), **dots)
         limit, unit = float(rows.limit.iloc[0]), rows.unit.iloc[0]
         ax.axhline(limit, color=GREY, ls="--", lw=1.0)
-        met = crossing[crossing.requirement == name].crossing
-        ax.plot(met, np.full(len(met), limit), ls="none", marker="x", color="black", ms=5)
+        crossings = crossing[crossing.requirement == name].crossing
+        ax.plot(crossings, np.full(len(crossings), limit), ls="none", marker="x", color="black", ms=5)
         errors = [*rows.lincov, *rows.monte_carlo.replace(np.inf, np.nan), limit]
         scale_up(ax, "y", errors)
         scale_up(ax, "x", rows.value, from_zero=False)
@@ -41,7 +42,7 @@ def curves(tables: Tables, axis: str) -> Figure:
 
 @drawing
 def tornado(tables: Tables, requirement: str) -> Figure:
-    """Draw for every axis that is varied alone how far it moves the error of a requirement from that of the base."""
+    """Draw the change of a requirement's error from the base for every axis that is varied alone."""
     frame = METRICS["tornado"](tables)
     frame = frame[frame.requirement == requirement].iloc[::-1]
     figure, ax = panel(0.9 + 0.3 * len(frame))
@@ -60,8 +61,9 @@ def tornado(tables: Tables, requirement: str) -> Figure:
 
 @drawing
 def pareto(tables: Tables) -> Figure:
-    """Draw the error over its limit of every case over its cost, or its mass where no cost is stated; dominated ones
-    are grey, crosses violate a requirement.
+    """Draw the largest ratio of error to limit of every case against its cost, or against its mass without costs.
+
+    Dominated cases are grey; a cross marks a violated requirement.
     """
     frame = METRICS["pareto"](tables)
     column, label = ("cost", "cost") if frame.cost.notna().all() else ("mass_kg", "mass (kg)")

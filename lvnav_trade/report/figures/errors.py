@@ -103,9 +103,9 @@ def comparison(tables: Tables, quantity: str) -> Figure:
     unit, factor = tables.people[quantity, "3d"]
     label = f"{quantity} error,\n3D RMS ({unit})"
     order = list(METRICS["ranking"](tables).case)
-    shown = {*order[: MOST_COMPARED - 2], *order[-2:]}
+    selected = {*order[: MOST_COMPARED - 2], *order[-2:]}
     every = _frames(tables, quantity, (), "3d", None)
-    frames = {case: rows for case, rows in every.items() if tables.labels[case] in shown}
+    frames = {case: rows for case, rows in every.items() if tables.labels[case] in selected}
     figure = _together(tables, frames, factor, label, 3.0, dashes=False)
     (ax,) = figure.panels
     limits = mark_limits(ax, tables, next(iter(frames)), quantity)
@@ -116,13 +116,13 @@ def comparison(tables: Tables, quantity: str) -> Figure:
 def _together(
     tables: Tables, frames: dict[str, pd.DataFrame], factor: float, label: str, height: float, dashes: bool
 ) -> Figure:
-    (figure, ax), every = panel(height + 0.09 * len(frames)), []
+    (figure, ax), all_values = panel(height + 0.09 * len(frames)), []
     for number, (case, rows) in enumerate(frames.items()):
-        expected, flown = rows.expected_si * factor, _has_runs(rows)
-        shown = rows.rms_si * factor if flown else expected
-        _line(ax, number, rows.t_s, shown, expected if flown and dashes else None, tables.labels[case])
-        every += [shown, expected] if dashes else [shown]
-    scale_up(ax, "y", pd.concat(every))
+        expected, has_runs = rows.expected_si * factor, _has_runs(rows)
+        values = rows.rms_si * factor if has_runs else expected
+        _line(ax, number, rows.t_s, values, expected if has_runs and dashes else None, tables.labels[case])
+        all_values += [values, expected] if dashes else [values]
+    scale_up(ax, "y", pd.concat(all_values))
     ax.set(ylabel=label)
     over_time([ax], tables, next(iter(frames)))
     return figure
@@ -170,18 +170,18 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
     """
     frames = _frames(tables, quantity, cases, axis, during or "flight")
     first, base = next(iter(frames.items()))
-    (figure, ax), every = panel(3.2 + 0.09 * len(frames)), []
+    (figure, ax), all_values = panel(3.2 + 0.09 * len(frames)), []
     for number, (case, rows) in enumerate(frames.items()):
         if number:
             expected = _over(rows, "expected_si", base)
-            shown = _over(rows, "rms_si", base) if _has_runs(rows) and _has_runs(base) else expected
-            _line(ax, number, rows.t_s, shown, expected, tables.labels[case])
-            every += [*shown, *expected]
+            values = _over(rows, "rms_si", base) if _has_runs(rows) and _has_runs(base) else expected
+            _line(ax, number, rows.t_s, values, expected, tables.labels[case])
+            all_values += [*values, *expected]
         formal = rows.lincov_formal_si / rows.expected_si
         ax.plot(rows.t_s, formal, color=line_of(number)["color"], ls=":", lw=1.2, label=None if number else _OWN)
-        every += [*formal]
+        all_values += [*formal]
     ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[first]} (the base)")
-    scale_up(ax, "y", every, from_zero=max(every, default=0.0) > 1.5)  # a few percent should be seen
+    scale_up(ax, "y", all_values, from_zero=max(all_values, default=0.0) > 1.5)  # a few percent should be seen
     ax.set(ylabel=f"{_named(quantity, axis)},\nover the base (-; short dashes: LinCov)")
     over_time([ax], tables, first)
     return figure
@@ -193,7 +193,7 @@ def _frames(tables: Tables, quantity: str, cases: Cases, axis: str, during: str 
     The latter is NaN for a case to which linear covariance is not applicable.
     """
     frames = {}
-    for case in dict.fromkeys(case for wanted in cases for case in cases_of(tables, wanted)) or tables.labels:
+    for case in dict.fromkeys(case for levels in cases for case in cases_of(tables, levels)) or tables.labels:
         rows = history_of(tables, case, quantity, axis)
         if during is not None:
             rows = rows[rows.t_s.between(*phase(tables, case, during))]
@@ -212,8 +212,10 @@ def _line(
     """Draw the line of a case, and the expectation of linear covariance as a second line if it is given."""
     style = line_of(number)
     if expected is not None:  # dashes mark the expectation, so cases are distinguished by markers
-        every = max(1, len(t) // _MARKED)
-        ax.plot(t, shown, label=label, color=style["color"], marker=MARKERS[number % len(MARKERS)], ms=4.5, every=every)
+        interval = max(1, len(t) // _MARKED)
+        ax.plot(
+            t, shown, label=label, color=style["color"], marker=MARKERS[number % len(MARKERS)], ms=4.5, every=interval
+        )
         ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.9, group=label)
     else:
         ax.plot(t, shown, label=label, **style)
@@ -229,28 +231,32 @@ def _over(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[floa
 
 @drawing
 def autocorrelation(tables: Tables, cases: Cases = (), channels: str = "") -> Figure:
-    """Draw the autocorrelation of every innovation channel of chosen cases, a panel each; `channels` picks by a word.
+    """Draw the autocorrelation of every innovation channel of selected cases, one panel each.
 
-    Grey: where the value of one flight of white innovations lies with 95 % probability.
+    The grey band contains the value of one flight with white innovations with 95 % probability.
+
+    channels : word that selects channels
     """
-    labels = [tables.labels[case] for wanted in cases for case in cases_of(tables, wanted)]
+    labels = [tables.labels[case] for levels in cases for case in cases_of(tables, levels)]
     frame = METRICS["autocorrelation"](tables)
     frame = frame[frame.channel.str.contains(channels, regex=False) & (frame.pair_count >= 100)]
     if frame.empty:
         return message("there are no runs to correlate", "lag (epochs)", "autocorrelation (-)")
-    shown = list(dict.fromkeys(labels or frame.case))
-    columns = min(3, len(shown))
-    figure, grid = canvas(-(-len(shown) // columns), columns, 2.3)
+    selected = list(dict.fromkeys(labels or frame.case))
+    columns = min(3, len(selected))
+    figure, grid = canvas(-(-len(selected) // columns), columns, 2.3)
     bound = 1.96 / np.sqrt(_ONE_FLIGHT)
-    found = [-_LEAST, _LEAST, *frame[frame.case.isin(shown) & (frame.lag_number > 0)].autocorrelation_ratio]
-    limits = 1.1 * float(np.min(found)), 1.1 * float(np.max(found))
-    for ax, label in zip(grid.ravel(), shown, strict=False):
+    extent = [-_LEAST, _LEAST, *frame[frame.case.isin(selected) & (frame.lag_number > 0)].autocorrelation_ratio]
+    limits = 1.1 * float(np.min(extent)), 1.1 * float(np.max(extent))
+    for ax, label in zip(grid.ravel(), selected, strict=False):
         ax.axhspan(-bound, bound, color=SHADE, alpha=0.35, label="95 % of one flight, if white")
         for channel, rows in frame[frame.case == label].groupby("channel", sort=False):
             lags = rows[rows.lag_number > 0]
             colour = PALETTE[1] if "rate" in str(channel) or "vel" in str(channel) else PALETTE[0]
-            what = _SLOW_FAST[colour == PALETTE[1]]
-            ax.plot(lags.lag_number, lags.autocorrelation_ratio, color=colour, lw=0.8, marker=".", ms=3, label=what)
+            legend_entry = _SLOW_FAST[colour == PALETTE[1]]
+            ax.plot(
+                lags.lag_number, lags.autocorrelation_ratio, color=colour, lw=0.8, marker=".", ms=3, label=legend_entry
+            )
         ax.set(title=label.replace(", ", "\n"), xlabel="lag (epochs)", ylim=limits)
     for ax in grid[:, 0]:
         ax.set(ylabel="autocorrelation (-)")
@@ -259,10 +265,10 @@ def autocorrelation(tables: Tables, cases: Cases = (), channels: str = "") -> Fi
 
 @drawing
 def consistency(tables: Tables, case: str) -> Figure:
-    """Draw ANEES and ANIS of a case per degree of freedom (1 is a matched filter) with their 95 % bounds.
+    """Draw ANEES and ANIS of a case per degree of freedom (1 for a consistent filter) with their 95 % bounds.
 
-    A case with a gate has a third panel: the part of rows that it rejected, and what linear covariance expects of the
-    most endangered row. ANIS is of accepted rows, over what the gate leaves of a matched filter's.
+    A case with a gate has a third panel: the share of rejected measurements, and its expectation by linear covariance
+    for the measurement with the largest. ANIS is of accepted measurements, relative to its expectation after the gate.
     """
     gated = not pd.isna(tables.cases.set_index("case").gate_ratio[case])
     errors, innovations = (with_gaps(pick(METRICS[name](tables), case=tables.labels[case])) for name in ("nees", "nis"))

@@ -17,7 +17,7 @@ from lvnav_trade.quantities.records import Floats
 
 GREY = "#6b7280"
 SHADE = "#9ca3af"
-_SCALES = {"log": "log", "root": "quadratic"}  # word in the label of an axis that is not linear
+_SCALES = {"log": "log", "root": "quadratic"}  # word in the axis label for a scale that is not linear
 _IN_BRACKETS = re.compile(r"\((?P<unit>[^(),;]*)[^()]*\)")
 _AXES = {*"xlabel ylabel title xlim ylim xscale yscale xticks yticks equal grid margin".split()}  # noqa: SIM905
 _ROOM = 0.02  # width of the number of an event, as a fraction of the width of a panel
@@ -51,14 +51,14 @@ class Events(NamedTuple):
 
     def groups(self, low: float, high: float, columns: int = 1) -> list[tuple[float, str]]:
         """Return time (s) and number of the events between two times; close events have a common label, as "3-5"."""
-        shown = [(k, t) for k, (_, t) in enumerate(self.points, 1) if low <= t <= high]
+        visible = [(k, t) for k, (_, t) in enumerate(self.points, 1) if low <= t <= high]
         firsts: list[int] = []
-        for index, (_, t) in enumerate(shown):
-            if not firsts or t - shown[firsts[-1]][1] >= _ROOM * columns * (high - low):
+        for index, (_, t) in enumerate(visible):
+            if not firsts or t - visible[firsts[-1]][1] >= _ROOM * columns * (high - low):
                 firsts.append(index)
         labels = []
-        for first, following in pairwise([*firsts, len(shown)]):
-            (start, t), (end, _) = shown[first], shown[following - 1]
+        for first, following in pairwise([*firsts, len(visible)]):
+            (start, t), (end, _) = visible[first], visible[following - 1]
             labels.append((t, str(start) if start == end else f"{start}-{end}"))
         return labels
 
@@ -67,9 +67,9 @@ class Events(NamedTuple):
         names = [f"{number} {name.replace('_', ' ')}" for number, (name, _) in enumerate(self.points, start=1)]
         kinds: dict[str, list[str]] = {}  # numbers of the faults by kind
         for name in dict.fromkeys(name.replace("_", " ") for name, _, _ in self.faults):
-            kind, _, number = name.rpartition(" ")
-            kinds.setdefault(kind, []).append(number)
-        faults = ", ".join(f"{kind} {' '.join(numbers)}".strip() for kind, numbers in kinds.items())
+            fault_type, _, number = name.rpartition(" ")
+            kinds.setdefault(fault_type, []).append(number)
+        faults = ", ".join(f"{fault_type} {' '.join(numbers)}".strip() for fault_type, numbers in kinds.items())
         names += wrap(f"shaded: {faults}", _KEY_LENGTH) if faults else []
         lines: list[str] = []
         for name in names:
@@ -199,10 +199,13 @@ class Panel:
         self.plot(np.stack([x, x, gap], axis=1).ravel(), np.stack([low, high, gap], axis=1).ravel(), **style)
 
     def text(self, x: Any, y: Any, texts: str | Iterable[str], **style: Any) -> None:
-        """Write texts at positions; x_part, y_part: whether a coordinate is a fraction of the axis."""
-        named = [texts] if isinstance(texts, str) else list(texts)
-        x, y = (np.broadcast_to(_floats(place), len(named)) for place in (x, y))
-        self._add("text", {"x": x, "y": y, "texts": named}, style)
+        """Write texts at positions.
+
+        x_part, y_part in the style : whether the coordinate is a fraction of the axis
+        """
+        labels = [texts] if isinstance(texts, str) else list(texts)
+        x, y = (np.broadcast_to(_floats(place), len(labels)) for place in (x, y))
+        self._add("text", {"x": x, "y": y, "texts": labels}, style)
 
     def cells(self, x: Any, y: Any, values: Any, scale: tuple[float, float], **style: Any) -> None:
         """Colour cells between edges by their values, on a logarithmic colour scale; a label adds a colour bar.
@@ -287,7 +290,7 @@ def alt_text(panel: Panel) -> str:
             parts.append(f"{name}: {text}" + (f" from {ends[0]:.4g} to {ends[1]:.4g}" if ends else ""))
     names = list(dict.fromkeys(one_line(mark.label) for mark in panel.marks if mark.label))
     parts.append(f"shown: {', '.join(names)}" if names else "")
-    return "; ".join(part for part in parts if part)
+    return "; ".join(item for item in parts if item)
 
 
 def one_line(text: Any) -> str:

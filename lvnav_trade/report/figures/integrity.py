@@ -1,4 +1,4 @@
-"""Figures of tests for faults, protection levels, and the validity of linear covariance."""
+"""Figures of fault tests, protection levels, and the validity of linear covariance."""
 
 import numpy as np
 import pandas as pd
@@ -16,22 +16,30 @@ _COLOURS = dict(zip(ISOLATED[1:], (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5
 
 
 def _of_case(tables: Tables, case: str) -> pd.DataFrame:
-    """Return part of runs, and whether linear covariance, by epoch and by what is isolated."""
+    """Return the share of runs, and whether linear covariance, isolates a channel, by epoch and channel."""
     rows = pick(METRICS["decisions"](tables), case=tables.labels[case])
     return rows.groupby(["isolated", "t_s"]).agg(run_ratio=("run_ratio", "sum"), lincov=("lincov", "any")).reset_index()
 
 
 @drawing
 def decisions(tables: Tables, case: str) -> Figure:
-    """Draw what the filter of a case isolates: part of runs epoch by epoch; open marks stand for linear covariance."""
+    """Draw the share of runs that isolate each channel, by epoch, for one case; open markers are linear covariance."""
     rows, (figure, ax) = _of_case(tables, case), panel(2.4)
     if rows.empty:
         return message("nothing is isolated", "time since lift-off (s)", "runs (%)")
     for isolated, colour in _COLOURS.items():
-        mine = rows[rows.isolated == isolated]
-        if len(mine):
-            ax.plot(mine.t_s, 100.0 * mine.run_ratio, ls="none", marker="o", ms=3, color=colour, label=isolated)
-            nominal = mine[mine.lincov]
+        channel_rows = rows[rows.isolated == isolated]
+        if len(channel_rows):
+            ax.plot(
+                channel_rows.t_s,
+                100.0 * channel_rows.run_ratio,
+                ls="none",
+                marker="o",
+                ms=3,
+                color=colour,
+                label=isolated,
+            )
+            nominal = channel_rows[channel_rows.lincov]
             ax.plot(nominal.t_s, np.full(len(nominal), 103.0), ls="none", marker="o", ms=4, mfc="none", color=colour)
     ax.set(xlim=ends_of(tables, case), ylim=(0.0, 107.0), ylabel="runs (%)")
     over_time([ax], tables, case, margin=0.0)
@@ -39,21 +47,24 @@ def decisions(tables: Tables, case: str) -> Figure:
 
 
 def mark_decisions(ax: Panel, tables: Tables, case: str) -> None:
-    """Mark the epochs at which runs of a case isolate something, at the foot of a panel, by what they isolate."""
+    """Mark the epochs at which runs of a case isolate a channel at the lower edge of a panel, by channel."""
     if pick(tables.integrity, case=case).empty:
         return
     rows = _of_case(tables, case)
     for isolated, colour in _COLOURS.items():
-        mine = rows[(rows.isolated == isolated) & (rows.run_ratio > 0.0)]
-        if len(mine):
+        channel_rows = rows[(rows.isolated == isolated) & (rows.run_ratio > 0.0)]
+        if len(channel_rows):
             label = f"decisions: {isolated}"
-            ax.plot(mine.t_s, np.zeros(len(mine)), ls="none", marker="^", ms=4, color=colour, label=label)
+            ax.plot(
+                channel_rows.t_s, np.zeros(len(channel_rows)), ls="none", marker="^", ms=4, color=colour, label=label
+            )
 
 
 @drawing
 def protection(tables: Tables, case: str) -> Figure:
-    """Draw the protection levels of a case, with a failed satellite and without, over the root mean square of the true
-    error: of the runs, and by linear covariance.
+    """Draw the protection levels of a case, with and without a failed satellite, over the RMS error.
+
+    The RMS error is that of the runs, and by linear covariance.
     """
     figure, grid = canvas(len(PROTECTED), 1, 2.4)
     for axes, quantity in zip(grid.ravel(), PROTECTED, strict=True):
@@ -70,21 +81,21 @@ def protection(tables: Tables, case: str) -> Figure:
     return figure
 
 
-_WORST = 100.0  # larger ratios have its colour
-_DARK = 15.0  # above it the colour asks for white letters
+_WORST = 100.0  # ratio at the end of the colour scale
+_DARK = 15.0  # ratio above which the colour needs white letters
 
 
 def is_a_grid(tables: Tables) -> bool:
-    """Whether every pair of the levels of just two axes is one case."""
+    """Return whether two axes vary and every pair of their levels is one case."""
     levels = pd.DataFrame(tables.levels).T
     return levels.shape[1] == 2 and len(levels) > 3 and len(levels) == int(levels.nunique().prod())
 
 
 @drawing
 def validity(tables: Tables) -> Figure:
-    """Draw for every case of a grid of two axes the ratio of RMS to linear covariance that is furthest from one.
+    """Draw the ratio of RMS to linear covariance that is furthest from one, for every case of a grid of two axes.
 
-    A cross marks the cases that the spot check does not confirm, a dash those that linear covariance does not describe.
+    A cross marks cases that the spot check does not confirm, a dash cases that linear covariance does not describe.
     """
     frame = METRICS["spot_check"](tables)
     sizes = frame[frame.unit != ""]

@@ -19,12 +19,12 @@ _BANDS = (("q50_si", "q95_si", 0.28, "50 to 95 % of runs"), ("q95_si", "q997_si"
 
 
 class Limit(NamedTuple):
-    """The limit of a requirement on one error, in the unit for people.
+    """Limit of a requirement on one error, in the display unit.
 
-    requirement : its name
-    value : the limit
-    at : event, or empty for a phase of flight
-    label : fraction of runs, limit, unit and where it applies
+    requirement : Name of the requirement.
+    value : The limit.
+    at : Event; empty for a phase of flight.
+    label : Fraction of runs, limit, unit and place.
     """
 
     requirement: str
@@ -35,7 +35,7 @@ class Limit(NamedTuple):
 
 def limits_of(tables: Tables, case: str, quantity: str, axis: str = "3d") -> list[Limit]:
     """Return the limits of all requirements on one error of a case."""
-    found = []
+    limits = []
     for requirement in tables.campaign.get("requirements") or ():
         error = CaseTables(tables, case).output(quantity, axis)
         if error is None or split_metric(str(requirement["metric"])) != (quantity, axis):
@@ -44,8 +44,8 @@ def limits_of(tables: Tables, case: str, quantity: str, axis: str = "3d") -> lis
         value = number_in(requirement["below"], error.unit) * error.label_factor
         percent = f"{100.0 * float(requirement['probability']):.6g} % of runs"
         label = f"limit: {percent} below {value:.4g} {error.label_unit}, {place.replace('_', ' ')}"
-        found.append(Limit(str(requirement["name"]), value, "" if requirement.get("during") else place, label))
-    return found
+        limits.append(Limit(str(requirement["name"]), value, "" if requirement.get("during") else place, label))
+    return limits
 
 
 def mark_limits(ax: Panel, tables: Tables, case: str, quantity: str) -> list[float]:
@@ -60,17 +60,20 @@ def mark_limits(ax: Panel, tables: Tables, case: str, quantity: str) -> list[flo
 
 
 def mark_quantiles(ax: Panel, tables: Tables, frame: pd.DataFrame, quantity: str) -> list[float]:
-    """Draw the limits of requirements at the event of a ranking across its bars, and on each bar the quantile that the
-    requirement bounds; return all values.
+    """Draw the limits of requirements across the bars of a ranking, and on each bar the quantile that the limit bounds.
+
+    Return all values drawn.
     """
     case = next((case for case, label in tables.labels.items() if label == frame.case.iloc[0]), "")
     values: list[float] = []
     for limit in limits_of(tables, case, quantity) if case else ():
         if limit.at != frame.event.iloc[0]:
             continue
-        found = margins(tables)
-        found = found[found.requirement == limit.requirement].set_index("case").estimate.reindex(frame.case)
-        sizes = found.to_numpy(dtype=float)
+        all_margins = margins(tables)
+        all_margins = (
+            all_margins[all_margins.requirement == limit.requirement].set_index("case").estimate.reindex(frame.case)
+        )
+        sizes = all_margins.to_numpy(dtype=float)
         sizes = np.where(np.isfinite(sizes), sizes, np.nan)
         ax.axvline(limit.value, color="black", ls=(0, (5, 2)), lw=1.0, label=limit.label)
         ax.plot(sizes, np.arange(len(frame)), ls="none", marker="D", ms=4.5, color=PALETTE[1], label=_QUANTILE)

@@ -1,4 +1,4 @@
-"""Figures of the mission: orbit, impact point, orbit correction, injection under guidance."""
+"""Figures of the mission: orbit, impact point, orbit correction, guided injection."""
 
 import numpy as np
 import pandas as pd
@@ -30,18 +30,18 @@ _PLANES: tuple[tuple[_Component, _Component], ...] = (
     ),
     (("node_error", 0, "node error"), ("inclination_error", 0, "inclination error")),
 )
-_DRAWS = 512  # of linear covariance in a plane
-_SEEN = 0.03  # part of the map's width that the largest ellipse fills
+_DRAWS = 512  # draws of linear covariance in a plane
+_SEEN = 0.03  # fraction of the map's width that the largest ellipse should fill
 _BY = {"Monte Carlo": ("runs", PALETTE[0], "-"), "linear covariance": ("LinCov", PALETTE[1], "--")}
-_DRAWN = 14  # ellipses on the map, at most
+_DRAWN = 14  # largest number of ellipses on the map
 
 
 @drawing
 def orbit(tables: Tables, case: str) -> Figure:
-    """Draw the errors of the mean orbit at the final event, true less estimated, in three planes, and the correction.
+    """Draw the errors of the mean orbit at the final event (true less estimated) in three planes, and the correction.
 
-    Dots are runs; ellipses are three sigma by linear covariance, true and formal. Where the orbit is
-    circular to within three sigma, perigee and apogee have draws of that Gaussian instead of an ellipse.
+    Dots are runs; ellipses are three sigma by linear covariance, true and formal. Within three sigma of a circular
+    orbit, draws of the Gaussian replace the ellipse of perigee and apogee.
     """
     event = final_event(tables, case)
     state = mission.state_at(tables, case, event)
@@ -49,9 +49,9 @@ def orbit(tables: Tables, case: str) -> Figure:
         return message("the flight does not end in an orbit", "perigee error (km)", "apogee error (km)")
     law = mission.law_at(tables, case, event)
     figure, grid = canvas(2, 2, 2.9, title=f"{tables.labels[case]}, {event.replace('_', ' ')}")
-    flown = mission.orbit_errors(state, mission.good_errors(tables, case, state))
+    of_runs = mission.orbit_errors(state, mission.good_errors(tables, case, state))
     for ax, pair in zip(grid.ravel()[:3], _PLANES, strict=True):
-        _plane(ax, state, law, flown, pair)
+        _plane(ax, state, law, of_runs, pair)
     _cost(grid[1, 1], costs(tables, case, event))
     return figure
 
@@ -60,7 +60,7 @@ def _plane(
     ax: Panel,
     state: mission.State,
     law: mission.Law,
-    flown: _Errors,
+    of_runs: _Errors,
     pair: tuple[_Component, _Component],
 ) -> None:
     units, factors = zip(*((MISSION[m].label_unit, MISSION[m].label_factor) for m, _, _ in pair), strict=True)
@@ -69,8 +69,8 @@ def _plane(
     def shown(errors: _Errors) -> Floats:
         return np.stack([errors[metric][:, k] for metric, k, _ in pair]) * scale[:, None]
 
-    if len(flown["node_error"]):
-        ax.plot(*shown(flown), ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
+    if len(of_runs["node_error"]):
+        ax.plot(*shown(of_runs), ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
     if any(mission.applies(state, metric, law.true) for metric, _, _ in pair):
         drawn = mission.orbit_errors(state, mission.draws(law.mean, law.true, _DRAWS))
         ax.plot(*shown(drawn), ls="none", marker="x", ms=2.5, color=PALETTE[1], label="draws of LinCov")
@@ -79,29 +79,29 @@ def _plane(
         slope = np.stack([mission.jacobian(state, metric)[k] for metric, k, _ in pair]) * scale[:, None]
         outline = slope @ law.mean + outline_of(slope @ law.true @ slope.T)
         ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, true, 3 sigma")
-        own = outline_of(slope @ law.formal @ slope.T)
-        ax.plot(*own.T, color="black", ls=":", label="LinCov, filter's own, 3 sigma")
+        formal_outline = outline_of(slope @ law.formal @ slope.T)
+        ax.plot(*formal_outline.T, color="black", ls=":", label="LinCov, filter's own, 3 sigma")
     (*_, across), (*_, up) = pair
     ax.set(xlabel=f"{across.replace(chr(10), ' ')} ({units[0]})", ylabel=f"{up} ({units[1]})")
     ax.set(margin=0.08)
 
 
-def _cost(ax: Panel, found: dict[str, Floats]) -> None:
+def _cost(ax: Panel, by_method: dict[str, Floats]) -> None:
     for by, (name, colour, dashes) in _BY.items():
-        if by in found:
-            cost = np.sort(found[by][0])
-            part = 100.0 * (np.arange(1, len(cost) + 1) / len(cost))
+        if by in by_method:
+            cost = np.sort(by_method[by][0])
+            percentile = 100.0 * (np.arange(1, len(cost) + 1) / len(cost))
             label = f"{name}: 99 % below {np.quantile(cost, 0.99):.3g} m/s"
-            ax.step(cost, part, label=label, color=colour, ls=dashes)
+            ax.step(cost, percentile, label=label, color=colour, ls=dashes)
     ax.axhline(99.0, color=GREY, lw=0.7, ls=":")
     ax.set(xlim=0.0, ylim=(0.0, 102.0), xlabel="least delta-v of a correction (m/s)", ylabel="flights (%)")
 
 
 @drawing
 def impact(tables: Tables, case: str) -> Figure:
-    """Draw the trace of the point of impact with ellipses and corridor, three sigma over time, and the last event's.
+    """Draw the track of the impact point with ellipses and corridor, three sigma over time, and the last event.
 
-    Ellipses on the map are drawn so many times larger that one sees them; the title says how many.
+    The ellipses on the map are magnified by the factor in the title.
     """
     rows = impact_points(tables, case)
     if rows.empty:
@@ -115,11 +115,11 @@ def impact(tables: Tables, case: str) -> Figure:
 
 
 def _chart(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
-    flown = tables.reference[(tables.reference.case == case) & (tables.reference.t_s >= 0.0)]
-    track = np.degrees(np.unwrap(flown.longitude_rad))
+    reference = tables.reference[(tables.reference.case == case) & (tables.reference.t_s >= 0.0)]
+    track = np.degrees(np.unwrap(reference.longitude_rad))
     longitude = np.degrees(np.unwrap(np.radians(rows.longitude_deg)))
     longitude += 360.0 * np.round((track[0] - longitude[0]) / 360.0)
-    ax.plot(track, np.degrees(flown.latitude_rad), color="black", lw=2.6, label="ground track")
+    ax.plot(track, np.degrees(reference.latitude_rad), color="black", lw=2.6, label="ground track")
     ax.plot(longitude, rows.latitude_deg, color=PALETTE[0], label="point of impact")
     dots = {"ls": "none", "marker": "o", "ms": 3, "color": PALETTE[0]}
     ax.plot(longitude[rows.event != ""], rows.latitude_deg[rows.event != ""], **dots)
@@ -142,27 +142,27 @@ def _chart(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
 
 
 def _magnification(major_km: float, width_deg: float) -> float:
-    """Return the power of ten, at least 1, that makes an ellipse of this semi-axis visible."""
+    """Return the power of ten, at least 1, that makes an ellipse with this semi-axis visible on the map."""
     return float(10.0 ** max(0, np.floor(np.log10(_SEEN * width_deg * 111.0 / max(major_km, 1e-9)))))
 
 
 def _sizes(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
-    flown = rows[rows.runs > 1]
+    with_runs = rows[rows.runs > 1]
     for name, colour in (("down", PALETTE[0]), ("cross", PALETTE[1])):
         ax.plot(rows.t_s, 3.0 * rows[f"{name}_sigma_km"], color=colour, label=f"{name}-range, LinCov")
-        own, of_runs = rows[f"{name}_filter_sigma_km"], flown[f"mc_{name}_sigma_km"]
-        ax.plot(rows.t_s, 3.0 * own, color=colour, ls=":", lw=1.0, label=f"{name}-range, filter's own")
-        if len(flown):
+        formal, of_runs = rows[f"{name}_filter_sigma_km"], with_runs[f"mc_{name}_sigma_km"]
+        ax.plot(rows.t_s, 3.0 * formal, color=colour, ls=":", lw=1.0, label=f"{name}-range, filter's own")
+        if len(with_runs):
             style = {"ls": "none", "marker": "o", "ms": 3.5, "mfc": "none", "color": colour}
-            ax.plot(flown.t_s, 3.0 * of_runs, label=f"{name}-range, runs", **style)
+            ax.plot(with_runs.t_s, 3.0 * of_runs, label=f"{name}-range, runs", **style)
     scale_up(ax, "y", 3.0 * pd.concat([rows.down_sigma_km, rows.cross_sigma_km]))
     ax.set(ylabel="error of the point\nof impact (km, 3 sigma)")
     over_time([ax], tables, case, margin=0.03)
 
 
 def _last(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
-    named = rows[rows.event != ""]
-    row = (named if len(named) else rows).iloc[-1]
+    events = rows[rows.event != ""]
+    row = (events if len(events) else rows).iloc[-1]
     if row.event and row.runs > 1:
         off = run_impacts(tables, case)[row.event] * 1e-3
         ax.plot(off[:, 1], off[:, 0], ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
@@ -174,22 +174,24 @@ def _last(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
     ax.set(title=f"{row.event.replace('_', ' ') or 'last'},\n{row.t_s:.0f} s")
 
 
-_CLOUD = 2**10  # points that stand for a law that is no Gaussian
+_CLOUD = 2**10  # points that represent a distribution that is not Gaussian
 _PLANES_AT_INJECTION = (("perigee", "apogee"), ("semi_major_axis", "inclination"))
 
 
 @drawing
 def injection(tables: Tables, case: str) -> Figure:
-    """Draw the errors of the achieved orbit of every run, achieved less target, the navigation's part of them, and what
-    linear covariance expects: apogee over perigee, and inclination over semi-major axis.
+    """Draw the errors of the achieved orbit of every run (achieved less target), with the contribution of the
+    navigation.
+
+    Planes: apogee over perigee, and inclination over semi-major axis, with the expectation by linear covariance.
     """
-    found = injections_of(tables, case)
-    if not found or not next(iter(found.values())).injected.any():
+    injections = injections_of(tables, case)
+    if not injections or not next(iter(injections.values())).injected.any():
         return message("no guided run reaches its cut-off", "perigee error (km)", "apogee error (km)")
     figure, grid = canvas(1, 2, 2.9, title=tables.labels[case])
     for ax, (across, up) in zip(grid.ravel(), _PLANES_AT_INJECTION, strict=True):
         labels = [LABELS[ORBIT_UNITS[name]] for name in (across, up)]
-        _plane_at_injection(ax, found[across], found[up], [factor for _, factor in labels])
+        _plane_at_injection(ax, injections[across], injections[up], [factor for _, factor in labels])
         _ellipse(ax, CaseTables(tables, case).injection_law(), (across, up), [factor for _, factor in labels])
         ax.set(xlabel=f"{_words(across)} error ({labels[0][0]})")
         ax.set(ylabel=f"{_words(up)} error ({labels[1][0]})", margin=0.08)
@@ -206,13 +208,17 @@ def _plane_at_injection(ax: Panel, across: Injections, up: Injections, factors: 
         ("achieved less target", "error", PALETTE[0], "."),
         ("achieved less navigated", "knowledge", PALETTE[1], "x"),
     ):
-        x, y = (getattr(one, field)[one.injected] * factor for one, factor in zip((across, up), factors, strict=True))
+        x, y = (
+            getattr(injections, field)[injections.injected] * factor
+            for injections, factor in zip((across, up), factors, strict=True)
+        )
         ax.plot(x, y, ls="none", marker=marker, ms=2.5, color=colour, label=name)
 
 
 def _ellipse(ax: Panel, law: InjectionLaw | None, quantities: tuple[str, str], factors: list[float]) -> None:
-    """Draw three sigma of two numbers by linear covariance, achieved less target; of perigee and apogee near a circle
-    the cloud that its Gaussian of axis and eccentricity vector gives.
+    """Draw three sigma of two quantities by linear covariance, achieved less target.
+
+    Near a circular orbit, perigee and apogee are drawn as samples of semi-major axis and eccentricity vector.
     """
     if law is None or why_no_law(law, quantities):
         return

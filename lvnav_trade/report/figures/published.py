@@ -39,11 +39,11 @@ def ratios(references: pd.DataFrame) -> Figure:
     alone = (frame["item"] != "") & ~frame["item"].duplicated(keep=False)
     names = [row.item if alone[row.Index] else f"{row.item or row.metric}: {row.case}" for row in frame.itertuples()]
     place = np.arange(len(frame))
-    found = frame.ratio.mask(lacks, _DRAWN[0])
-    low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, found))
+    clipped = frame.ratio.mask(lacks, _DRAWN[0])
+    low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, clipped))
     figure, ax = panel(1.1 + 0.17 * len(frame))
     ax.hlines(place, low, high, color=SHADE, lw=5, alpha=0.6, label="band")
-    _ratio_marks(ax, frame[~lacks], found[~lacks], ratio[~lacks])
+    _ratio_marks(ax, frame[~lacks], clipped[~lacks], ratio[~lacks])
     if lacks.any():
         style = {"ls": "none", "marker": "x", "color": "black", "ms": 4.5, "label": "no number of ours, or other sign"}
         ax.plot(ratio[lacks], place[lacks], **style)
@@ -52,8 +52,11 @@ def ratios(references: pd.DataFrame) -> Figure:
     return figure
 
 
-def _ratio_marks(ax: Panel, rows: pd.DataFrame, found: pd.Series, ratio: pd.Series) -> None:
-    """Draw ratios by their verdict, with arrows for `found` outside the axis; the ordinate is the index of the row."""
+def _ratio_marks(ax: Panel, rows: pd.DataFrame, clipped: pd.Series, ratio: pd.Series) -> None:
+    """Draw ratios by their verdict, with arrows for ratios outside the axis; the ordinate is the index of the row.
+
+    clipped : ratios with those outside the axis moved to its ends
+    """
     inside, edge = rows.in_band.astype(bool), at_an_edge(rows)
     kinds = [
         (inside & ~edge, "in band", {"color": PALETTE[0], "marker": "o"}),
@@ -64,7 +67,7 @@ def _ratio_marks(ax: Panel, rows: pd.DataFrame, found: pd.Series, ratio: pd.Seri
         if label == _AT_AN_EDGE and not chosen.any():
             continue
         for end, arrow in ((0.0, None), (-1.0, "<"), (1.0, ">")):
-            here = chosen & (np.sign(found - ratio) == end)
+            here = chosen & (np.sign(clipped - ratio) == end)
             if end == 0.0 or here.any():
                 style = look | ({"marker": arrow} if arrow else {"label": label})
                 ax.plot(ratio[here], ratio.index[here], ls="none", ms=4.5, **style)
@@ -81,22 +84,24 @@ def _ratio_axes(ax: Panel, names: Sequence[str], label: str) -> None:
 def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | None:
     """Draw every published number of a single flight with the distribution of the runs; None if there is none.
 
-    The box has half of the runs, the whiskers 90 %. All values are ratios to the published number.
+    The box contains half of the runs, the whiskers 90 %. All values are ratios to the published number.
     """
     rows = []
     for published in references:
         pool = axes_of(published)
         for case in cases_of(tables, published.get("case") or {}, pool) if published.get("single") else ():
-            found = evaluate_single(tables, case, published, str(published["unit"])).runs / float(published["value"])
-            found = found[np.isfinite(found)]
-            if len(found) > 1:
+            run_ratios = evaluate_single(tables, case, published, str(published["unit"])).runs / float(
+                published["value"]
+            )
+            run_ratios = run_ratios[np.isfinite(run_ratios)]
+            if len(run_ratios) > 1:
                 name = f"{published.get('item') or name_of(published)}: {label_of(tables, case, pool)}"
-                rows.append((name, found, published.get("band") or (0.5, 2.0)))
+                rows.append((name, run_ratios, published.get("band") or (0.5, 2.0)))
     if not rows:
         return None
     figure, ax = panel(1.1 + 0.22 * len(rows))
-    for place, (_, found, band) in enumerate(rows):
-        q = np.quantile(found, [0.05, 0.25, 0.5, 0.75, 0.95])
+    for place, (_, run_ratios, band) in enumerate(rows):
+        q = np.quantile(run_ratios, [0.05, 0.25, 0.5, 0.75, 0.95])
         for low, high, label, style in (
             (max(band[0], 0.02), band[1], "band", {"color": SHADE, "lw": 9, "alpha": 0.35}),
             (q[0], q[4], "90 % of our flights", {"color": PALETTE[0], "lw": 1.2}),
@@ -182,24 +187,24 @@ def _flown(
         return frame[frame.level == level]
     case = next((case for case, levels in tables.levels.items() if set(levels.values()) == {BASE}), None)
     kinds = dict.fromkeys(frame.level)
-    sizes, kind = level_sizes([*kinds, f"{base.number!r} {base.unit}".strip()])
-    if flown or case is None or kind is None or not np.isfinite(base.number):
+    sizes, level_unit = level_sizes([*kinds, f"{base.number!r} {base.unit}".strip()])
+    if flown or case is None or level_unit is None or not np.isfinite(base.number):
         return frame[:0]
     return pd.DataFrame([{"level": BASE, "others": "", "value": value_of(case), "x": sizes[-1]}])
 
 
-def _rings(ax: Panel, mine: pd.DataFrame, kind: str | None) -> None:
+def _rings(ax: Panel, points: pd.DataFrame, kind: str | None) -> None:
     """Draw rings around points; a point at zero on a logarithmic axis becomes a dotted line."""
-    is_placed = _placed(ax, mine)
+    is_placed = _placed(ax, points)
     if is_placed.any():
         look = {"ls": "none", "marker": "o", "ms": 9, "mfc": "none", "color": "black"}
-        ax.plot(mine.x[is_placed], mine.value[is_placed], label=_FLOWN, **look)
-    for value in mine.value[~is_placed]:
+        ax.plot(points.x[is_placed], points.value[is_placed], label=_FLOWN, **look)
+    for value in points.value[~is_placed]:
         ax.axhline(value, color="black", ls=":", lw=1.1, label=f"{_FLOWN} (0{f' {kind}' if kind else ''})")
 
 
 def _placed(ax: Panel, rows: pd.DataFrame) -> Any:
-    """Whether the horizontal axis has a place for each row."""
+    """Return whether each row has a place on the horizontal axis."""
     return (rows.x > 0.0) | (ax.axes.get("xscale") != "log")
 
 
@@ -229,7 +234,7 @@ def level_sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
 
 
 def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) -> Figure:
-    """Draw the error of unaided runs, and the part per step that the filter's transition does not predict.
+    """Draw the error of unaided runs, and the error per step that the filter's transition does not predict.
 
     table : one sigma per axis, from `campaign.derived.steps_table`
     phases : name, start and end (s), marked by lines

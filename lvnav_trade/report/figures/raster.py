@@ -1,4 +1,4 @@
-"""Figures as PNG and SVG, drawn by matplotlib: for pages that a repository keeps, and for slides."""
+"""Figures as PNG and SVG, drawn by matplotlib: for Markdown reports and slides."""
 
 import io
 import logging
@@ -29,11 +29,12 @@ COLOURS = 96
 """Colours kept in a picture, far from each other: line art loses nothing that one could see, not even the colour of a
 line that shows in the legend alone, and is a third of the size.
 """
-_EXACT = 24  # of them the most frequent, which are left as they are: a grey shade should not turn pink
-_NARROW, _ABOVE = 0.02, 0.05  # margins up to the first are of abscissas alone; that of ordinates is then the second
+_EXACT = 24  # most frequent colours, which are exact: a grey shade should not turn pink
+# A margin up to the first value applies to abscissas only; that of ordinates is then the second
+_NARROW, _ABOVE = 0.02, 0.05
 _OVER_AREAS = 1.3  # matplotlib draws areas at 1 and lines at 2
-_HANDLE, _LETTER = 0.55, 0.058  # inches of a legend's line with what is around it, and of a letter of 8 points
-_COLUMNS = 4  # of a legend, at most
+_HANDLE, _LETTER = 0.55, 0.058  # inches: legend handle with its padding, and a letter of 8 points
+_COLUMNS = 4  # largest number of legend columns
 # Ticks in less than a decade, closer from row to row; the closest, 0.9 and 1, have room for their labels.
 _CLOSE = (
     (1.0, 2.0, 5.0),
@@ -62,70 +63,82 @@ _LOOK: Any = {
 
 
 def files(figures: Mapping[str, Figure], formats: Sequence[str] = ("png",), jobs: int = -1) -> dict[str, bytes]:
-    """Return the files of figures by name, `NAME.FORMAT`, drawn by worker processes; by this process if one dies."""
-    asked = [(name, ending) for name in figures for ending in formats]
-    units = [(figures[name], ending) for name, ending in asked]
+    """Return the content of figure files by name, `NAME.FORMAT`.
+
+    Worker processes draw them; if one dies, this process draws them.
+
+    Parameters
+    ----------
+    figures : mapping
+        Figures by name.
+    formats : sequence of str
+        png, svg.
+    jobs : int
+        Number of worker processes; -1 for all cores.
+    """
+    requests = [(name, ending) for name in figures for ending in formats]
+    units = [(figures[name], ending) for name, ending in requests]
     try:
-        workers = Parallel(n_jobs=min(jobs, len(asked)) if len(asked) else 1, max_nbytes=None)
-        made = workers(delayed(written)(*unit) for unit in units)
+        workers = Parallel(n_jobs=min(jobs, len(requests)) if len(requests) else 1, max_nbytes=None)
+        contents = workers(delayed(written)(*unit) for unit in units)
     except TerminatedWorkerError:
         _LOG.warning("a worker process died (out of memory?); the figures are drawn one by one")
-        made = [written(*unit) for unit in units]
-    return {f"{name}.{ending}": content for (name, ending), content in zip(asked, made, strict=True)}
+        contents = [written(*unit) for unit in units]
+    return {f"{name}.{ending}": content for (name, ending), content in zip(requests, contents, strict=True)}
 
 
 def written(figure: Figure, ending: str) -> bytes:
-    """Return a figure as a file without a date: a small PNG of few colours, or SVG."""
-    found = io.BytesIO()
+    """Return a figure as a file without a date: a small PNG with few colours, or SVG."""
+    buffer = io.BytesIO()
     with mpl.rc_context(_LOOK):
         drawing = drawn(figure)
         if ending == "svg":
-            drawing.savefig(found, format="svg", metadata={"Date": None})
-            return found.getvalue()
+            drawing.savefig(buffer, format="svg", metadata={"Date": None})
+            return buffer.getvalue()
         canvas: Any = FigureCanvasAgg(drawing)
         canvas.draw()  # savefig would draw twice, for the layout and for the picture
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
-    _few_colours(image).save(found, format="PNG", optimize=True)
-    return found.getvalue()
+    _few_colours(image).save(buffer, format="PNG", optimize=True)
+    return buffer.getvalue()
 
 
 def _few_colours(image: Image.Image) -> Image.Image:
-    """Return a picture of `COLOURS` colours; those of large areas (shades, grids) are what they were."""
-    found = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    """Return a picture with `COLOURS` colours; the most frequent colours (shaded areas, grids) are exact."""
+    reduced = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     red, green, blue = np.moveaxis(np.asarray(image).reshape(-1, 3).astype(np.uint32), 1, 0)
-    code, index = (red << 16) | (green << 8) | blue, np.asarray(found).ravel()
-    every, count = np.unique(code, return_counts=True)
-    palette, kept = np.array(found.getpalette()).reshape(-1, 3), set()
-    for one in every[np.argsort(-count, kind="stable")][:_EXACT]:
-        place = int(index[np.argmax(code == one)])
-        if place not in kept:  # of several that became one colour the largest
-            palette[place] = one >> 16, (one >> 8) & 255, one & 255
-            kept.add(place)
-    found.putpalette(palette.ravel().tolist())
-    return found
+    code, index = (red << 16) | (green << 8) | blue, np.asarray(reduced).ravel()
+    codes, count = np.unique(code, return_counts=True)
+    palette, exact = np.array(reduced.getpalette()).reshape(-1, 3), set()
+    for colour in codes[np.argsort(-count, kind="stable")][:_EXACT]:
+        place = int(index[np.argmax(code == colour)])
+        if place not in exact:  # of colours that were merged, the most frequent
+            palette[place] = colour >> 16, (colour >> 8) & 255, colour & 255
+            exact.add(place)
+    reduced.putpalette(palette.ravel().tolist())
+    return reduced
 
 
 @mpl.rc_context(_LOOK)
 def drawn(figure: Figure) -> Drawing:
-    """Return a figure of matplotlib; it is not registered with pyplot."""
+    """Return a figure of matplotlib that is not registered with pyplot."""
     options = dict(figure.options)
     title, widths = options.pop("title", ""), options.pop("widths", None)
     rows, columns = figure.grid.shape
-    found = Drawing(figsize=(WIDTH, figure.height * rows), layout="constrained")
-    grid = found.subplots(rows, columns, squeeze=False, width_ratios=widths, **options)
+    drawing = Drawing(figsize=(WIDTH, figure.height * rows), layout="constrained")
+    grid = drawing.subplots(rows, columns, squeeze=False, width_ratios=widths, **options)
     for axes, panel in zip(grid.ravel(), figure.panels, strict=True):
         if panel.marks:
-            _fill(found, axes, panel)
+            _fill(drawing, axes, panel)
         else:
             axes.set_axis_off()
     for axes, panel in zip(grid.ravel(), figure.panels, strict=True):  # after the marks of all that share an axis
         _limit_sides(axes, panel)
     for (row, column), panel in np.ndenumerate(figure.grid):
-        named = all(above.events is None for above in figure.grid[:row, column])
-        _mark_events(grid[row, column], panel, columns, named)
-    found.suptitle(title, fontsize=9) if title else None
-    _legend(found, figure)
-    return found
+        is_top = all(above.events is None for above in figure.grid[:row, column])
+        _mark_events(grid[row, column], panel, columns, is_top)
+    drawing.suptitle(title, fontsize=9) if title else None
+    _legend(drawing, figure)
+    return drawing
 
 
 def _fill(figure: Drawing, axes: Any, panel: Panel) -> None:
@@ -138,7 +151,7 @@ def _fill(figure: Drawing, axes: Any, panel: Panel) -> None:
         _DRAW[mark.kind](figure, axes, mark)
     for side in ("x", "y"):
         low, high = state.get(f"{side}lim", (None, None))
-        if low is not None and high is None:  # the room above what is drawn is a part of all that is shown
+        if low is not None and high is None:  # the margin above the data is a fraction of the visible range
             axes.update_datalim([(low, low)], updatex=side == "x", updatey=side == "y")
     axes.set(xlabel=panel.label("x"), ylabel=panel.label("y"), title=state.get("title", ""))
     if state.get("grid") is False:
@@ -167,37 +180,39 @@ def _scale(axes: Any, side: str, scale: str | None) -> None:
     elif scale == "root":
         axes.set_yscale("function", functions=(lambda y: np.sqrt(np.maximum(y, 0.0)), np.square))
         axes.minorticks_off()
-    elif not isinstance(axis.get_major_locator(), FixedLocator):  # of a panel that shares this axis
+    elif not isinstance(axis.get_major_locator(), FixedLocator):  # not fixed by a panel that shares this axis
         axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
         axes.ticklabel_format(axis=side, style="sci", scilimits=(-3, 4))
 
 
 class _Decades(LogLocator):
-    """Ticks at decades; at 1, 2 and 5 where fewer than four decades lie within and there is room, and closer ones in
-    less than one.
+    """Ticks at decades.
+
+    Within less than four decades, ticks are also at 2 and 5, if there is room; within less than one decade they are
+    closer.
     """
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
-        """Return the ticks between limits."""
+        """Return the ticks between two limits."""
         low, high = sorted((vmin, vmax))
         if 0 < low < high < 10 * low:
             return within_a_decade(low, high)
-        few = 0 < low and np.floor(np.log10(high)) - np.ceil(np.log10(low)) < _FEW_DECADES - 1
+        is_dense = 0 < low and np.floor(np.log10(high)) - np.ceil(np.log10(low)) < _FEW_DECADES - 1
         room = self.axis.get_tick_space() if isinstance(self.axis, Axis) else _FEW_DECADES
-        room *= 2 if isinstance(self.axis, YAxis) else 1  # matplotlib leaves a line between two numbers
-        few = few and 3.0 * np.log10(high / low) <= max(3, room)  # else numbers would overlap
-        self.set_params(subs=(1.0, 2.0, 5.0) if few else (1.0,))
+        room *= 2 if isinstance(self.axis, YAxis) else 1  # matplotlib counts a blank line between two numbers
+        is_dense = is_dense and 3.0 * np.log10(high / low) <= max(3, room)  # else numbers would overlap
+        self.set_params(subs=(1.0, 2.0, 5.0) if is_dense else (1.0,))
         return super().tick_values(vmin, vmax)
 
 
 def within_a_decade(low: float, high: float) -> list[float]:
-    """Return ticks of a logarithmic axis of less than a decade: four at least, as few as that takes."""
+    """Return at least four ticks of a logarithmic axis that spans less than a decade, as few as possible."""
     power = 10.0 ** np.floor(np.log10(low))
     for parts in _CLOSE:
-        every = [float(f"{part * scale:.6g}") for scale in (power, 10.0 * power) for part in parts]
-        found = [at for at in every if low <= at <= high]
-        if len(found) >= 4:
-            return found
+        candidates = [float(f"{step * scale:.6g}") for scale in (power, 10.0 * power) for step in parts]
+        inside = [at for at in candidates if low <= at <= high]
+        if len(inside) >= 4:
+            return inside
     return [float(f"{at:.6g}") for at in MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)]
 
 
@@ -266,8 +281,8 @@ def _cells(figure: Drawing, axes: Any, mark: Mark) -> None:
 _DRAW = {"line": _line, "band": _band, "boxes": _boxes, "limit": _limit, "text": _text, "cells": _cells}
 
 
-def _mark_events(axes: Any, panel: Panel, columns: int, named: bool) -> None:
-    """Draw events as thin lines, faults shaded and those of a moment as thick lines; numbers stand at the top."""
+def _mark_events(axes: Any, panel: Panel, columns: int, has_numbers: bool) -> None:
+    """Draw events as thin lines with numbers at the top, faults as shaded areas, momentary faults as thick lines."""
     if panel.events is None:
         return
     low, high = axes.get_xlim()
@@ -280,32 +295,32 @@ def _mark_events(axes: Any, panel: Panel, columns: int, named: bool) -> None:
     for t in dict.fromkeys(t for _, t in panel.events.points if low <= t <= high):
         axes.axvline(t, color=GREY, lw=0.7, zorder=1.5)
     style = {"xycoords": ("data", "axes fraction"), "xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
-    for t, text in panel.events.groups(low, high, columns) if named else ():
+    for t, text in panel.events.groups(low, high, columns) if has_numbers else ():
         axes.annotate(text, (t, 1.0), fontsize=6.5, color=GREY, va="bottom", annotation_clip=False, **style)
 
 
-def _legend(found: Drawing, figure: Figure) -> None:
-    """Write one legend for all panels below, where it hides nothing."""
+def _legend(drawing: Drawing, figure: Figure) -> None:
+    """Draw one legend for all panels below the figure."""
     handles: dict[str, Any] = {}
-    for axes in found.axes:
+    for axes in drawing.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     marks = {mark.label for mark in figure.legend()}
-    shown = {label: handle for label, handle in handles.items() if label in marks}
-    if not shown:
-        found.supxlabel(figure.key, fontsize=7.0, color=GREY)
+    entries = {label: handle for label, handle in handles.items() if label in marks}
+    if not entries:
+        drawing.supxlabel(figure.key, fontsize=7.0, color=GREY)
         return
-    columns = _fitting(list(shown), _COLUMNS)
-    legend = found.legend(list(shown.values()), list(shown), loc="outside lower center", ncols=columns)
+    columns = _fitting(list(entries), _COLUMNS)
+    legend = drawing.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=columns)
     if figure.key:
         legend.set_title(figure.key, FontProperties(size=7.0))
         legend.get_title().set_color(GREY)
 
 
 def _fitting(labels: list[str], most: int) -> int:
-    """Return in how many columns a legend has room across the page; it is filled column by column."""
+    """Return the number of legend columns that fit across the page; the legend is filled column by column."""
     for count in range(min(most, len(labels)), 1, -1):
-        longest = [max(map(len, part)) for part in np.array_split(np.array(labels, dtype=object), count)]
+        longest = [max(map(len, column)) for column in np.array_split(np.array(labels, dtype=object), count)]
         if sum(_HANDLE + _LETTER * length for length in longest) <= WIDTH:
             return count
     return 1

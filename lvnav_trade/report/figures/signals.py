@@ -1,4 +1,4 @@
-"""The signals over a flight: satellites in view and tracked, their C/N0, channels, delays and latency."""
+"""Figures of the signals over a flight: satellites in view and tracked, C/N0, channels, delays and latency."""
 
 from typing import Any
 
@@ -13,8 +13,8 @@ from lvnav_trade.results.statistics.select import final_event, flight_events, pi
 from lvnav_trade.results.tables.read import Tables
 
 _FAINT = "#c4c9d1"
-_MARKERS = "os^Dv<>p*h"  # by number of antenna
-# State, what the legend says, look; the last for whatever is none of the others.
+_MARKERS = "os^Dv<>p*h"  # marker by antenna number
+# State, legend entry, style; the last entry is for all other states.
 _STATES = (
     ("track", "tracked", {"color": PALETTE[0]}),
     ("acquire", "acquired, not yet measured", {"color": PALETTE[5]}),
@@ -22,25 +22,25 @@ _STATES = (
     ("lost", "lost", {"color": PALETTE[1], "mfc": "none"}),
     ("", "not tracked", {"color": _FAINT}),
 )
-# Height of a bar and its look: heights tell states apart where there is no colour.
+# Height of a bar and its style: heights distinguish states in prints without colour.
 _LOOKS: dict[str, tuple[float, dict[str, Any]]] = {
     "track": (0.8, {"color": PALETTE[0]}),
     "acquire": (0.6, {"color": PALETTE[5], "ec": "black", "lw": 0.3}),
     "search": (0.42, {"color": PALETTE[4], "ec": "white", "hatch": "////", "lw": 0.0}),
     "lost": (0.14, {"color": PALETTE[1]}),
 }
-# Marker of why tracking ended.
+# Marker by the reason for the end of tracking.
 _REASONS = {"dynamics": "v", "weak signal": "o", "no antenna": "X", "fault": "s", "out of view": ">"}
 LAYERS = ("troposphere", "ionosphere")
-_LEAST = 1e-3  # metres: less is not drawn where an axis is logarithmic
+_LEAST = 1e-3  # m, smallest value drawn on a logarithmic axis
 
 
 @drawing
 def satellites(tables: Tables, case: str) -> Figure:
-    """Draw how many satellites are tracked and above the horizontal, and C/N0 where there is a link budget."""
-    mine = pick(tables.satellites, case=case)
-    rows = counted(mine)
-    linked = bool(mine.cn0_db_hz.notna().any())
+    """Draw the numbers of satellites tracked and above the horizontal, and C/N0 with a link budget."""
+    case_rows = pick(tables.satellites, case=case)
+    rows = counted(case_rows)
+    linked = bool(case_rows.cn0_db_hz.notna().any())
     figure, grid = canvas(1 + linked, 1, 2.9 - 0.5 * linked, sharex=True)
     axes = grid[0, 0]
     axes.step(rows.t_s, rows.above_count, color=GREY, ls="--", label="above the local horizontal")
@@ -52,26 +52,29 @@ def satellites(tables: Tables, case: str) -> Figure:
     axes.set(ylim=(0.0, float(top)), ylabel="satellites (number)")
     axes.set(yticks=[(float(count), str(count)) for count in range(0, top + 1, step)])
     if linked:
-        _carrier(grid[1, 0], mine, tables.cases.set_index("case").loc[case])
+        _carrier(grid[1, 0], case_rows, tables.cases.set_index("case").loc[case])
     over_time(grid[:, 0], tables, case)
     return figure
 
 
 def _carrier(axes: Panel, rows: pd.DataFrame, case: pd.Series) -> None:
     times = pd.Index(np.sort(rows.t_s.unique()))
-    for number, (_, one) in enumerate(rows.groupby("satellite")):
-        line = one.set_index("t_s").reindex(times)
+    for number, (_, satellite_rows) in enumerate(rows.groupby("satellite")):
+        line = satellite_rows.set_index("t_s").reindex(times)
         measured = line.tracked.eq(True)
-        for shown, colour, label in (
+        for level, colour, label in (
             (~measured, _FAINT, "not tracked"),
             (measured, PALETTE[5], "each satellite tracked"),
         ):
             style = {"label": None if number else label, "group": label}
-            axes.plot(times, line.cn0_db_hz.where(shown), lw=0.7, color=colour, **style)
+            axes.plot(times, line.cn0_db_hz.where(level), lw=0.7, color=colour, **style)
     median = rows[rows.tracked].groupby("t_s").cn0_db_hz.median().reindex(times)
     axes.plot(times, median, color="black", lw=1.9, label="median of those tracked")
-    found, kept = (case.acquire_above_db_hz, "found above", "--"), (case.track_above_db_hz, "kept above", ":")
-    for value, name, dashes in (found, kept):
+    acquire_level, track_level = (
+        (case.acquire_above_db_hz, "found above", "--"),
+        (case.track_above_db_hz, "kept above", ":"),
+    )
+    for value, name, dashes in (acquire_level, track_level):
         if value == value:
             axes.axhline(value, color=PALETTE[1], lw=1.0, ls=dashes, label=f"{name} {value:g} dB-Hz")
     axes.set(ylabel="C/N0 (dB-Hz)")
@@ -79,30 +82,30 @@ def _carrier(axes: Panel, rows: pd.DataFrame, case: pd.Series) -> None:
 
 @drawing
 def sky(tables: Tables, case: str) -> Figure:
-    """Draw azimuth and elevation of the satellites at lift-off, in faults that take satellites, and at the end.
+    """Draw azimuth and elevation of the satellites at lift-off, during faults that affect satellites, and at the end.
 
-    Where no fault takes satellites half way stands in their place. The marker tells the antenna that hears a satellite
-    best, the colour what its channel does; the thick circle is the local horizontal, below which a vehicle high up
-    tracks satellites too.
+    Without such a fault, the middle of the flight takes its place. The marker identifies the antenna with the strongest
+    signal, the colour the state of the channel. The thick circle is the local horizontal; at high altitude a vehicle
+    also tracks satellites below it.
     """
     rows = pick(tables.satellites, case=case)
     times = np.sort(rows.t_s.unique())
-    wanted = _moments(tables, case, rows)
+    moments = _moments(tables, case, rows)
     antennas = sorted(rows.antenna_number.dropna().unique())
     lowest = np.degrees(min(0.0, float(rows.elevation_rad[rows.tracked].min()) if rows.tracked.any() else 0.0))
-    shown = []
-    figure, grid = canvas(1, len(wanted), 3.0 if len(wanted) < 4 else 2.6)
-    for axes, (name, moment) in zip(grid[0], wanted, strict=True):
+    drawn = []
+    figure, grid = canvas(1, len(moments), 3.0 if len(moments) < 4 else 2.6)
+    for axes, (name, moment) in zip(grid[0], moments, strict=True):
         t = times[int(np.argmin(np.abs(times - moment)))]
-        shown.append(rows[(rows.t_s == t) & ((rows.elevation_rad > 0) | rows.tracked)])
-        _one_sky(axes, shown[-1], antennas, 90.0 + 15.0 * np.ceil(-lowest / 15.0))
+        drawn.append(rows[(rows.t_s == t) & ((rows.elevation_rad > 0) | rows.tracked)])
+        _one_sky(axes, drawn[-1], antennas, 90.0 + 15.0 * np.ceil(-lowest / 15.0))
         axes.set(title=f"{name}\n{t:.0f} s", xlabel="azimuth, elevation (deg)")
-    _key(grid[0, 0], pd.concat(shown), antennas)
+    _key(grid[0, 0], pd.concat(drawn), antennas)
     return figure
 
 
 def _moments(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, float]]:
-    """Return (name, time) of three skies: a fault is shown a second before its end, two faults at most."""
+    """Return (name, time) of three sky plots; at most two faults, each a second before its end."""
     last = final_event(tables, case)
     end = float(flight_events(tables, case).set_index("event").t_s.get(last, rows.t_s.max()))
     frame = pick(METRICS["recovery"](tables), case=tables.labels[case])
@@ -114,7 +117,7 @@ def _moments(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, f
 
 
 def _one_sky(axes: Panel, rows: pd.DataFrame, antennas: list[int], edge: float) -> None:
-    """Draw a sky, north up and east to the right: the distance from the middle is 90 degrees less the elevation."""
+    """Draw a sky plot, north up and east to the right; the distance from the centre is the zenith angle."""
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
     for distance in (30.0, 60.0, 90.0):
         style = {"color": GREY, "lw": 1.1} if distance == 90.0 else {"color": _FAINT, "lw": 0.6}
@@ -138,7 +141,7 @@ def _place(rows: pd.DataFrame) -> tuple[Any, Any]:
 
 
 def _by_state(rows: pd.DataFrame) -> list[tuple[str, dict[str, Any], pd.DataFrame]]:
-    """Return name, look and rows of each group; a channel that waits for its signal counts as not tracked."""
+    """Return name, style and rows of each group; a channel waiting for its signal counts as not tracked."""
     state = rows.state.where(rows.tracked | (rows.state != "track"), "")
     state = state.where(state.isin([name for name, _, _ in _STATES]), "")
     return [(label, style, rows[state == name]) for name, label, style in _STATES if (state == name).any()]
@@ -155,9 +158,9 @@ def _key(axes: Panel, rows: pd.DataFrame, antennas: list[int]) -> None:
 
 @drawing
 def timeline(tables: Tables, case: str) -> Figure:
-    """Draw a bar for every satellite that ever has a channel: searched for, acquired, tracked, lost, and why.
+    """Draw the channel states of every satellite over time: search, acquisition, tracking, loss and its reason.
 
-    From the receiver's transitions; without a model of channels from the stored skies, tracked or not.
+    The data are the transitions of the receiver; without a channel model they are the stored skies, tracked or not.
     """
     rows, changes = pick(tables.satellites, case=case), pick(tables.transitions, case=case)
     bars = _from_changes(changes, float(rows.t_s.max())) if len(changes) else _from_rows(rows)
@@ -178,22 +181,22 @@ def timeline(tables: Tables, case: str) -> Figure:
 
 
 def _from_changes(changes: pd.DataFrame, end: float) -> pd.DataFrame:
-    """Return satellite, state, t_s, t_end_s of every stretch that is not idle."""
+    """Return satellite, state, t_s, t_end_s of every interval in which a channel is not idle."""
     until = changes.groupby("satellite").t_s.shift(-1).fillna(end)
     bars = changes.assign(state=changes.to_state, t_end_s=until)[["satellite", "state", "t_s", "t_end_s"]]
     return bars[bars.state.isin(list(_LOOKS))]
 
 
 def _from_rows(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the stretches over which a satellite is tracked; each lasts until the first sky without it."""
+    """Return the intervals in which a satellite is tracked; each ends at the first stored sky without it."""
     times = np.sort(rows.t_s.unique())
-    found = []
-    for name, one in rows[rows.tracked].groupby("satellite"):
-        at = np.searchsorted(times, one.t_s.to_numpy())
+    intervals = []
+    for name, satellite_rows in rows[rows.tracked].groupby("satellite"):
+        at = np.searchsorted(times, satellite_rows.t_s.to_numpy())
         first = np.flatnonzero(np.diff(at, prepend=-2) > 1)
         ends = np.minimum(at[np.append(first[1:], len(at)) - 1] + 1, len(times) - 1)
-        found += [(name, "track", start, stop) for start, stop in zip(times[at[first]], times[ends], strict=True)]
-    return pd.DataFrame(found, columns=["satellite", "state", "t_s", "t_end_s"])
+        intervals += [(name, "track", start, stop) for start, stop in zip(times[at[first]], times[ends], strict=True)]
+    return pd.DataFrame(intervals, columns=["satellite", "state", "t_s", "t_end_s"])
 
 
 def _mark_losses(axes: Panel, changes: pd.DataFrame, names: list[str]) -> None:
@@ -204,42 +207,44 @@ def _mark_losses(axes: Panel, changes: pd.DataFrame, names: list[str]) -> None:
 
 
 def layers_of(rows: pd.DataFrame) -> list[str]:
-    """Return the layers that delay, or are corrected for, in rows of the table `satellites`."""
+    """Return the atmospheric layers with a delay or a correction in rows of the table `satellites`."""
     return [layer for layer in LAYERS if (rows[[f"{layer}_m", f"{layer}_left_m"]].abs() >= _LEAST).any(axis=None)]
 
 
 @drawing
 def delays(tables: Tables, case: str) -> Figure:
-    """Draw the true delay of every satellite tracked, and below it what the filter's correction leaves of it."""
+    """Draw the true delay of every tracked satellite, and the residual delay after the filter's correction."""
     rows = pick(tables.satellites, case=case)
     layers = layers_of(rows) or list(LAYERS[:1])
     figure, grid = canvas(2, len(layers), 2.3, sharex=True)
     for panels, layer in zip(grid.T, layers, strict=True):
-        true, left = panels
+        true, residual = panels
         _lines(true, rows, f"{layer}_m", PALETTE[0])
-        _lines(left, rows, f"{layer}_left_m", PALETTE[1])
+        _lines(residual, rows, f"{layer}_left_m", PALETTE[1])
         drawn = rows[f"{layer}_m"][rows[f"{layer}_m"] >= _LEAST]
         scale_up(true, "y", drawn)
         if true.axes.get("yscale") == "log":
             true.set(ylim=0.7 * float(drawn.min()))
-        left.axhline(0.0, color="black", lw=0.7)
+        residual.axhline(0.0, color="black", lw=0.7)
         true.set(ylabel=f"{layer}, true\ndelay (m)")
-        left.set(ylabel=f"{layer}, left by\nthe correction (m)")
+        residual.set(ylabel=f"{layer}, left by\nthe correction (m)")
         over_time(panels, tables, case)
     return figure
 
 
 def _lines(axes: Panel, rows: pd.DataFrame, column: str, colour: str) -> None:
     times = pd.Index(np.sort(rows.t_s.unique()))
-    for number, (_, one) in enumerate(rows.groupby("satellite")):
+    for number, (_, satellite_rows) in enumerate(rows.groupby("satellite")):
         style = {"label": None if number else "each satellite tracked", "group": "each satellite tracked"}
-        axes.plot(times, one.set_index("t_s")[column].reindex(times), color=colour, lw=0.6, alpha=0.6, **style)
+        axes.plot(
+            times, satellite_rows.set_index("t_s")[column].reindex(times), color=colour, lw=0.6, alpha=0.6, **style
+        )
     axes.plot(times, rows.groupby("t_s")[column].median().reindex(times), color="black", lw=1.7, label="their median")
 
 
 @drawing
 def latency(tables: Tables, case: str) -> Figure:
-    """Draw how old measurements are when the filter takes them for present."""
+    """Draw the age of measurements that the filter processes as current."""
     rows = pick(tables.satellites, case=case).drop_duplicates("t_s")
     figure, ax = panel(2.3)
     age = rows.latency_s * 1e3

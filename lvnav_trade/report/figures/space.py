@@ -1,4 +1,4 @@
-"""Figures of many designs and of searches."""
+"""Figures of design spaces and of searches."""
 
 from collections.abc import Sequence
 
@@ -14,15 +14,16 @@ from lvnav_trade.results.evaluation.tornado import limit_of, value_of
 from lvnav_trade.results.tables.read import Tables
 
 _ACROSS = 3
-_ROOM = 1.35  # of the range of errors: what the names of levels need at its end
-_BEYOND = 0.06  # of the range of a share: what a dot at one of its ends needs
+_ROOM = 1.35  # range of the axis over that of the errors, with room for the names of levels
+_BEYOND = 0.06  # margin of an axis of shares, with room for a dot at its end
 _SHARES = [(share, f"{share:g}") for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
 
 
 @drawing
 def effects(tables: Tables, requirement: str) -> Figure:
-    """Draw for every axis the part of the error's variance that it explains alone, and the rank correlation, with its
-    95 % interval of designs that are drawn at random.
+    """Draw the first-order share of every axis in the variance of the error, and the rank correlation.
+
+    Random designs have 95 % intervals.
     """
     frame = METRICS["effects"](tables)
     frame = frame[frame.requirement == requirement].sort_values("first_order", kind="stable")
@@ -40,8 +41,9 @@ def effects(tables: Tables, requirement: str) -> Figure:
 
 @drawing
 def swings(tables: Tables, requirement: str) -> Figure:
-    """Draw the error of a requirement between the ends of each axis, the axis that moves it most on top: dots at the
-    ends, or at each level, with 95 % intervals of designs that are drawn at random.
+    """Draw the error of a requirement between the ends of each axis, the most influential axis on top.
+
+    Dots are at the ends, or at each level. Random designs have 95 % intervals.
     """
     frame = METRICS["swings"](tables)
     frame = frame[frame.requirement == requirement]
@@ -72,9 +74,7 @@ def swings(tables: Tables, requirement: str) -> Figure:
 
 @drawing
 def regions(tables: Tables) -> Figure:
-    """Draw the share of the designs that meet all requirements over each axis, with its 95 % interval of designs that
-    are drawn at random.
-    """
+    """Draw the share of designs that meet all requirements along each axis; random designs have 95 % intervals."""
     frame = METRICS["regions"](tables)
     frame = frame[frame.requirement == ALL]
     names = list(dict.fromkeys(frame.axis))
@@ -100,11 +100,11 @@ def regions(tables: Tables) -> Figure:
 
 
 def ratios(scanned: pd.DataFrame, answers: pd.DataFrame, name: str) -> Figure:
-    """Draw every requirement's error over its limit along a field, case by case and filter by filter; dots: answers."""
+    """Draw every requirement's ratio of error to limit along a field, by case and by filter; dots are the solutions."""
     figure, ax = panel(3.2)
     groups = scanned.groupby(["case", "tuning", "requirement"], sort=False)
     for number, ((case, way, requirement), rows) in enumerate(groups):
-        label = ", ".join(part for part in (str(case), str(way), str(requirement)) if part != "base")
+        label = ", ".join(label_item for label_item in (str(case), str(way), str(requirement)) if label_item != "base")
         ax.plot(rows.value, rows.ratio, label=label, **line_of(number))
     ax.plot(answers.answer, np.ones(len(answers)), ls="none", marker="o", color="black", ms=4)
     ax.axhline(1.0, color=GREY, ls="--", lw=1.0)
@@ -118,7 +118,7 @@ def boundary(answers: pd.DataFrame, names: Sequence[str]) -> Figure:
     """Draw the largest value of the first field along the second: below a curve the requirements are met."""
     figure, ax = panel(3.2)
     for number, ((case, way), rows) in enumerate(answers.groupby(["case", "tuning"], sort=False)):
-        label = ", ".join(part for part in (str(case), str(way)) if part != "base")
+        label = ", ".join(label_item for label_item in (str(case), str(way)) if label_item != "base")
         ax.plot(rows.along, rows.answer, marker="o", ms=3, label=label, **line_of(number))
     scale_up(ax, "x", answers.along, from_zero=False)
     scale_up(ax, "y", answers.answer)

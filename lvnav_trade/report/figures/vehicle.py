@@ -1,4 +1,4 @@
-"""Figures of the vehicle's motion and of its inertial units."""
+"""Figures of the vehicle's motion and of its IMUs."""
 
 import math
 
@@ -18,7 +18,7 @@ _AXES = ("pitch", "yaw")
 
 @drawing
 def trajectory(tables: Tables, case: str) -> Figure:
-    """Draw altitude, speed, specific force over time, and the ground track, of a case (its digest)."""
+    """Draw altitude, speed, specific force over time, and the ground track of a case (its digest)."""
     rows = pick(tables.reference, case=case)
     figure, grid = canvas(2, 2, 2.7)
     altitude, speed, force, track = grid.ravel()
@@ -40,14 +40,15 @@ def trajectory(tables: Tables, case: str) -> Figure:
 
 @drawing
 def motion(tables: Tables, case: str, quantity: str) -> Figure:
-    """Draw the errors of the raw sample and of the estimate, rate or acceleration, an axis below the other, 1 sigma."""
-    named = dict.fromkeys(tables.outputs[tables.outputs.quantity == quantity].axis)
-    axes_names = [axis for axis in named if axis != "3d"]
+    """Draw one sigma of the errors of raw sample and estimate, of rate or acceleration, one panel for each axis."""
+    axes = dict.fromkeys(tables.outputs[tables.outputs.quantity == quantity].axis)
+    axes_names = [axis for axis in axes if axis != "3d"]
     unit, factor = tables.people[quantity, axes_names[0]]
     figure, grid = canvas(len(axes_names), 1, 1.95, sharex=True)
     for ax, axis in zip(grid[:, 0], axes_names, strict=True):
-        both = (history_of(tables, case, name, axis) for name in (f"raw_{quantity}", quantity))
-        raw, estimate = (rows[rows.t_s > rows.t_s.min()] for rows in both)  # before the first there is no sample
+        histories = (history_of(tables, case, name, axis) for name in (f"raw_{quantity}", quantity))
+        # At the first time there is no sample yet
+        raw, estimate = (rows[rows.t_s > rows.t_s.min()] for rows in histories)
         runs = int(estimate.run_count.iloc[0])
         if runs:
             for rows, name, colour in ((raw, "raw", PALETTE[1]), (estimate, "filtered", PALETTE[0])):
@@ -63,7 +64,7 @@ def motion(tables: Tables, case: str, quantity: str) -> Figure:
 
 @drawing
 def singular(tables: Tables, case: str) -> Figure:
-    """Draw the singular values of what each stretch tells; those of a position against its bias stand out."""
+    """Draw the singular values of the observability matrix by segment; a position against its bias is highlighted."""
     rows = pick(tables.observability, case=case)
     figure, ax = panel(3.2)
     middle, reach = 0.5 * (rows.t_s + rows.t_end_s), 0.45 * (rows.t_end_s - rows.t_s)
@@ -81,15 +82,15 @@ def singular(tables: Tables, case: str) -> Figure:
 
 @drawing
 def movement(tables: Tables, case: str) -> Figure:
-    """Draw the nozzle's movement so far by what feeds the controller: mean of the runs, and all of them as a band."""
+    """Draw the accumulated nozzle movement by input of the controller: mean of the runs, and their range as a band."""
     rows = pick(tables.movement, case=case)
     figure, grid = canvas(1, 2, 2.9, sharey=True)
     for axes, axis in zip(grid[0], _AXES, strict=True):
         for number, feed in enumerate(dict.fromkeys(rows.feed)):
-            one, style = pick(rows, feed=feed, axis=axis), line_of(number)
-            low, high = np.degrees(one.low_rad), np.degrees(one.high_rad)
-            axes.fill_between(one.t_s, low, high, color=style["color"], alpha=0.25)
-            axes.plot(one.t_s, np.degrees(one.mean_rad), lw=1.4, label=f"{feed} rate", **style)
+            axis_rows, style = pick(rows, feed=feed, axis=axis), line_of(number)
+            low, high = np.degrees(axis_rows.low_rad), np.degrees(axis_rows.high_rad)
+            axes.fill_between(axis_rows.t_s, low, high, color=style["color"], alpha=0.25)
+            axes.plot(axis_rows.t_s, np.degrees(axis_rows.mean_rad), lw=1.4, label=f"{feed} rate", **style)
         axes.boxes([], [], [], [], color=GREY, alpha=0.25, label="shaded: all runs, from the least to the largest")
         axes.set(title=axis, ylim=0.0)
         over_time([axes], tables, case, label="time since lift-off (s); lines: events")
@@ -99,24 +100,28 @@ def movement(tables: Tables, case: str) -> Figure:
 
 @drawing
 def sweep(tables: Tables, band: tuple[float, float] | None = None) -> Figure:
-    """Draw by how much less the nozzle moves with the filtered rate over the rate gain, with intervals of paired runs,
-    for every other setting of the cases; a band (%) that is asked for shaded.
+    """Draw the reduction of nozzle movement with the filtered rate over the rate gain, for every other setting.
+
+    Intervals are those of paired runs.
+
+    band : required reduction (%), shaded
     """
-    found = METRICS["nozzle"](tables)
-    found = found[(found.burn == "flight") & found.less_percent.notna()]
+    nozzle = METRICS["nozzle"](tables)
+    nozzle = nozzle[(nozzle.burn == "flight") & nozzle.less_percent.notna()]
     lines: dict[str, dict[str, float]] = {}
     for case, levels in tables.levels.items():
-        others = ", ".join(level for name, level in levels.items() if name != "rate_gain") or "all"
-        lines.setdefault(others, {})[tables.labels[case]] = float(levels.get("rate_gain", 1.0))
+        other_levels = ", ".join(level for name, level in levels.items() if name != "rate_gain") or "all"
+        lines.setdefault(other_levels, {})[tables.labels[case]] = float(levels.get("rate_gain", 1.0))
     figure, grid = canvas(1, 2, 2.9, sharey=True)
     for axes, axis in zip(grid[0], _AXES, strict=True):
         for number, (name, gains) in enumerate(lines.items()):
-            rows = found[(found.axis == axis) & found.case.isin(gains)]
+            rows = nozzle[(nozzle.axis == axis) & nozzle.case.isin(gains)]
             rows = rows.assign(gain=rows.case.map(gains)).sort_values(["gain", "case"])
             style = {**line_of(number), "label": name, "ls": ("-", "-", ":", "--")[number % 4]}
             style |= {"marker": ("o", "s", "^", "D")[number % 4]}
             axes.vlines(rows.gain, rows.low_percent, rows.high_percent, color=style["color"], lw=1.0)
-            style |= {"ms": 7.0, "mfc": "none"} if number % 2 == 0 else {"ms": 3.5, "mfc": style["color"]}  # apart
+            # large open and small filled markers: equal curves remain distinguishable
+            style |= {"ms": 7.0, "mfc": "none"} if number % 2 == 0 else {"ms": 3.5, "mfc": style["color"]}
             axes.plot(rows.gain, rows.less_percent, **style)
         if band is not None:
             axes.axhspan(*band, color=GREY, alpha=0.15, label=f"band: {band[0]:g} to {band[1]:g} %")
@@ -127,7 +132,7 @@ def sweep(tables: Tables, band: tuple[float, float] | None = None) -> Figure:
 
 @drawing
 def turning(tables: Tables, case: str) -> Figure:
-    """Draw angular acceleration and lateral jerk of one run, pitch, in their envelopes over the first seconds."""
+    """Draw angular acceleration and lateral jerk of one run in pitch, with their envelopes, over the first seconds."""
     rows = pick(tables.motion, case=case, axis="pitch")
     figure, grid = canvas(2, 1, 2.4, sharex=True)
     for axes, value, bound, label in (
@@ -142,62 +147,81 @@ def turning(tables: Tables, case: str) -> Figure:
     return figure
 
 
-_DEG_H, _MG = math.degrees(3600.0), 1e3 / 9.80665  # of rad/s and m/s^2
+_DEG_H, _MG = math.degrees(3600.0), 1e3 / 9.80665  # factors from rad/s and m/s^2
 _PARTS = (("white", "white noise", ":"), ("instability", "bias instability", "--"), ("walk", "random walk", "-."))
 
 
 @drawing
 def allan(tables: Tables, case: str) -> Figure:
-    """Draw the Allan deviation of every sensor of a case: of a simulated stream as dots, by its card as a line, and the
-    parts of the card.
+    """Draw the Allan deviation of every sensor of a case.
+
+    Dots are a simulated log; lines are the deviation of the card and its contributions.
     """
     rows = pick(METRICS["allan"](tables), case=tables.labels[case])
     sensors = list(dict.fromkeys(rows.sensor))
     figure, grid = canvas(-(-len(sensors) // 2), 2, 2.7)
     for axes, sensor in zip(grid.ravel(), sensors, strict=False):
-        one = rows[rows.sensor == sensor]
+        sensor_rows = rows[rows.sensor == sensor]
         axes.set(xscale="log", yscale="log", xlabel="averaging time (s)")
-        axes.plot(one.tau_s, one.card, color=PALETTE[0], label="card")
+        axes.plot(sensor_rows.tau_s, sensor_rows.card, color=PALETTE[0], label="card")
         for name, label, dashes in _PARTS:
-            if (one[name] > 0.0).any():
-                axes.plot(one.tau_s, one[name], color=GREY, lw=0.8, ls=dashes, label=label)
-        axes.plot(one.tau_s, one.stream, ls="none", marker="o", ms=3, color=PALETTE[1], label="simulated stream")
-        least = one[["card", "stream"]].to_numpy().min()
-        axes.set(ylabel=f"{sensor}\n({one.unit.iloc[0]})", ylim=(0.3 * max(least, 1e-30), None))
+            if (sensor_rows[name] > 0.0).any():
+                axes.plot(sensor_rows.tau_s, sensor_rows[name], color=GREY, lw=0.8, ls=dashes, label=label)
+        axes.plot(
+            sensor_rows.tau_s,
+            sensor_rows.stream,
+            ls="none",
+            marker="o",
+            ms=3,
+            color=PALETTE[1],
+            label="simulated stream",
+        )
+        least = sensor_rows[["card", "stream"]].to_numpy().min()
+        axes.set(ylabel=f"{sensor}\n({sensor_rows.unit.iloc[0]})", ylim=(0.3 * max(least, 1e-30), None))
     return figure
 
 
 def allan_of_log(curves: pd.DataFrame) -> Figure:
-    """Draw the Allan deviation of each axis of a log as dots with its interval of 95 % as a band, the fit as a line."""
+    """Draw the Allan deviation of each axis of a log: dots with a band of 95 % intervals, the fit as a line."""
     sensors = list(dict.fromkeys(curves.sensor))
     figure, grid = canvas(-(-len(sensors) // 3), 3, 2.4)
     for axes, sensor in zip(grid.ravel(), sensors, strict=False):
-        one = curves[curves.sensor == sensor]
+        sensor_rows = curves[curves.sensor == sensor]
         unit, factor = ("deg/h", _DEG_H) if sensor.startswith("gyro") else ("mg", _MG)
         axes.set(xscale="log", yscale="log", xlabel="averaging time (s)", ylabel=f"{sensor} ({unit})")
-        axes.fill_between(one.tau_s, factor * one.low_si, factor * one.high_si, color=PALETTE[1], alpha=0.25)
-        axes.plot(one.tau_s, factor * one.model_si, color=PALETTE[0], label="fit")
+        axes.fill_between(
+            sensor_rows.tau_s, factor * sensor_rows.low_si, factor * sensor_rows.high_si, color=PALETTE[1], alpha=0.25
+        )
+        axes.plot(sensor_rows.tau_s, factor * sensor_rows.model_si, color=PALETTE[0], label="fit")
         axes.plot(
-            one.tau_s, factor * one.deviation_si, ls="none", marker="o", ms=3, color=PALETTE[1], label="log, with 95 %"
+            sensor_rows.tau_s,
+            factor * sensor_rows.deviation_si,
+            ls="none",
+            marker="o",
+            ms=3,
+            color=PALETTE[1],
+            label="log, with 95 %",
         )
     return figure
 
 
 def outages_of_log(outages: pd.DataFrame) -> Figure:
-    """Draw the errors at the ends of outages of a recorded log over the time of the end, with the filter's three sigma;
-    a column per length, a row each for position and velocity.
+    """Draw the errors at the ends of outages of a recorded log with three sigma of the filter, over the time of the
+    end.
+
+    Columns are outage lengths; rows are position and velocity.
     """
     lengths = list(dict.fromkeys(outages.length_s))
     figure, grid = canvas(2, len(lengths), 2.2, sharex="col")
-    shown = (("position", "m"), ("velocity", "m_per_s"))
-    for row, (quantity, unit) in enumerate(shown):
+    quantities = (("position", "m"), ("velocity", "m_per_s"))
+    for row, (quantity, unit) in enumerate(quantities):
         for column, length in enumerate(lengths):
             axes = grid[row, column]
-            for k, (case, one) in enumerate(outages[outages.length_s == length].groupby("case", sort=False)):
+            for k, (case, case_rows) in enumerate(outages[outages.length_s == length].groupby("case", sort=False)):
                 colour = PALETTE[k % len(PALETTE)]
                 style = {"ls": "none", "marker": "o", "ms": 3, "color": colour}
-                axes.plot(one.end_s, one[f"{quantity}_error_{unit}"], label=str(case), **style)
-                axes.plot(one.end_s, one[f"{quantity}_3sigma_{unit}"], ls="--", lw=0.9, color=colour)
+                axes.plot(case_rows.end_s, case_rows[f"{quantity}_error_{unit}"], label=str(case), **style)
+                axes.plot(case_rows.end_s, case_rows[f"{quantity}_3sigma_{unit}"], ls="--", lw=0.9, color=colour)
             axes.set(ylabel=f"{quantity} error ({unit.replace('_per_', '/')})", margin=0.04)
             axes.set(**({"title": f"{length:g} s withheld"} if row == 0 else {"xlabel": "end of the outage (s)"}))
     return figure

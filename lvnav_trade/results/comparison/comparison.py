@@ -1,4 +1,4 @@
-"""Is a candidate worse than a base: paired changes of errors and of kept requirements, each with its verdict."""
+"""Paired comparison of a candidate with a base: changes of errors and of compliance, each with its verdict."""
 
 import difflib
 import re
@@ -128,8 +128,8 @@ def compare(
     if not 0.5 <= level < 1.0:
         raise InputError(f"--confidence {level:g}: give a number from 0.5 to below 1")
     of_campaign = [parse_effect(key, str(amount)) for key, amount in (stated.get("effects") or {}).items()]
-    wanted = _laid_over(first, [*of_campaign, *effects])
-    tasks = [task for pair in pairs for task in _tasks(first, second, pair, wanted)]
+    requested = _laid_over(first, [*of_campaign, *effects])
+    tasks = [task for pair in pairs for task in _tasks(first, second, pair, requested)]
     alpha = 1.0 - level
     rows = [task.row(first, second, alpha / len(tasks), alpha) for task in tasks]
     notes = _notes(first, second, pairs)
@@ -137,20 +137,20 @@ def compare(
 
 
 def _laid_over(base: Tables, given: Sequence[Effect]) -> list[Effect]:
-    """Return the effects to compare: defaults, requirements, and effects of the user; the amount "none" removes one."""
-    known = {str(requirement["name"]) for requirement in _stated(base)}
-    found: dict[tuple[str, str, str], Effect] = {}
+    """Return the effects to compare: defaults, then requirements, then the user's; the amount "none" removes one."""
+    requirement_names = {str(requirement["name"]) for requirement in _stated(base)}
+    merged: dict[tuple[str, str, str], Effect] = {}
     for effect in (*(Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS), *given):
-        is_counted = effect.metric == FAILED_RUNS or (effect.metric in known and effect.statistic == "rms")
+        is_counted = effect.metric == FAILED_RUNS or (effect.metric in requirement_names and effect.statistic == "rms")
         statistic = "beyond" if is_counted else effect.statistic
-        found[effect.metric, effect.at, statistic] = effect._replace(statistic=statistic)
+        merged[effect.metric, effect.at, statistic] = effect._replace(statistic=statistic)
     for requirement in _stated(base):
         allowed = f"{100.0 * (1.0 - float(requirement['probability'])):.12g} %"
         name = str(requirement["name"])
-        if not any(metric == name for metric, _, _ in found):
-            found[name, "", BY_RUNS] = Effect(name, "", BY_RUNS, allowed)
-    found.setdefault((FAILED_RUNS, "", "beyond"), Effect(FAILED_RUNS, "", "beyond", FAILED_EFFECT))
-    return [effect for effect in found.values() if effect.amount != "none"]
+        if not any(metric == name for metric, _, _ in merged):
+            merged[name, "", BY_RUNS] = Effect(name, "", BY_RUNS, allowed)
+    merged.setdefault((FAILED_RUNS, "", "beyond"), Effect(FAILED_RUNS, "", "beyond", FAILED_EFFECT))
+    return [effect for effect in merged.values() if effect.amount != "none"]
 
 
 def _stated(tables: Tables) -> list[dict[str, Any]]:
@@ -197,7 +197,15 @@ class _Task(NamedTuple):
         return not self.counted and _is_relative(self.effect.amount)
 
     def row(self, base: Tables, candidate: Tables, alpha_low: float, alpha_high: float) -> dict[str, Any]:
-        """Return the row of the comparison."""
+        """Return the row of the comparison.
+
+        Parameters
+        ----------
+        base, candidate : Tables
+            The two result sets.
+        alpha_low, alpha_high : float
+            Error probabilities of the lower and upper bound on the change.
+        """
         n = min(len(self.first.size), len(self.second.size))
         if not n:
             sides = [_by_covariance(base, self.pair.base, self), _by_covariance(candidate, self.pair.candidate, self)]
@@ -206,18 +214,18 @@ class _Task(NamedTuple):
             return self._filled(change, 0, "by linear covariance")
         is_fitted = False
         first, second = self.first.size[:n], self.second.size[:n]
-        both = np.isfinite(first) & np.isfinite(second)
+        finite = np.isfinite(first) & np.isfinite(second)
         if self.counted:
             change = matching.beyond_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
-        elif not both.any():
+        elif not finite.any():
             return self._filled(matching.Change(*[float("nan")] * 6), 0, "no run is good in both")
         elif self.effect.statistic == "rms":
-            change = matching.rms_change(first[both], second[both], self.relative, alpha_low, alpha_high)
+            change = matching.rms_change(first[finite], second[finite], self.relative, alpha_low, alpha_high)
         else:
-            part = float(self.effect.statistic[1:]) / 100.0
-            is_fitted = not matching.supports(int(both.sum()), part)
+            probability = float(self.effect.statistic[1:]) / 100.0
+            is_fitted = not matching.supports(int(finite.sum()), probability)
             of_quantile = matching.fitted_quantile_change if is_fitted else matching.quantile_change
-            change = of_quantile(first[both], second[both], part, self.relative, alpha_low, alpha_high)
+            change = of_quantile(first[finite], second[finite], probability, self.relative, alpha_low, alpha_high)
         if np.array_equal(first, second):
             same = change._replace(change=0.0, low=0.0, high=0.0, effective_runs=float("inf"))
             return self._filled(same, n, "the same in every run") | {"verdict": "not worse"}
@@ -257,30 +265,30 @@ class _Task(NamedTuple):
 def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect]) -> list[_Task]:
     requirements = {str(stated["name"]): stated for stated in _stated(base)}
     sides = ((base, pair.base), (candidate, pair.candidate))
-    found = []
+    tasks = []
     for effect in effects:
         first: Errors | None
         second: Errors | None
-        kind, bound, event, known = "error", np.inf, "", True
+        row_kind, bound, event, is_stored = "error", np.inf, "", True
         if effect.metric == FAILED_RUNS:
-            kind = "failures"
+            row_kind = "failures"
             first, second = failures = [_failures(tables, case) for tables, case in sides]
-            bound, known = 0.5, any(side.size.any() for side in failures)
+            bound, is_stored = 0.5, any(side.size.any() for side in failures)
         elif effect.metric in requirements:
-            kind, stated = "requirement", requirements[effect.metric]
+            row_kind, stated = "requirement", requirements[effect.metric]
             first, second = (errors_of(tables, case, stated) for tables, case in sides)
             event, bound = where(stated), number_in(stated["below"], first.unit) if first is not None else bound
         else:
             event = effect.at or final_event(base, pair.base)
             first, second = (errors_at(tables, case, event, effect.metric) for tables, case in sides)
-            known = event in set(flight_events(base, pair.base).event)
-            missing = first is None or second is None or not known
+            is_stored = event in set(flight_events(base, pair.base).event)
+            missing = first is None or second is None or not is_stored
             if missing and (effect.at or effect.metric not in DEFAULT_METRICS):
                 raise InputError(_unknown(base, pair, effect, event))
-        if first is not None and second is not None and known:
-            one = _of_requirement(effect, requirements, min(len(first.size), len(second.size)))
-            found.append(_Task(kind, pair, one, event, first, second, bound))
-    return found
+        if first is not None and second is not None and is_stored:
+            adjusted = _of_requirement(effect, requirements, min(len(first.size), len(second.size)))
+            tasks.append(_Task(row_kind, pair, adjusted, event, first, second, bound))
+    return tasks
 
 
 def _of_requirement(effect: Effect, requirements: Mapping[str, Mapping[str, Any]], runs: int) -> Effect:
@@ -308,7 +316,7 @@ def _unknown(base: Tables, pair: Pair, effect: Effect, event: str) -> str:
 
 
 def _failures(tables: Tables, case: str) -> Errors:
-    """Return 1 for each failed run of a case, and 0 for the others."""
+    """Return one for each failed run of a case, and zero for the others, (n_run,)."""
     rows = pick(tables.runs, case=case).drop_duplicates("run_number")
     return Errors((rows.failure != "").to_numpy(dtype=float), "", "", 1.0)
 

@@ -1,4 +1,4 @@
-"""Candidate and base case by case: which cases match, and differences of their runs in pairs."""
+"""Matching of the cases of a candidate with those of a base, and paired statistics of their runs."""
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
@@ -66,9 +66,9 @@ def left_out(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> list[str
     """Return a note on the cases that have no partner."""
     sides = ((base, {pair.base for pair in pairs}, candidate), (candidate, {pair.candidate for pair in pairs}, base))
     return [
-        f"Not compared, because {other.folder} has no such case: {'; '.join(alone)}."
-        for tables, kept, other in sides
-        if (alone := [label for case, label in tables.labels.items() if case not in kept])
+        f"Not compared, because {opposite.folder} has no such case: {'; '.join(alone)}."
+        for tables, compared, opposite in sides
+        if (alone := [label for case, label in tables.labels.items() if case not in compared])
     ]
 
 
@@ -76,28 +76,30 @@ def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pai
     digests = {label: case for case, label in candidate.labels.items()}
     _check(base, mapping)
     _check(candidate, mapping.values())
-    found = []
+    pairs = []
     for case, levels in base.levels.items():
         label = base.labels[case]
         mapped = mapping.get(label) or mapping.get(case)
         renamed = {axis: mapping.get(level, level) for axis, level in levels.items()}
         if mapped or renamed == levels:
-            wanted = mapped or label
-            partner = digests.get(wanted) or (wanted if wanted in candidate.labels else None)
+            mapped_label = mapped or label
+            partner = digests.get(mapped_label) or (mapped_label if mapped_label in candidate.labels else None)
         else:
-            partner = next((other for other, of_other in candidate.levels.items() if of_other == renamed), None)
+            partner = next(
+                (candidate_label for candidate_label, of_other in candidate.levels.items() if of_other == renamed), None
+            )
         if partner is not None:
-            found.append((case, partner))
-    if not found and len(base.labels) == len(candidate.labels) == 1:
-        found = list(zip(base.labels, candidate.labels, strict=True))
-    if not found:
+            pairs.append((case, partner))
+    if not pairs and len(base.labels) == len(candidate.labels) == 1:
+        pairs = list(zip(base.labels, candidate.labels, strict=True))
+    if not pairs:
         raise InputError(
             f"does not compare: no common case; {base.folder} has {_named(base)}, {candidate.folder} has "
             f"{_named(candidate)}; --map BASE:CANDIDATE says which belong together"
         )
-    labels = [(base.labels[case], candidate.labels[partner]) for case, partner in found]
-    shown = [label if other == label else f"{label} → {other}" for label, other in labels]
-    return [Pair(*pair, label) for pair, label in zip(found, shown, strict=True)]
+    labels = [(base.labels[case], candidate.labels[partner]) for case, partner in pairs]
+    names = [label if candidate_label == label else f"{label} → {candidate_label}" for label, candidate_label in labels]
+    return [Pair(*pair, label) for pair, label in zip(pairs, names, strict=True)]
 
 
 def _check(tables: Tables, names: Iterable[str]) -> None:
@@ -120,12 +122,14 @@ def _another_flight(base: Tables, candidate: Tables, pair: Pair) -> str:
     first, second = (tables.cases.set_index("case").epoch[case] for tables, case in sides)
     if first != second:
         return f"{pair.label}: other trajectory (lift-off at {first} and at {second})"
-    times, others = (flight_events(tables, case).set_index("event").t_s.to_dict() for tables, case in sides)
-    if set(times) != set(others):
-        return f"{pair.label}: other events (only one of the two has {', '.join(sorted(set(times) ^ set(others)))})"
+    times, other_times = (flight_events(tables, case).set_index("event").t_s.to_dict() for tables, case in sides)
+    if set(times) != set(other_times):
+        return (
+            f"{pair.label}: other events (only one of the two has {', '.join(sorted(set(times) ^ set(other_times)))})"
+        )
     for name, t in times.items():
-        if abs(t - others[name]) > SAME_TIME:
-            return f"{pair.label}: other events ({name} at {t:g} s and at {others[name]:g} s)"
+        if abs(t - other_times[name]) > SAME_TIME:
+            return f"{pair.label}: other events ({name} at {t:g} s and at {other_times[name]:g} s)"
     if not all((tables.folder / "reference.parquet").exists() for tables, _ in sides):
         return ""
     apart = _distance(*(pick(tables.reference, case=case) for tables, case in sides))
@@ -134,27 +138,32 @@ def _another_flight(base: Tables, candidate: Tables, pair: Pair) -> str:
 
 def _distance(first: pd.DataFrame, second: pd.DataFrame) -> float:
     """Return the largest distance (m) between two trajectories at their common times."""
-    both = first.merge(second, on="t_s", suffixes=("", "_other"))
-    if both.empty:
+    common = first.merge(second, on="t_s", suffixes=("", "_other"))
+    if common.empty:
         return 0.0
-    north = (both.latitude_rad - both.latitude_rad_other) * _EARTH
-    east = np.angle(np.exp(1j * (both.longitude_rad - both.longitude_rad_other))) * _EARTH * np.cos(both.latitude_rad)
-    return float(np.sqrt(north**2 + east**2 + (both.altitude_m - both.altitude_m_other) ** 2).max())
+    north = (common.latitude_rad - common.latitude_rad_other) * _EARTH
+    east = (
+        np.angle(np.exp(1j * (common.longitude_rad - common.longitude_rad_other)))
+        * _EARTH
+        * np.cos(common.latitude_rad)
+    )
+    return float(np.sqrt(north**2 + east**2 + (common.altitude_m - common.altitude_m_other) ** 2).max())
 
 
-# Resamples of the runs behind the bounds of a quantile's change.
+# Number of resamples for the bounds on the change of a quantile.
 RESAMPLES = 2000
-# A quantile needs so many runs on either side of it, or else no bound is given.
+# Smallest number of runs on either side of a quantile for a bound.
 FEWEST_BEYOND = 5
 _CHUNK = 2**22
 
 
 class Change(NamedTuple):
-    """What the candidate does to a statistic of the error.
+    """Change of a statistic of the error from base to candidate.
 
-    base, candidate: the statistic of each; change: candidate / base - 1, or candidate - base; low, high: one-sided
-    bounds on the change, each at its own level, NaN where the runs do not give one; effective_runs: unpaired runs per
-    case that would tell the change as well, infinite where the draws cancel altogether.
+    base, candidate : Statistic of each.
+    change : candidate / base - 1 if relative, otherwise candidate - base.
+    low, high : One-sided bounds on the change, each at its own confidence; NaN if the runs give none.
+    effective_runs : Unpaired runs per case that would give the same variance; infinite if the paired errors are equal.
     """
 
     base: float
@@ -166,15 +175,27 @@ class Change(NamedTuple):
 
 
 def rms_change(base: Floats, candidate: Floats, relative: bool, alpha_low: float, alpha_high: float) -> Change:
-    """Return the change of the root mean square of errors (n,) that belong together run by run.
+    """Return the change of the root mean square of paired errors.
 
-    The bounds are Student's, with the jackknife's variance of ln(candidate / base), or of the difference where not
-    `relative` (Efron and Stein 1981: the jackknife's variance is not too small on average).
+    Parameters
+    ----------
+    base, candidate : (n,) array
+        Errors, paired run by run.
+    relative : bool
+        Whether the change is relative to the base.
+    alpha_low, alpha_high : float
+        Error probabilities of the lower and upper bound.
+
+    Returns
+    -------
+    Change
+        The bounds are Student's, with the jackknife variance of ln(candidate / base), or of the difference unless
+        `relative` (Efron and Stein 1981: the jackknife does not underestimate the variance on average).
     """
     n, scale = len(base), np.log if relative else np.asarray
     sizes = np.sqrt(np.mean(base**2)), np.sqrt(np.mean(candidate**2))
     with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = (scale(_rms_without(part)) for part in (base, candidate))
+        first, second = (scale(_rms_without(error)) for error in (base, candidate))
         centre = float(scale(sizes[1]) - scale(sizes[0]))
         paired, apart = _jackknife(second - first), _jackknife(first) + _jackknife(second)
     low = high = float("nan")
@@ -187,19 +208,19 @@ def rms_change(base: Floats, candidate: Floats, relative: bool, alpha_low: float
 
 
 def _rms_without(error: Floats) -> Floats:
-    """Return the root mean square of all runs but one, for each run."""
+    """Return the root mean square of all runs except one, for each run, (n,)."""
     square = error**2
     return np.asarray(np.sqrt(np.maximum(square.sum() - square, 0.0) / max(1, len(error) - 1)))
 
 
 def _jackknife(without: Floats) -> float:
-    """Return the variance of a statistic from its values with each run left out."""
+    """Return the jackknife variance (n - 1) / n sum (x_k - mean)^2 of a statistic, from values x_k without run k."""
     n = len(without)
     return float((n - 1) / n * np.sum((without - without.mean()) ** 2))
 
 
 def _worth(n: int, apart: float, paired: float) -> float:
-    """Return the number of unpaired runs whose variance would be that of n paired ones."""
+    """Return the number of unpaired runs with the variance of n paired runs: n times the ratio of the variances."""
     if not np.isfinite(apart + paired):
         return float("nan")
     return float(n * apart / paired) if paired > 1e-12 * apart else float("inf")
@@ -208,10 +229,11 @@ def _worth(n: int, apart: float, paired: float) -> float:
 def quantile_change(
     base: Floats, candidate: Floats, probability: float, relative: bool, alpha_low: float, alpha_high: float
 ) -> Change:
-    """Return the change of a quantile of |error|, by resampling whole pairs (percentile bounds).
+    """Return the change of a quantile of |error|, by resampling pairs of runs (percentile bootstrap).
 
-    The quantile is the order statistic that at least the fraction `probability` of runs stays at or below. The
-    resamples are always the same ones: an answer does not change from one look to the next.
+    The quantile is the smallest order statistic that at least the fraction `probability` of runs does not exceed. The
+    resamples are the same in every call, so that results are reproducible. The other arguments are those of
+    `rms_change`.
     """
     pair = np.abs(np.stack([base, candidate]))
     n = pair.shape[1]
@@ -228,25 +250,26 @@ def quantile_change(
 
 
 def supports(runs: int, probability: float) -> bool:
-    """Return whether so many runs give a bound on a quantile without an assumed distribution."""
+    """Return whether a number of runs gives a bound on a quantile without an assumed distribution."""
     return min(runs * probability, runs * (1.0 - probability)) >= FEWEST_BEYOND - 1e-9
 
 
 def fitted_quantile_change(
     base: Floats, candidate: Floats, probability: float, relative: bool, alpha_low: float, alpha_high: float
 ) -> Change:
-    """Return the change of a quantile of |error| (n,) that too few runs lie beyond, from a fitted distribution.
+    """Return the change of a quantile of |error|, from a fitted distribution, if too few runs exceed the quantile.
 
-    The square of an error is a weighted sum of squared Gaussians. It is approximated by g times a chi-square of h
-    degrees of freedom with the sample's mean and variance (Satterthwaite 1946), which is exact for a Gaussian scalar
-    and for a norm of equal components. Of a norm of unequal ones a far quantile is up to 4 % low, in base and candidate
-    alike. The bounds are Student's, with the jackknife's variance as of `rms_change`.
+    The square of an error is a weighted sum of squared Gaussians. It is approximated by g times a chi-square variable
+    with h degrees of freedom, with the mean and variance of the sample (Satterthwaite 1946). This is exact for a
+    Gaussian scalar and for a norm of equal components. For a norm of unequal components, a far quantile is up to 4 %
+    low, in base and candidate alike. The bounds are Student's with the jackknife variance. The arguments are those of
+    `rms_change`.
     """
     n, scale = len(base), np.log if relative else np.asarray
     squares = np.stack([base**2, candidate**2])
     sizes = _fitted_quantile(squares.mean(axis=1), squares.var(axis=1, ddof=1), probability)
     with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = (scale(_fitted_without(part, probability)) for part in (base, candidate))
+        first, second = (scale(_fitted_without(error, probability)) for error in (base, candidate))
         centre = float(scale(sizes[1]) - scale(sizes[0]))
         together, apart = _jackknife(second - first), _jackknife(first) + _jackknife(second)
     low = high = float("nan")
@@ -259,13 +282,16 @@ def fitted_quantile_change(
 
 
 def _fitted_quantile(mean: Floats, variance: Floats, probability: float) -> Floats:
-    """Return the quantile of an error whose square has this mean and variance: g chi-square of h, see above."""
+    """Return the quantile of an error whose square has a given mean and variance.
+
+    The square is g chi-square(h), with h = 2 mean^2 / variance and g = mean / h.
+    """
     freedom = 2.0 * mean**2 / variance
     return np.asarray(np.sqrt(mean / freedom * stats.chi2.ppf(probability, freedom)))
 
 
 def _fitted_without(error: Floats, probability: float) -> Floats:
-    """Return the fitted quantile of all runs but one, for each run."""
+    """Return the fitted quantile of all runs except one, for each run, (n,)."""
     square, n = error**2, len(error)
     mean = (square.sum() - square) / (n - 1)
     squares = np.sum(square**2) - square**2
@@ -278,23 +304,25 @@ def _difference(base: Floats, candidate: Floats, relative: bool) -> Floats:
 
 
 def _resampled(pair: Floats, rank: int) -> Floats:
-    """Return the order statistic of every resample of the pairs (2, n): (2, RESAMPLES)."""
+    """Return the order statistic of every resample of the pairs (2, n), (2, RESAMPLES)."""
     n = pair.shape[1]
     generator = np.random.default_rng(n)
-    found = np.empty((2, RESAMPLES))
+    quantiles = np.empty((2, RESAMPLES))
     step = max(1, _CHUNK // n)
     for start in range(0, RESAMPLES, step):
         stop = min(RESAMPLES, start + step)
         chosen = generator.integers(0, n, (stop - start, n))
         for k in range(2):
-            found[k, start:stop] = np.partition(pair[k][chosen], rank, axis=1)[:, rank]
-    return found
+            quantiles[k, start:stop] = np.partition(pair[k][chosen], rank, axis=1)[:, rank]
+    return quantiles
 
 
 def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: float) -> Change:
     """Return the change of the fraction of runs beyond a limit, with score bounds for paired fractions (Tango 1998).
 
-    Only runs beyond it in one case and not in the other tell anything, as in McNemar's test.
+    As in McNemar's test, only runs beyond the limit in one case but not in the other give information.
+
+    base, candidate : (n,), whether each run is beyond the limit
     """
     n = len(base)
     more, less = int(np.sum(candidate & ~base)), int(np.sum(base & ~candidate))
@@ -307,7 +335,11 @@ def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: f
 
 
 def _score_limit(n: int, more: int, less: int, z: float) -> float:
-    """Return the lower limit on the difference of paired fractions at which the score statistic is z."""
+    """Return the lower limit on the difference of paired fractions, at which the score statistic equals z.
+
+    n : pairs of runs
+    more, less : pairs beyond the limit in the candidate only, and in the base only
+    """
 
     def missing(difference: float) -> float:
         a = 2.0 * n
@@ -317,12 +349,17 @@ def _score_limit(n: int, more: int, less: int, z: float) -> float:
         variance = n * (2.0 * nuisance + difference * (1.0 - difference))
         return float(more - less - n * difference - z * np.sqrt(max(variance, 0.0)))
 
-    lowest, below = -1.0 + 1e-12, (more - less) / n - 1e-9  # at the estimate itself the statistic may be 0 / 0
+    lowest, below = -1.0 + 1e-12, (more - less) / n - 1e-9  # stay below the estimate, where the statistic may be 0 / 0
     if below <= lowest or missing(lowest) <= 0.0:
         return -1.0
     return float(optimize.brentq(missing, lowest, below, xtol=1e-12))
 
 
 def verdict(low: float, high: float, effect: float) -> str:
-    """Return "worse" where the change is shown to be above the smallest effect of interest, "not worse" where below."""
+    """Return "worse" if the change is shown to exceed the smallest change of interest, "not worse" if shown to be below
+    it.
+
+    low, high : bounds on the change
+    effect : smallest change of interest
+    """
     return "worse" if low > effect else "not worse" if high < effect else "undecided"

@@ -1,9 +1,11 @@
-"""The least delta-v that corrects an injection error: impulses anywhere in one revolution, linear in the error.
+"""Least delta-v that corrects an injection error: impulses anywhere in one revolution, linear in the error.
 
-Nulled are the errors of the orbit: angular momentum and eccentricity vector, which stand for semi-major axis,
-eccentricity, perigee, inclination and node (five numbers). The place along the orbit is left as it is. The least sum
-of impulses is the support function of the set of primers, {p: |B_k' p| <= 1 at every place k} (Lawden, Optimal
-Trajectories for Space Navigation, 1963), so it is a norm of the error; it is found from both sides.
+The impulses null the errors of the orbit, which are those of angular momentum and eccentricity vector. These five
+numbers determine semi-major axis, eccentricity, perigee, inclination and node. The position along the orbit is not
+corrected.
+
+The least sum of impulses is the support function of the set of primers, {p: |B_k' p| <= 1 at every position k} (Lawden,
+Optimal Trajectories for Space Navigation, 1963). It is therefore a norm of the error, and is bounded from both sides.
 """
 
 from typing import NamedTuple
@@ -16,28 +18,41 @@ from lvnav_trade.quantities.frames import unit
 from lvnav_trade.quantities.records import Floats
 from lvnav_trade.results.mechanics.orbits import osculating
 
-# Places along the revolution where an impulse may be; between two of them 0.2 % are lost.
+# Positions along the revolution where an impulse may act; the spacing costs 0.2 % of delta-v.
 PLACES = 48
 _ROUNDS = 400
 _CHUNK = 1024
 # Powers of the rounds: 1 is the plain rule, 2 in every round is faster and may lose the rank; one large step after some
 # plain ones takes two thirds of the time of 1.5 in every round
 _POWERS = (1, 1, 1, 6)
-_FLOOR = 1e-9  # least part of the weight that a place keeps, so that what is solved stays regular
+_FLOOR = 1e-9  # smallest weight of a position, which keeps the equations regular
 
 
 class Correction(NamedTuple):
-    """Least delta-v (n,) in m/s, and a lower bound on it (n,)."""
+    """Least delta-v and a lower bound on it.
+
+    delta_v : (n,), m/s. Sum of the impulses of the best solution.
+    bound : (n,), m/s. Lower bound on the least sum.
+    """
 
     delta_v: Floats
     bound: Floats
 
 
 def orbit_errors(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
-    """Return the matrix (5, 6) from an error of velocity and position (frame i) to that of the orbit, first order.
+    """Return the matrix that maps a state error to the error of the orbit, to first order.
 
-    Three rows: angular momentum over its size, along the position, 90 degrees ahead, and along itself; two: the
-    eccentricity vector along the position and ahead.
+    Parameters
+    ----------
+    r_i, v_i : (3,) array
+        True position (m) and velocity (m/s), frame i.
+
+    Returns
+    -------
+    (5, 6) array
+        Columns: velocity (m/s), position (m), frame i. Rows 0 to 2: error of the angular momentum over its magnitude,
+        along the position, 90 degrees ahead of it, and along the angular momentum itself. Rows 3, 4: error of the
+        eccentricity vector along the position and 90 degrees ahead.
     """
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     eye = np.eye(3)
@@ -52,7 +67,20 @@ def orbit_errors(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
 
 
 def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
-    """Return the matrices (places, 5, 3): what an impulse there (radial, ahead, normal) changes of `orbit_errors`."""
+    """Return the effect of an impulse on the error of the orbit, at positions along one revolution.
+
+    Parameters
+    ----------
+    r_i, v_i : (3,) array
+        Position (m) and velocity (m/s), frame i.
+    places : int
+        Number of positions, evenly spaced.
+
+    Returns
+    -------
+    (places, 5, 3) array
+        Change of `orbit_errors` per m/s of an impulse; columns: radial, ahead, normal.
+    """
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     orbit = osculating(r_i, v_i)
     towards, normal = unit(r_i), unit(orbit.h_i)
@@ -64,19 +92,34 @@ def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
     zero = np.zeros(places)
     radial, along = np.stack([c, s, zero], axis=1), np.stack([-s, c, zero], axis=1)
     speed = GM / h * np.stack([-(s + ey), c + ex, zero], axis=1)
-    found = np.empty((places, 5, 3))
+    effect = np.empty((places, 5, 3))
     for k, push in enumerate((radial, along, np.broadcast_to([0.0, 0.0, 1.0], (places, 3)))):
         turn = radius[:, None] * np.cross(radial, push)
         shift = (np.cross(push, np.array([0.0, 0.0, h])) + np.cross(speed, turn)) / GM
-        found[:, :3, k], found[:, 3:, k] = turn / h, shift[:, :2]
-    return found
+        effect[:, :3, k], effect[:, 3:, k] = turn / h, shift[:, :2]
+    return effect
 
 
 def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correction:
-    """Return the least delta-v that nulls orbit errors (n, 5) with impulses of the matrices (m, 5, 3).
+    """Return the least delta-v that nulls errors of the orbit.
 
-    Iteratively re-weighted least squares: impulses w_k B_k' p with p = (sum w B B')^-1 error are a solution, and p,
-    scaled to a primer, is a bound from below. Rounds end where the two are within the tolerance of each other.
+    Parameters
+    ----------
+    error : (n, 5) array
+        Errors of the orbit, as `orbit_errors`.
+    pushes : (m, 5, 3) array
+        Effects B_k of an impulse at each position, as `control`.
+    tolerance : float
+        Largest relative difference of delta-v and bound at which the iteration ends.
+
+    Returns
+    -------
+    Correction
+        Delta-v and bound (n,), m/s.
+
+    Notes ----- Iteratively reweighted least squares. With weights w_k and p = (sum w_k B_k B_k')^-1 error, the impulses
+    w_k B_k' p are a solution. The vector p, scaled so that max |B_k' p| = 1, is a primer and gives the lower bound p'
+    error.
     """
     error = np.atleast_2d(np.asarray(error, dtype=float))
     parts = [_least(error[k : k + _CHUNK], pushes, tolerance) for k in range(0, len(error), _CHUNK)]
@@ -84,6 +127,7 @@ def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correcti
 
 
 def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
+    """Return the solutions of `least` for errors (n, 5); errors that have converged are dropped from the iteration."""
     m = len(pushes)
     flat = np.concatenate([pushes[:, :, axis] for axis in range(3)])
     squares = np.einsum("kij,klj->ilk", pushes, pushes).reshape(25, m)
@@ -91,17 +135,17 @@ def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
     goal = (np.where(size[:, None] > 0.0, error, 1.0) / np.where(size > 0.0, size, 1.0)[:, None]).T
     weight = np.full((m, len(error)), 1.0 / m)  # errors are the last axis: every operation runs along it
     best, bound = np.full(len(error), np.inf), np.zeros(len(error))
-    left = np.arange(len(error))
+    active = np.arange(len(error))
     for turn in range(_ROUNDS):
         primer = _solved((squares @ weight).reshape(5, 5, -1), goal)
         length = np.sqrt(np.sum(np.square(flat @ primer).reshape(3, m, -1), axis=0))
         top = length.max(axis=0)
         weight *= length
-        best[left] = np.minimum(best[left], weight.sum(axis=0))
-        bound[left] = np.maximum(bound[left], np.sum(primer * goal, axis=0) / top)
-        far = best[left] - bound[left] > tolerance * best[left]
-        left, goal, length, weight = left[far], goal[:, far], length[:, far] / top[far], weight[:, far]
-        if not len(left):
+        best[active] = np.minimum(best[active], weight.sum(axis=0))
+        bound[active] = np.maximum(bound[active], np.sum(primer * goal, axis=0) / top)
+        far = best[active] - bound[active] > tolerance * best[active]
+        active, goal, length, weight = active[far], goal[:, far], length[:, far] / top[far], weight[:, far]
+        if not len(active):
             break
         if _POWERS[turn % len(_POWERS)] > 1:
             weight *= length ** (_POWERS[turn % len(_POWERS)] - 1)
@@ -110,13 +154,16 @@ def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
 
 
 def _solved(square: Floats, right: Floats) -> Floats:
-    """Return x (k, n) of square x = right for symmetric definite matrices (k, k, n), which are overwritten."""
+    """Return the solution x (k, n) of square x = right by elimination without pivoting.
+
+    square : (k, k, n), symmetric positive definite; overwritten
+    """
     x = right.copy()
     for i in range(len(x)):
         for j in range(i + 1, len(x)):
-            part = square[i, j] / square[i, i]
-            square[j, j:] -= part * square[i, j:]
-            x[j] -= part * x[i]
+            factor = square[i, j] / square[i, i]
+            square[j, j:] -= factor * square[i, j:]
+            x[j] -= factor * x[i]
     for i in reversed(range(len(x))):
         x[i] -= np.sum(square[i, i + 1 :] * x[i + 1 :], axis=0)
         x[i] /= square[i, i]
@@ -124,8 +171,19 @@ def _solved(square: Floats, right: Floats) -> Floats:
 
 
 def least_at(r_i: ArrayLike, v_i: ArrayLike, error: ArrayLike) -> Correction:
-    """Return the least delta-v for errors of velocity and position (n, 6), frame i, at a true state; NaN where the
-    orbit is no ellipse that is flown round.
+    """Return the least delta-v that corrects state errors.
+
+    Parameters
+    ----------
+    r_i, v_i : (3,) array
+        True position (m) and velocity (m/s), frame i.
+    error : (n, 6) array
+        Errors of velocity (m/s) and position (m), frame i.
+
+    Returns
+    -------
+    Correction
+        Delta-v and bound (n,), m/s; NaN unless the orbit is an ellipse suited to averaging (`Orbit.elliptic`).
     """
     error = np.atleast_2d(np.asarray(error, dtype=float))
     if not bool(osculating(r_i, v_i).elliptic):

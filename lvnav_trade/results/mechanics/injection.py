@@ -1,4 +1,4 @@
-"""Injection of a guided ascent by linear covariance: its Gaussian, where that holds, and the share of empty stages."""
+"""Injection of a guided ascent by linear covariance: its Gaussian, limits of validity, probability of depletion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DEPLETED_AT_MOST = 1e-3
 SECOND_ORDER_AT_MOST = 0.3
 """Share of sigma up to which the second order of the vehicle's spreads is left out."""
 _CIRCULAR_SIGMAS = 3.0
-_CURVED = 0.1  # share of sigma, of the second order of perigee or apogee, from which both are drawn
+_CURVED = 0.1  # ratio of second to first order above which perigee and apogee are sampled
 _LEFT = INJECTION.index("propellant_left")
 _BASE = [INJECTION.index(name) for name in ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node")]
 APSIDES = {"perigee": -1.0, "apogee": 1.0}
@@ -25,12 +25,12 @@ APSIDES = {"perigee": -1.0, "apogee": 1.0}
 def share_depleted(law: InjectionLaw) -> float:
     """Return the probability that the last stage is empty before its cut-off."""
     sigma = float(np.sqrt(law.covariance[:, _LEFT, _LEFT].sum()))
-    left = float(law.mean[_LEFT])
-    return float(left < 0.0) if sigma == 0.0 else float(special.ndtr(-left / sigma))
+    propellant = float(law.mean[_LEFT])
+    return float(propellant < 0.0) if sigma == 0.0 else float(special.ndtr(-propellant / sigma))
 
 
 def why_no_law(law: InjectionLaw, quantities: Sequence[str]) -> str:
-    """Say why linear covariance does not hold numbers of an injection; empty where it does."""
+    """Return the reason why linear covariance does not describe quantities of an injection; empty if it does."""
     if law.why:
         return law.why
     empty = share_depleted(law)
@@ -45,10 +45,11 @@ def why_no_law(law: InjectionLaw, quantities: Sequence[str]) -> str:
 
 
 def is_curved(law: InjectionLaw, quantity: str) -> bool:
-    """Whether perigee or apogee is no linear function of axis and eccentricity vector.
+    """Return whether perigee or apogee is too nonlinear in semi-major axis and eccentricity vector for the first order.
 
-    An error of the vector across its direction lengthens it to second order alone. That counts where the orbit is
-    nearly circular, and where the first order nearly vanishes, as of the perigee of an injection at perigee.
+    An error of the eccentricity vector across its direction changes its length to second order only. This matters if
+    the orbit is nearly circular, and if the first order nearly vanishes, such as that of the perigee of an injection at
+    perigee. The second order is compared with the first by their sigmas: a sigma_across^2 / (sqrt(2) e).
     """
     vector = _BASE[1:]
     reached = law.target[vector] + law.mean[vector]
@@ -59,13 +60,26 @@ def is_curved(law: InjectionLaw, quantity: str) -> bool:
     second = law.target[_BASE[0]] * float(across @ spread @ across) / (np.sqrt(2.0) * e)
     place = INJECTION.index(quantity)
     first = np.sqrt(law.covariance[:, place, place].sum())
-    return not second <= _CURVED * first  # the first order of a circle is not a number
+    return not second <= _CURVED * first  # `not <=` is also true for NaN, the first order at a circular orbit
 
 
 def apsis_errors(law: InjectionLaw, quantity: str, count: int = QUANTILE_DRAWS) -> Floats:
-    """Return errors (count,) of perigee or apogee (m) of draws of axis and eccentricity vector through the map itself.
+    """Return errors of perigee or apogee, from draws of semi-major axis and eccentricity vector through the exact
+    relation.
 
-    count : A power of two.
+    Parameters
+    ----------
+    law : InjectionLaw
+        Gaussian of the injection by linear covariance.
+    quantity : str
+        Perigee or apogee, a key of `APSIDES`.
+    count : int
+        Number of draws, a power of two.
+
+    Returns
+    -------
+    (count,) array
+        Achieved less target (m).
     """
     total = law.covariance[:, _BASE][:, :, _BASE].sum(axis=0)
     drawn = draws(law.mean[_BASE], total, count, np.sqrt(np.diag(total)))

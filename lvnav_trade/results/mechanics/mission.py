@@ -1,7 +1,7 @@
-"""Errors of a mission's numbers (orbit, point of impact, correction), from errors of velocity and position together.
+"""Errors of mission quantities (orbit, impact point, correction) from joint errors of velocity and position.
 
-The error at an event is that of the orbit, or point of impact: of the true state less that of the estimate. Where
-guidance brings the estimate to the target, the same error, with the same sign, is that of the injection.
+An error at an event is the quantity of the true state less that of the estimated state. If guidance steers the
+estimate to the target, the error of the injection is the same, with the same sign.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from lvnav_trade.results.tables.read import Tables, once, pick
 # Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less.
 STEP = np.array([1e-2] * 3 + [10.0] * 3)
 DRAWS = 2**11
-QUANTILE_DRAWS = 2**15  # of a quantile of a requirement: 88 of them lie beyond 99.73 %
+QUANTILE_DRAWS = 2**15  # for the quantile of a requirement: 88 draws lie beyond 99.73 %
 _LEAST_SIGMAS = 3.0
 _OF_ORBIT = (
     "semi_major_axis_error",
@@ -37,7 +37,15 @@ _OF_ORBIT = (
 
 
 class State(NamedTuple):
-    """The true state at an event or time: r_i, v_i (3,), Earth angle (rad), turn (3, 3) from the reporting axes."""
+    """True state at an event or time.
+
+    event : Name of the event; empty between events.
+    t : Time (s).
+    r_i : (3,), m. Position, frame i.
+    v_i : (3,), m/s. Velocity, frame i.
+    earth_angle : rad. Angle from the inertial to the Earth-fixed x axis.
+    turn : (3, 3). Rotation from the reporting axes to frame i.
+    """
 
     event: str
     t: float
@@ -48,11 +56,11 @@ class State(NamedTuple):
 
 
 class Epochs(NamedTuple):
-    """Which elements of the orbit are compared, and when.
+    """Type and epochs of the orbital elements that are compared.
 
-    is_mean : Averaged over a revolution (first order in J2, see `meanorbit`), or osculating.
+    is_mean : Averaged over a revolution (first order in J2, see `orbits`), or osculating.
     estimated : s after the event. Epoch of the estimated elements.
-    true : s after the event. Epoch of the true ones.
+    true : s after the event. Epoch of the true elements.
     """
 
     is_mean: bool = True
@@ -61,7 +69,12 @@ class Epochs(NamedTuple):
 
 
 class Law(NamedTuple):
-    """LinCov of an error of velocity and position, frame i: mean (6,), true and formal covariance (6, 6), SI."""
+    """Gaussian of the error of velocity and position by linear covariance, frame i, SI.
+
+    mean : (6,). Mean of the true error.
+    true : (6, 6). Covariance of the true error.
+    formal : (6, 6). Covariance assumed by the filter.
+    """
 
     mean: Floats
     true: Floats
@@ -70,7 +83,10 @@ class Law(NamedTuple):
 
 @once
 def states(tables: Tables, case: str) -> list[State]:
-    """Return the stored true states of a case: at events (named) and over the flight (no name), in the order stored."""
+    """Return the stored true states of a case, in stored order.
+
+    States at events have a name; states in between have none.
+    """
     rows = pick(tables.states, case=case)
     r_i, v_i = rows.filter(regex=r"^position_._m$"), rows.filter(regex=r"^velocity_._m_per_s$")
     turns = frames.matrices(rows.filter(regex=r"^axes_q").to_numpy())
@@ -79,48 +95,53 @@ def states(tables: Tables, case: str) -> list[State]:
 
 
 def state_at(tables: Tables, case: str, event: str) -> State | None:
-    """Return the true state at an event; None where it is not stored."""
+    """Return the true state at an event; None if it is not stored."""
     return next((state for state in states(tables, case) if state.event == event and event), None)
 
 
 @once
 def laws(tables: Tables, case: str) -> list[Law]:
-    """Return LinCov of velocity and position at each of `states`."""
+    """Return the Gaussian of velocity and position by linear covariance at each of `states`."""
     rows = pick(tables.joint, case=case)
     return laws_in(*(rows[name].to_numpy(dtype=float) for name in ("mean_si", "true_si2", "formal_si2")))
 
 
 def laws_in(mean: Floats, true: Floats, formal: Floats) -> list[Law]:
-    """Return the laws of columns (21 n_state,): upper triangles of the covariances, and the mean on the diagonal."""
+    """Return the Gaussians stored in columns of length 21 n_state.
+
+    The columns contain the upper triangles of the covariances row by row; `mean` contains the mean on their diagonals.
+    """
     n = len(mean) // 21
     i, j = np.triu_indices(6)
 
     def matrices(column: Floats) -> Floats:
-        found = np.zeros((n, 6, 6))
-        found[:, i, j] = found[:, j, i] = column.reshape(n, 21)
-        return found
+        matrix = np.zeros((n, 6, 6))
+        matrix[:, i, j] = matrix[:, j, i] = column.reshape(n, 21)
+        return matrix
 
     means = mean.reshape(n, 21)[:, i == j]
     return [Law(*parts) for parts in zip(means, matrices(true), matrices(formal), strict=True)]
 
 
 def resolved(bias: Floats, sigma: ArrayLike) -> Floats:
-    """Return biases (...,) to a millionth of their sigmas (...,): what is smaller is rounding and differs by machine.
+    """Return biases (...,) rounded to a millionth of their sigmas (...,).
 
-    Unchanged where the sigma is zero.
+    Smaller digits are rounding errors, which differ between machines. A bias with zero sigma is unchanged.
     """
-    known = np.asarray(sigma) > 0.0
-    unit = np.where(known, sigma, 1.0)
-    return np.where(known, np.round(bias / unit, 6) * unit + 0.0, bias)
+    has_sigma = np.asarray(sigma) > 0.0
+    unit = np.where(has_sigma, sigma, 1.0)
+    return np.where(has_sigma, np.round(bias / unit, 6) * unit + 0.0, bias)
 
 
 def law_at(tables: Tables, case: str, event: str) -> Law:
-    """Return LinCov of velocity and position at an event, of which the state is stored."""
+    """Return the Gaussian of velocity and position by linear covariance at an event with a stored state."""
     return laws(tables, case)[[state.event for state in states(tables, case)].index(event)]
 
 
 def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, Bools]:
-    """Return the errors (n_run, 6) of velocity and position, frame i, at the state's event, and which runs failed."""
+    """Return errors of velocity and position (n_run, 6), frame i, at the event of a state, and which runs failed
+    (n_run,).
+    """
     chosen, outputs = pick(tables.runs, case=case, event=state.event), pick(tables.outputs, case=case)
     outputs = outputs[outputs.axis != "3d"]
     velocity, position = (
@@ -132,15 +153,17 @@ def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, Bools]:
 
 
 def turned(state: State, velocity: Floats, position: Floats, failed: Bools) -> tuple[Floats, Bools]:
-    """Return errors (n_run, 6) of velocity and position in frame i, from (n_run, 3) each in the reporting axes, and
-    which runs failed (n_run,): also those whose error is not finite.
+    """Return state errors (n_run, 6), frame i, and which runs failed.
+
+    velocity, position : (n_run, 3), m/s and m. Errors in the reporting axes.
+    failed : (n_run,). Failed runs; the result adds runs whose error is not finite.
     """
-    error = np.concatenate([part @ state.turn.T for part in (velocity, position)], axis=1)
+    error = np.concatenate([component @ state.turn.T for component in (velocity, position)], axis=1)
     return error, failed | ~np.isfinite(error).all(axis=1)
 
 
 def good_errors(tables: Tables, case: str, state: State) -> Floats:
-    """Return `run_errors` of the runs that did not fail."""
+    """Return `run_errors` of the runs that did not fail, (n_good, 6)."""
     error, failed = run_errors(tables, case, state)
     return error[~failed]
 
@@ -149,7 +172,7 @@ def good_errors(tables: Tables, case: str, state: State) -> Floats:
 
 
 def mean_orbit(state: State) -> orbits.Orbit:
-    """Return the mean orbit of a true state, found once for all cases that fly alike."""
+    """Return the mean orbit of a true state, cached for all cases with the same trajectory."""
     return _mean_orbit(state.r_i.tobytes(), state.v_i.tobytes())
 
 
@@ -159,42 +182,44 @@ def _mean_orbit(r_i: bytes, v_i: bytes) -> orbits.Orbit:
 
 
 def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
-    """Return the errors of the mean orbit, each (n, 1), the eccentricity vector's (n, 2), for state errors (n, 6).
+    """Return the errors of the mean orbit (SI) by metric, for state errors (n, 6) of velocity and position, frame i.
 
-    The eccentricity vector is resolved along the true ascending node and 90 degrees ahead of it.
+    Each is (n, 1). The error of the eccentricity vector is (n, 2): along the true ascending node, and 90 degrees ahead.
     """
     return _differences(mean_orbit(state), orbits.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3]))
 
 
 def orbit_errors_at(state: State, error: Floats, epochs: Epochs) -> dict[str, Floats]:
-    """Return the errors of `orbit_errors` of elements at epochs after the state: true and estimated state coast to
-    theirs about the oblate Earth, and the true elements of the one less the estimated ones of the other.
+    """Return the errors of `orbit_errors` with elements at epochs after the state.
+
+    The true and the estimated state coast to their epochs about the oblate Earth. The error is the true elements at the
+    one epoch less the estimated elements at the other.
     """
     elements = orbits.mean if epochs.is_mean else orbits.osculating
-    true = elements(*(part[0] for part in coast(state.r_i, state.v_i, epochs.true)))
+    true = elements(*(coordinate[0] for coordinate in coast(state.r_i, state.v_i, epochs.true)))
     estimated = elements(*coast(state.r_i - error[:, 3:], state.v_i - error[:, :3], epochs.estimated))
     return _differences(true, estimated)
 
 
 def _differences(true: orbits.Orbit, estimated: orbits.Orbit) -> dict[str, Floats]:
-    """Return the elements of one orbit less those of n others, as `orbit_errors` does."""
+    """Return the elements of an orbit less those of n other orbits, as `orbit_errors`."""
     node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
     plane = np.stack([node, np.cross(frames.unit(true.h_i), node)])
     names = [name.removesuffix("_error") for name in _OF_ORBIT[:-1]]
-    found = {f"{name}_error": (getattr(true, name) - getattr(estimated, name))[:, None] for name in names}
-    found["node_error"] = np.mod(found["node_error"] + np.pi, 2.0 * np.pi) - np.pi
-    return found | {"eccentricity_vector_error": (true.e_i - estimated.e_i) @ plane.T}
+    differences = {f"{name}_error": (getattr(true, name) - getattr(estimated, name))[:, None] for name in names}
+    differences["node_error"] = np.mod(differences["node_error"] + np.pi, 2.0 * np.pi) - np.pi
+    return differences | {"eccentricity_vector_error": (true.e_i - estimated.e_i) @ plane.T}
 
 
 def impact_errors(state: State, error: Floats) -> Floats:
-    """Return how far the true point of impact lies from the estimated one, down-range and cross-range (n, 2), m."""
+    """Return the true impact point less the estimated one, down-range and cross-range, (n, 2), m."""
     return impacts_errors([state], [error])[0]
 
 
 def impacts_errors(states: Sequence[State], errors: Sequence[Floats]) -> list[Floats]:
-    """Return `impact_errors` of several states, each with its errors: all falls together take little longer than one.
+    """Return `impact_errors` of several states, each with its own errors.
 
-    NaN where the true state has no point of impact.
+    All falls are integrated together, which takes hardly longer than one. NaN if the true state has no impact point.
     """
     r_i, v_i = np.array([state.r_i for state in states]), np.array([state.v_i for state in states])
     angle = np.array([state.earth_angle for state in states])
@@ -203,22 +228,35 @@ def impacts_errors(states: Sequence[State], errors: Sequence[Floats]) -> list[Fl
     falls = np.isfinite(true.fall)[of]
     if falls.any():
         some = of[falls]
-        found = impact(r_i[some] - off[falls, 3:], v_i[some] - off[falls, :3], angle[some], lowest=0.0)
-        estimated[falls] = found.r_e
+        impacts = impact(r_i[some] - off[falls, 3:], v_i[some] - off[falls, :3], angle[some], lowest=0.0)
+        estimated[falls] = impacts.r_e
     apart = -offsets(true.r_e[of], estimated, true.heading[of])
     return np.split(apart, np.cumsum([len(error) for error in errors])[:-1])
 
 
 def signed(state: State, error: Floats, metric: str) -> Floats:
-    """Return a metric's errors (n, k), SI, for errors of velocity and position (n, 6), frame i; a size for a
-    correction. NaN where the number is not defined.
+    """Return the error of a mission metric for state errors.
+
+    Parameters
+    ----------
+    state : State
+        The true state.
+    error : (n, 6) array
+        Errors of velocity (m/s) and position (m), frame i.
+    metric : str
+        Name of the metric.
+
+    Returns
+    -------
+    (n, k) array
+        True less estimated, SI; for a correction its delta-v. NaN if the quantity is undefined.
     """
     if metric == "correction_delta_v":
         return impulses.least_at(state.r_i, state.v_i, error).delta_v[:, None]
     if metric.startswith("impact_error"):
-        found = impact_errors(state, error)
+        point_error = impact_errors(state, error)
         axis = metric.removeprefix("impact_error_")
-        return found[:, [("down", "cross").index(axis)]] if axis in ("down", "cross") else found
+        return point_error[:, [("down", "cross").index(axis)]] if axis in ("down", "cross") else point_error
     return orbit_errors(state, error)[metric]
 
 
@@ -226,7 +264,7 @@ def signed(state: State, error: Floats, metric: str) -> Floats:
 
 
 def jacobian(state: State, metric: str) -> Floats:
-    """Return the derivative (k, 6) of a metric's error by that of velocity and position, by central differences."""
+    """Return the derivative (k, 6) of a metric's error by velocity and position, with central differences."""
     if metric in _OF_ORBIT:
         return _orbit_slopes(state.r_i.tobytes(), state.v_i.tobytes())[metric]
     return _slope(state.r_i.tobytes(), state.v_i.tobytes(), state.earth_angle, metric)
@@ -234,7 +272,7 @@ def jacobian(state: State, metric: str) -> Floats:
 
 @lru_cache(maxsize=256)
 def _slope(r_i: bytes, v_i: bytes, earth_angle: float, metric: str) -> Floats:
-    """Return the derivative (k, 6) of one error at a state, found once for all cases that fly alike."""
+    """Return the derivative (k, 6) of an error at a state, cached for all cases with the same trajectory."""
     state = State("", 0.0, np.frombuffer(r_i), np.frombuffer(v_i), earth_angle, np.eye(3))
     slope = derivative(lambda error: signed(state, error, metric))
     slope.flags.writeable = False
@@ -243,12 +281,12 @@ def _slope(r_i: bytes, v_i: bytes, earth_angle: float, metric: str) -> Floats:
 
 @lru_cache(maxsize=256)
 def _orbit_slopes(r_i: bytes, v_i: bytes) -> dict[str, Floats]:
-    """Return the derivatives (k, 6) of all errors of the orbit at a state of which the numbers are given."""
+    """Return the derivatives (k, 6) of all errors of the orbit at a state, cached by its numbers."""
     state = State("", 0.0, np.frombuffer(r_i), np.frombuffer(v_i), 0.0, np.eye(3))
 
     def errors(error: Floats) -> Floats:
-        found = orbit_errors(state, error)
-        return np.concatenate([found[name] for name in _OF_ORBIT], axis=1)
+        by_metric = orbit_errors(state, error)
+        return np.concatenate([by_metric[name] for name in _OF_ORBIT], axis=1)
 
     slopes = derivative(errors)
     slopes.flags.writeable = False
@@ -257,17 +295,18 @@ def _orbit_slopes(r_i: bytes, v_i: bytes) -> dict[str, Floats]:
 
 
 def derivative(function: Callable[[Floats], Floats]) -> Floats:
-    """Return the derivative (k, 6), at no error, of a function of errors (n, 6) with values (n, k)."""
+    """Return the derivative (k, 6) at zero error of a function that maps errors (n, 6) to values (n, k)."""
     steps = np.diag(STEP)
     values = function(np.concatenate([steps, -steps]))
     return np.asarray(((values[:6] - values[6:]) / (2.0 * STEP[:, None])).T)
 
 
 def draws(mean: Floats, covariance: Floats, count: int = DRAWS, sizes: Floats = STEP) -> Floats:
-    """Return `count` (a power of two) errors (count, n) that fill the Gaussian evenly (Sobol's points), always the
-    same.
+    """Return quasi-random draws (count, n) of a Gaussian (Sobol points), the same in every call.
 
-    sizes : (n,). About how large each component is; 0 of one that does not vary.
+    mean, covariance : (n,) and (n, n)
+    count : number of draws, a power of two
+    sizes : (n,), magnitude of each component, which scales the covariance before it is factored; 0 for a constant
     """
     from scipy.stats import qmc  # takes half a second, which only the draws need
 
@@ -279,9 +318,10 @@ def draws(mean: Floats, covariance: Floats, count: int = DRAWS, sizes: Floats = 
 
 
 def near_circular(state: State, covariance: Floats) -> str:
-    """Say why the first-order sigma of perigee, apogee and eccentricity does not apply; empty where it does.
+    """Return the reason why the first-order sigma of perigee, apogee and eccentricity is invalid; empty if it is valid.
 
-    Their derivative does not exist at a circular orbit: within three sigma of one their errors are no Gaussian.
+    Their derivative does not exist at a circular orbit. Within three sigma of a circular orbit the errors are not
+    Gaussian.
     """
     e = float(mean_orbit(state).eccentricity)
     slope = jacobian(state, "eccentricity_vector_error")
@@ -294,7 +334,7 @@ def near_circular(state: State, covariance: Floats) -> str:
 
 
 def applies(state: State, metric: str, covariance: Floats) -> str:
-    """Say why first-order covariance does not describe a metric at a state; empty where it does."""
+    """Return the reason why first-order covariance does not describe a metric at a state; empty if it does."""
     if metric in ("perigee_error", "apogee_error", "eccentricity_error"):
         return near_circular(state, covariance)
     if metric == "correction_delta_v":
@@ -303,11 +343,15 @@ def applies(state: State, metric: str, covariance: Floats) -> str:
 
 
 def drawn_of(state: State, law: Law, metric: str) -> Floats | None:
-    """Return the sizes (n,) of perigee, apogee or eccentricity errors, growing, of draws of linear covariance's
-    Gaussian of velocity and position through the map itself, SI.
+    """Return sorted magnitudes of perigee, apogee or eccentricity errors, from draws of the Gaussian of the state
+    error.
 
-    They stand where `near_circular` says that the first order does not. None for other metrics, and for an orbit that
-    is not closed.
+    The draws pass through the exact relation. They replace the first order where `near_circular` rejects it.
+
+    Returns
+    -------
+    (n,) array or None
+        Magnitudes (SI), increasing. None for other metrics, and for an orbit that is not closed.
     """
     if metric not in ("perigee_error", "apogee_error", "eccentricity_error"):
         return None
@@ -318,9 +362,12 @@ def drawn_of(state: State, law: Law, metric: str) -> Floats | None:
 
 
 def expected_of(state: State, law: Law, metric: str) -> tuple[Floats, Floats] | str:
-    """Return mean (k,) and covariance (k, k) of a mission metric by linear covariance, SI, or why it does not apply.
+    """Return mean and covariance of a mission metric by linear covariance, or the reason why it does not apply.
 
-    k is 2 for the point of impact and the eccentricity vector.
+    Returns
+    -------
+    tuple of (k,) array and (k, k) array, or str
+        SI. k is 2 for the impact point and the eccentricity vector, otherwise 1.
     """
     reason = applies(state, metric, law.true)
     if reason:

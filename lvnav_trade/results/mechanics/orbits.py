@@ -1,12 +1,12 @@
 """Osculating and mean orbits, and free fall to the ground.
 
-J2 makes osculating elements swing by some 10 km along a low orbit, so perigee and apogee are those of the mean orbit:
-the average over one revolution of energy, angular momentum and eccentricity vector, to first order in J2, with the
-drift over the revolution taken out. Vectors stay regular where the orbit is circular or equatorial; angles are formed
-last. (Kozai, Astronomical Journal 64, 1959, has the classical elements, singular at both.)
+J2 changes osculating elements by some 10 km along a low orbit. Perigee and apogee are therefore those of the mean
+orbit: the average over one revolution of energy, angular momentum and eccentricity vector, to first order in J2, with
+the drift over the revolution removed. Vectors are regular for circular and equatorial orbits; angles are computed last.
+(Kozai, Astronomical Journal 64, 1959, has the classical elements, which are singular for both.)
 
-The fall is a Kepler orbit down to the ellipsoid (closed form, iterated on the radius below), then, for J2, flown
-numerically for as long and led to height zero. The Earth turns beneath it meanwhile.
+The fall is first a Kepler orbit down to the ellipsoid, in closed form, with iteration on the radius of the ellipsoid.
+For J2 it is then integrated numerically over the same time and adjusted to height zero. Meanwhile the Earth rotates.
 """
 
 from typing import NamedTuple
@@ -18,14 +18,19 @@ from lvnav_trade.kernels.earth import ECCENTRICITY_2, GM, J2, OMEGA, SEMI_MAJOR,
 from lvnav_trade.quantities.frames import earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_e_n, unit
 from lvnav_trade.quantities.records import Bools, Floats
 
-# Beyond it the quadrature over a revolution loses digits, and so near to a fall no revolution is flown.
+# Above it the quadrature over a revolution loses digits; such orbits reach the ground within the revolution.
 MOST_ECCENTRIC = 0.9
 # Nodes of the quadrature up to an eccentricity: the next larger number changes an offset by less than 1e-12 of it
 _NODES = {most: np.polynomial.legendre.leggauss(n) for most, n in ((0.1, 24), (0.5, 40), (1.0, 64))}
 
 
 class Orbit(NamedTuple):
-    """Orbits: energy (...,) J/kg, angular momentum h_i (..., 3) m^2/s, eccentricity vector e_i (..., 3)."""
+    """Orbits by their vector elements.
+
+    energy : (...,), J/kg. Specific orbital energy.
+    h_i : (..., 3), m^2/s. Specific angular momentum, frame i.
+    e_i : (..., 3). Eccentricity vector towards the perigee, frame i.
+    """
 
     energy: Floats
     h_i: Floats
@@ -76,16 +81,36 @@ def osculating(r_i: ArrayLike, v_i: ArrayLike) -> Orbit:
 
 
 def mean(r_i: ArrayLike, v_i: ArrayLike) -> Orbit:
-    """Return the orbits of states r_i, v_i (..., 3) averaged over J2; NaN where the orbit is no fit ellipse."""
-    found = osculating(r_i, v_i)
-    return Orbit(*(a - b for a, b in zip(found, _offset(found, np.asarray(r_i, dtype=float)), strict=True)))
+    """Return mean orbits: averaged over one revolution, to first order in J2.
+
+    Parameters
+    ----------
+    r_i, v_i : (..., 3) array
+        Position (m) and velocity (m/s), frame i.
+
+    Returns
+    -------
+    Orbit
+        Mean orbits; NaN where `Orbit.elliptic` is false.
+    """
+    start = osculating(r_i, v_i)
+    return Orbit(*(a - b for a, b in zip(start, _offset(start, np.asarray(r_i, dtype=float)), strict=True)))
 
 
 def extremes(r_i: ArrayLike, v_i: ArrayLike, points: int = 180) -> tuple[Floats, Floats]:
-    """Return the lowest and the highest height (...,) over the revolution that begins at states r_i, v_i (..., 3).
+    """Return the lowest and the highest altitude over the revolution that begins at a state.
 
-    In m above the equatorial radius, of the mean orbit with its short-periodic swing put back at `points` points
-    (an even number, so that perigee and apogee are among them).
+    Parameters
+    ----------
+    r_i, v_i : (..., 3) array
+        Position (m) and velocity (m/s), frame i.
+    points : int
+        Number of points along the revolution; even, so that perigee and apogee are among them.
+
+    Returns
+    -------
+    lowest, highest : (...,) array
+        Height above the equatorial radius (m), of the mean orbit with its short-periodic variation added.
     """
     average = mean(r_i, v_i)
     spread = Orbit(average.energy[..., None], average.h_i[..., None, :], average.e_i[..., None, :])
@@ -101,14 +126,14 @@ def extremes(r_i: ArrayLike, v_i: ArrayLike, points: int = 180) -> tuple[Floats,
 
 
 def _plane(h_i: Floats, r_i: Floats) -> tuple[Floats, Floats]:
-    """Return unit vectors in the orbit's plane: below the position, and 90 degrees ahead."""
+    """Return unit vectors in the plane of the orbit: towards the position, and 90 degrees ahead."""
     normal = unit(h_i)
     towards = unit(r_i - np.sum(r_i * normal, axis=-1, keepdims=True) * normal)
     return towards, np.cross(normal, towards)
 
 
 def _offset(orbit: Orbit, r_i: Floats) -> Orbit:
-    """Return what J2 adds at a position to the mean of energy, h_i and e_i: the short-periodic part, first order.
+    """Return the short-periodic variation of energy, h_i and e_i at a position, to first order in J2.
 
     With the rate g of a quantity along the unperturbed orbit of period T, and time counted from the position, the
     average over a revolution less half its drift is x + 1/T integral of (T/2 - t) g dt. The integral runs over the
@@ -128,7 +153,7 @@ def _offset(orbit: Orbit, r_i: Floats) -> Orbit:
     v_i = (GM / h)[..., None] * (-(s + ey)[..., None] * towards + (c + ex)[..., None] * ahead)
     e = np.hypot(ex, ey)
     start = np.arctan2(-ey, ex)  # true anomaly of the position
-    anomaly = mean_anomaly(start + angle, e) - mean_anomaly(start, e)  # gained since
+    anomaly = mean_anomaly(start + angle, e) - mean_anomaly(start, e)  # increase since the position
     share = (0.5 - anomaly / (2.0 * np.pi)) * weight * r**2 / h  # (T/2 - t) / T dt
     pull = oblateness(along_i)
     turn = np.cross(along_i, pull)
@@ -142,29 +167,33 @@ def _offset(orbit: Orbit, r_i: Floats) -> Orbit:
 
 
 def mean_anomaly(true: Floats, e: Floats) -> Floats:
-    """Return the mean anomaly (rad) of a true anomaly (rad, of any turn) on ellipses of eccentricity e."""
+    """Return the mean anomaly (rad) for a true anomaly (rad, also beyond one turn) on ellipses of eccentricity e."""
     beta = e / (1.0 + np.sqrt(1.0 - e * e))
     eccentric = true - 2.0 * np.arctan2(beta * np.sin(true), 1.0 + beta * np.cos(true))
     return np.asarray(eccentric - e * np.sin(eccentric))
 
 
 def oblateness(r_i: Floats) -> Floats:
-    """Return the part of the gravitation (..., 3) in m/s^2 that is due to J2."""
+    """Return the J2 term of the gravitation (..., 3) in m/s^2, frame i."""
     r2 = np.einsum("...i,...i->...", r_i, r_i)[..., None]
     s2 = r_i[..., 2:] ** 2 / r2
     k = 1.5 * J2 * GM * SEMI_MAJOR**2 / (r2 * r2 * np.sqrt(r2))
     return np.asarray(k * r_i * (5.0 * s2 - np.array([1.0, 1.0, 3.0])))
 
 
-# Height in m below which no point of impact is reported: it would be the vehicle's own place.
+# Height in m below which no impact point is reported: it would coincide with the vehicle.
 LOWEST = 1e3
 _STEP = 16.0  # longest step of the numerical fall, s: centimetres over half a revolution
 _FEWEST = 8  # steps of a fall
 
 
 class Impact(NamedTuple):
-    """Points of impact: r_e (..., 3) m on the ellipsoid; latitude, longitude (rad); fall (s); heading (rad from north)
-    of the velocity over the ground at impact. All NaN where there is none.
+    """Impact points. All fields are NaN where there is none.
+
+    r_e : (..., 3), m. Point on the ellipsoid, frame e.
+    latitude, longitude : (...,), rad. Geodetic coordinates.
+    fall : (...,), s. Time from the state to impact.
+    heading : (...,), rad from north. Heading of the ground velocity at impact.
     """
 
     r_e: Floats
@@ -175,22 +204,29 @@ class Impact(NamedTuple):
 
 
 def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = True, lowest: float = LOWEST) -> Impact:
-    """Return where states r_i (m), v_i (m/s), each (n, 3), would come down.
-
-    None where the orbit clears the ground, where the vehicle is lower than `lowest` (m), or escapes.
+    """Return the impact points of states in free fall.
 
     Parameters
     ----------
-    earth_angle
-        Angle from the inertial to the Earth-fixed x axis at the time of the states, rad, (n,) or one number.
-    j2
+    r_i, v_i : (n, 3) array
+        Position (m) and velocity (m/s), frame i.
+    earth_angle : float or (n,) array
+        Angle from the inertial to the Earth-fixed x axis at the time of the states (rad).
+    j2 : bool
         Whether the Earth's oblateness acts on the fall.
+    lowest : float
+        Height (m) below which a state has no impact point.
+
+    Returns
+    -------
+    Impact
+        NaN where the orbit clears the ground, the vehicle is below `lowest`, or the orbit is open without impact.
     """
     r_i, v_i = np.atleast_2d(np.asarray(r_i, dtype=float)), np.atleast_2d(np.asarray(v_i, dtype=float))
     theta = np.broadcast_to(np.asarray(earth_angle, dtype=float), r_i.shape[:1])
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = _kepler_fall(r_i, v_i)
-        _, _, height = geodetic_from_ecef(r_i)  # height does not depend on the turn of the Earth
+        _, _, height = geodetic_from_ecef(r_i)  # the height does not depend on the rotation of the Earth
         fall = np.where(height >= lowest, fall, np.nan)
         longest = float(np.max(fall, initial=0.0, where=np.isfinite(fall)))
         end = _fly(r_i, v_i, fall, j2, max(_FEWEST, int(np.ceil(longest / _STEP))))
@@ -204,7 +240,7 @@ def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = Tr
 
 
 def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
-    """Return the time (n,) in s to the first crossing of the ellipsoid ahead on the Kepler orbit; NaN for none."""
+    """Return the time (n,) in s to the next crossing of the ellipsoid on the Kepler orbit; NaN if there is none."""
     h_i = np.cross(r_i, v_i)
     h = np.linalg.norm(h_i, axis=1)
     r = np.linalg.norm(r_i, axis=1)
@@ -215,7 +251,7 @@ def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
     e, p = np.hypot(ex, ey), h**2 / GM
     anomaly = np.mod(np.arctan2(-ey, ex), 2.0 * np.pi)
     radius = np.full_like(r, SEMI_MINOR)
-    for _ in range(30):  # the ellipsoid is nearly round: each round gains a factor of 300 over the slope of the fall
+    for _ in range(30):  # each step reduces the error by 300 times the slope of the fall
         angle = np.mod(2.0 * np.pi - np.arccos((p / radius - 1.0) / e) - anomaly, 2.0 * np.pi)
         sine = np.cos(angle) * towards[:, 2] + np.sin(angle) * ahead[:, 2]
         before, radius = radius, SEMI_MINOR / np.sqrt(1.0 - ECCENTRICITY_2 * (1.0 - sine**2))
@@ -226,7 +262,7 @@ def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
 
 
 def _pull(state: Floats, j2: bool) -> Floats:
-    """Return the derivative (n, 6) of states in free fall."""
+    """Return the time derivative (n, 6) of states (position, velocity) in free fall."""
     r_i = state[:, :3]
     square = np.einsum("ij,ij->i", r_i, r_i)[:, None]
     pull = -GM * r_i / (square * np.sqrt(square))
@@ -244,7 +280,7 @@ def coast(r_i: ArrayLike, v_i: ArrayLike, seconds: float) -> tuple[Floats, Float
 
 
 def _fly(r_i: Floats, v_i: Floats, time: Floats, j2: bool, steps: int) -> Floats:
-    """Return the states (n, 6) after a time (n,) in free fall, by Runge and Kutta's fourth order."""
+    """Return the states (n, 6) after times (n,) of free fall, by the classical fourth-order Runge-Kutta method."""
     state = np.concatenate([r_i, v_i], axis=1)
     dt = (time / steps)[:, None]
     for _ in range(steps):
@@ -256,15 +292,15 @@ def _fly(r_i: Floats, v_i: Floats, time: Floats, j2: bool, steps: int) -> Floats
 
 
 def _to_ground(fall: Floats, state: Floats, j2: bool) -> tuple[Floats, Floats]:
-    """Lead states near the ground to height zero by Newton's rule in time."""
+    """Move states near the ground to height zero by Newton's method in time; NaN where this fails."""
     for _ in range(6):
-        # the height does not depend on the longitude, so inertial components will do
+        # the height does not depend on the longitude, so inertial components suffice
         latitude, longitude, height = geodetic_from_ecef(state[:, :3])
         up = -rotation_e_n(latitude, longitude)[:, 2]
         step = np.clip(-height / np.sum(state[:, 3:] * up, axis=1), -60.0, 60.0)
         state = _fly(state[:, :3], state[:, 3:], step, j2, 4)
         fall = fall + step
-        if not (np.abs(step) > 1e-11).any():  # 0.1 um of the way
+        if not (np.abs(step) > 1e-11).any():  # 0.1 um along the path
             break
     _, _, height = geodetic_from_ecef(state[:, :3])
     sound = (np.abs(height) < 1e-3) & (fall > 0.0)
@@ -272,9 +308,19 @@ def _to_ground(fall: Floats, state: Floats, j2: bool) -> tuple[Floats, Floats]:
 
 
 def offsets(from_e: ArrayLike, to_e: ArrayLike, heading: ArrayLike) -> Floats:
-    """Return how far points to_e lie from points from_e (..., 3) on the ground, down-range and cross-range (..., 2), m.
+    """Return the distance of points from reference points on the ground, down-range and cross-range.
 
-    Down-range is along the heading (rad from north), cross-range to its right; in the tangent plane at from_e.
+    Parameters
+    ----------
+    from_e, to_e : (..., 3) array
+        Reference points and points (m), frame e.
+    heading : (...,) array
+        Heading of down-range (rad from north).
+
+    Returns
+    -------
+    (..., 2) array
+        Down-range along the heading, cross-range to its right (m), in the tangent plane at `from_e`.
     """
     from_e, to_e = np.asarray(from_e, dtype=float), np.asarray(to_e, dtype=float)
     latitude, longitude, _ = geodetic_from_ecef(from_e)

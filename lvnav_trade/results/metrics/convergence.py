@@ -16,8 +16,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ConvergenceTime(Metric):
-    """The time after the start of a phase from which on the error (3-D) of a run stays below a limit, at the events of
-    the phase; its length where it never does, or where the run fails. The median over the runs.
+    """Time from the start of a phase after which the 3-D error of a run stays below a limit; the median over the runs.
+
+    It is evaluated at the events of the phase. A run that never converges, or that fails, counts with the length of the
+    phase.
+
+    quantity : Quantity of the error.
     """
 
     quantity: str = ""
@@ -31,25 +35,25 @@ class ConvergenceTime(Metric):
         return NAVIGATION_UNITS[self.quantity]
 
     def faults(self, stated: Any) -> Iterator[str]:
-        """Yield that it is of a phase and a limit."""
+        """Yield input errors: the metric needs a phase and a limit."""
         if stated.during is None or stated.statistic != "rms" or stated.below is None:
             yield f"{self.name} is of a phase and a limit; give during and below, and no statistic"
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the median over the runs; with a limit by another case also the time of linear covariance."""
+        """Return the median over the runs; for a limit by another case's sigma, also the time by linear covariance."""
         from lvnav_trade.results.evaluation.convergence import convergence
         from lvnav_trade.results.statistics.select import cases_of
 
-        other = [""]
+        other_case = [""]
         if stated.get("sigma_of") is not None:
-            other = cases_of(tables, {**tables.levels[case], **stated["sigma_of"]})
-        found = convergence(tables, case, stated, other[0]) if other else None
-        if found is None:
+            other_case = cases_of(tables, {**tables.levels[case], **stated["sigma_of"]})
+        result = convergence(tables, case, stated, other_case[0]) if other_case else None
+        if result is None:
             return MetricValue(remark="no runs, or no events in this phase")
-        scale, median = scale_of(unit, self.unit) or np.nan, float(np.median(found.times))
+        scale, median = scale_of(unit, self.unit) or np.nan, float(np.median(result.times))
         always = ", half the runs are below the limit throughout" if median == 0.0 else ""
-        true = found.expected / scale if other[0] else np.nan
-        return MetricValue(np.nan, true, median / scale, f"median, at {found.n_event} events{always}")
+        true = result.expected / scale if other_case[0] else np.nan
+        return MetricValue(np.nan, true, median / scale, f"median, at {result.n_event} events{always}")
 
 
 METRICS = tuple(

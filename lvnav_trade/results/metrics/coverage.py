@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Coverage(Metric):
-    """The share of runs with all three axes within three sigmas at an event, or with the error below a limit."""
+    """Share of runs whose error is within three sigmas on all three axes at an event, or below a limit.
+
+    quantity : Quantity of the error.
+    """
 
     quantity: str = ""
 
@@ -28,12 +31,12 @@ class Coverage(Metric):
         return NAVIGATION_UNITS[self.quantity]
 
     def faults(self, stated: Any) -> Iterator[str]:
-        """Yield that it is of an event."""
+        """Yield input errors: the metric needs an event."""
         if stated.at is None or stated.statistic != "rms":
             yield f"{self.name} is of an event; give at, and no statistic"
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return it three times; below a limit of the runs alone."""
+        """Return the share: formal, by linear covariance and by the runs; for a limit by the runs only."""
         from lvnav_trade.results.evaluation.coverage import below, covered
 
         about, limit = (tables, case, event_of(stated), self.quantity), stated.get("below")

@@ -1,4 +1,4 @@
-"""Errors of the filter's states: attitude, velocity, position, and every other state that it may estimate."""
+"""Errors of the filter's states: attitude, velocity, position, and every other state that a filter can estimate."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ _WORDS = {
     "velocity": "velocity over the ground",
     "position": "position",
 }
-# States of a filter that statements can name, listed with an axis x that stands for any
+# States of a filter that statements can name; in the list, axis x represents every axis
 _STATES = (
     {name: kind.unit for name, kind in PARAMETERS.items()}
     | {name: unit for name, (unit, *_) in EXTRAS.items()}
     | {name: unit for name, unit, *_ in MOTION}
     | {"clock_bias": "m", "clock_drift": "m/s"}
 )
-# SI unit of every quantity of which results hold an error
+# SI unit of every quantity whose error is stored in results
 UNITS = (
     NAVIGATION_UNITS
     | {f"{BACKUP}{name}": unit for name, unit in NAVIGATION_UNITS.items()}
@@ -69,10 +69,10 @@ _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov
 
 @dataclass(frozen=True)
 class StateError(Metric):
-    """The error of a quantity along an axis, or its length ("3d").
+    """Error of a quantity along an axis, or the norm of its three components ("3d").
 
     quantity : Such as velocity, gyro_bias.
-    axis : Axis of the reporting frame, the body or a sensor; 3d for the length.
+    axis : Axis of the reporting frame, the body or a sensor; 3d for the norm.
     """
 
     quantity: str = ""
@@ -80,29 +80,32 @@ class StateError(Metric):
 
     @classmethod
     def of(cls, name: str, unit: str, meaning: str = "") -> StateError:
-        """Return the error of a name such as ``gyro_bias_error_x``."""
+        """Return the metric of a name such as ``gyro_bias_error_x``.
+
+        unit : SI unit
+        """
         return cls(name, "dimensionless" if unit == "1" else unit, meaning, *split_metric(name))
 
     @property
     def is_signed(self) -> bool:
-        """Whether it is the error along one axis."""
+        """Whether it is an error along one axis."""
         return self.axis != NORM
 
     @property
     def bounded_as(self) -> str:
-        """A length in three dimensions; an error along one axis is bounded either way."""
+        """Kind of bound: a norm, or an error along one axis, which is bounded on both sides."""
         return LENGTH if self.axis == NORM else TWO_SIDED
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the root mean square, or the mean with its sign, at an event or over the time of a phase."""
+        """Return the root mean square, or the signed mean, at an event or over the time of a phase."""
         from lvnav_trade.results.statistics.per_run import of_each, signed
         from lvnav_trade.results.statistics.select import time_mean
 
         if stated.get("statistic") == "worst":
-            found = self.single(tables, case, stated, unit)
-            if len(found.runs):
-                return MetricValue(monte_carlo=found.value, remark=found.remark)
-            return MetricValue(true=found.value, remark=found.remark)
+            number = self.single(tables, case, stated, unit)
+            if len(number.runs):
+                return MetricValue(monte_carlo=number.value, remark=number.remark)
+            return MetricValue(true=number.value, remark=number.remark)
         rows, scale, remark = self._rows(tables, case, stated, unit)
         if remark:
             return MetricValue(remark=remark)
@@ -121,20 +124,24 @@ class StateError(Metric):
         return MetricValue(formal, true, drawn, runs=(each / scale) ** 2)
 
     def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
-        """Return the root mean square or mean of the runs, or of linear covariance without runs; or a sigma, or the
-        median over the runs of each run's largest error of a phase.
+        """Return the number that is compared with a published number.
+
+        It is the root mean square or mean of the runs (of linear covariance without runs), a sigma, or the median over
+        the runs of the largest error of each run in a phase.
         """
         statistic = stated.get("statistic", "rms")
         if statistic == "worst":
             return self._worst(tables, case, stated, unit)
         if statistic in _SIGMAS:
             return self._sigma(tables, case, stated, unit)
-        found = super().single(tables, case, stated, unit)
-        alone = statistic == "rms" and not found.remark and not self._has_runs(tables, case)
-        return found._replace(remark="linear covariance") if alone else found
+        number = super().single(tables, case, stated, unit)
+        alone = statistic == "rms" and not number.remark and not self._has_runs(tables, case)
+        return number._replace(remark="linear covariance") if alone else number
 
     def _rows(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> tuple[pd.DataFrame, float, str]:
-        """Return the history at the place that is stated, the size of the unit in SI, and why there is none."""
+        """Return the history at the stated event or phase, the SI value of the unit, and the reason if there is no
+        history.
+        """
         from lvnav_trade.results.statistics.per_run import within
         from lvnav_trade.results.statistics.select import history_of
 
@@ -161,10 +168,10 @@ class StateError(Metric):
         scale = None if rows.empty else scale_of(unit, str(rows.unit.iloc[0]))
         if scale is None:
             return SingleValue(np.nan, MISSING if rows.empty else no_fit(unit))
-        found = per_run(tables, case, stated, error_column(self.quantity, self.axis, rows.unit.iloc[0]))
-        if not len(found):
+        largest = per_run(tables, case, stated, error_column(self.quantity, self.axis, rows.unit.iloc[0]))
+        if not len(largest):
             return SingleValue(np.nan, "no runs, or the phase does not begin and end at events")
-        return SingleValue(float(np.median(found)) / scale, "", np.sort(found) / scale)
+        return SingleValue(float(np.median(largest)) / scale, "", np.sort(largest) / scale)
 
     def _sigma(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
         from lvnav_trade.results.statistics.select import time_mean
@@ -181,7 +188,9 @@ class StateError(Metric):
         return SingleValue(value, "" if with_runs else "linear covariance")
 
     def _beyond_linear(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> str:
-        """Say why linear covariance has no number to compare with a published attitude: one of the two is large."""
+        """Return the reason why linear covariance cannot be compared with a published attitude: an attitude error is
+        large.
+        """
         from lvnav_trade.results.evaluation.covariances import LINEAR_ATTITUDE, beyond_at_start, beyond_linear
 
         size = (scale_of(unit, "rad") or 0.0) if self.quantity == "attitude" else 0.0
@@ -189,7 +198,7 @@ class StateError(Metric):
         return beyond_linear(published) if published > LINEAR_ATTITUDE else beyond_at_start(tables, case)
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
-        """Return |error| of every run at an event, or the largest of a phase."""
+        """Return |error| of every run at an event, or its largest value in a phase."""
         output = case.output(self.quantity, self.axis)
         if output is None:
             return None
@@ -201,10 +210,10 @@ class StateError(Metric):
         return Errors(size, output.unit, output.label_unit, output.label_factor)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
-        """Return the Gaussian at an event, or that of the moment of a phase which keeps the bound least.
+        """Return the Gaussian at an event, or at the time of a phase with the smallest probability to meet the limit.
 
-        Of a phase the length needs the covariance of three axes, which is kept at events; the error along one axis is
-        examined at every time of the history.
+        For a phase, the norm needs the covariance of three axes, which is stored at events; the error along one axis is
+        evaluated at every time of the history.
         """
         from lvnav_trade.results.statistics.gaussian import least_kept
 
@@ -223,26 +232,29 @@ class StateError(Metric):
 
 @dataclass(frozen=True)
 class NavigationError(StateError):
-    """The error of attitude, velocity or position, of the filter or of a strapdown that is never corrected."""
+    """Error of attitude, velocity or position, of the filter or of a strapdown without corrections."""
 
     named_by: ClassVar[str] = BOTH
 
     def missing_in(self, campaign: Any) -> str:
-        """Say that the reporting frame of a campaign has no such axis."""
-        known, of_body = AXES[campaign.base.frame], self.quantity.removeprefix(BACKUP) == "attitude"
-        if of_body or self.axis in (*known, NORM):
+        """Return the reason if the reporting frame of a campaign lacks the axis; empty if it has it."""
+        axes_of_frame, of_body = AXES[campaign.base.frame], self.quantity.removeprefix(BACKUP) == "attitude"
+        if of_body or self.axis in (*axes_of_frame, NORM):
             return ""
-        return f"frame {campaign.base.frame} has the axes {', '.join(known)}"
+        return f"frame {campaign.base.frame} has the axes {', '.join(axes_of_frame)}"
 
 
 def error_named(name: str, unit: str = "") -> StateError | None:
-    """Return the error of a known quantity, or of one whose SI unit is given, along any axis; None for other names."""
+    """Return the metric of an error by its name; None for other names.
+
+    unit : SI unit, for a quantity that is not in the list of known quantities
+    """
     unit = unit or UNITS.get(split_metric(name)[0], "")
     return StateError.of(name, unit) if unit and _NAME.fullmatch(name) else None
 
 
 def state_metric(quantity: str, unit: str) -> StateError:
-    """Return the error of a state of the filter as the list of metrics shows it: x stands for any axis."""
+    """Return the error of a filter state as the list of metrics shows it, where x represents every axis."""
     meaning = f"estimate of {quantity.replace('_', ' ')}, where it is a state"
     return StateError.of(f"{quantity}_error_x", unit, meaning)
 

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FaultRate(Metric):
-    """The share of runs with an outcome of the tests for faults; linear covariance decides once, on the mean."""
+    """Share of runs with an outcome of the fault tests; linear covariance decides once, for the mean."""
 
     average: ClassVar[str] = MEAN
 
     def faults(self, stated: Any) -> Iterator[str]:
-        """Yield that it is of a phase."""
+        """Yield input errors: the metric needs a phase."""
         if stated.during is None or stated.statistic != "rms":
             yield f"{self.name} is of a phase; give during, and no statistic"
 

@@ -1,4 +1,4 @@
-"""Injection accuracy of guided ascents: the achieved orbit against the target, depletion, propellant, cut-off."""
+"""Injection accuracy of guided ascents: achieved orbit against target, depletion, propellant, cut-off."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 UNGUIDED = "no ascent is guided: give trajectory.guidance"
 _AT_CUTOFF = "a number of the injection"
 _LEFT = INJECTION.index("propellant_left")
-_GRID = 2**15  # equally probable values that stand for a distribution
+_GRID = 2**15  # number of equally probable values that represent a distribution
 
 
 @dataclass(frozen=True)
 class _OfInjection(Metric):
-    """A number of the injection of each run."""
+    """A metric of the injection of each run."""
 
     named_by: ClassVar[str] = BOTH
     at_events_only: ClassVar[str] = _AT_CUTOFF
@@ -34,35 +34,35 @@ class _OfInjection(Metric):
 
     @property
     def of_numbers(self) -> tuple[str, ...]:
-        """Numbers of `records.INJECTION` that it is a function of."""
+        """Quantities of `records.INJECTION` on which it depends."""
         return ("propellant_left",)
 
     def missing_in(self, campaign: Any) -> str:
-        """Say that it is known of a guided ascent alone."""
+        """Return the reason if a campaign has no guided ascent; empty if it may have one."""
         return "" if _may_be_guided(campaign) else UNGUIDED
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
-        """Return its distribution by linear covariance, or why there is none."""
+        """Return its distribution by linear covariance, or the reason why there is none."""
         law = case.injection_law()
         return UNGUIDED if law is None else why_no_law(law, self.of_numbers) or self.of_law(law)
 
     def of_law(self, law: InjectionLaw) -> Distribution:
-        """Return its distribution where linear covariance holds."""
+        """Return its distribution for an injection that linear covariance describes."""
         raise NotImplementedError
 
     def single_law(self, size: Floats, unit: str, label_unit: str, label_factor: float) -> Distribution:
-        """Return the distribution of equally probable sizes (n,)."""
+        """Return the distribution of equally probable magnitudes (n,)."""
         nothing = Gaussian(np.empty(0), np.empty((0, 0)), {})
         return Distribution(nothing, unit, label_unit, label_factor, "injection", drawn=np.sort(size))
 
 
 @dataclass(frozen=True)
 class InjectionError(_OfInjection):
-    """What the achieved orbit has more than the target; of several numbers the length of the difference.
+    """Achieved orbit less target; for several quantities the norm of the difference.
 
-    quantities : Numbers of the orbit, as in `records.ORBIT`.
-    label_unit : Unit for people.
-    label_factor : Factor from SI to it.
+    quantities : Quantities of the orbit, as in `records.ORBIT`.
+    label_unit : Display unit.
+    label_factor : Factor from SI to the display unit.
     """
 
     quantities: tuple[str, ...] = ()
@@ -71,16 +71,16 @@ class InjectionError(_OfInjection):
 
     @property
     def of_numbers(self) -> tuple[str, ...]:
-        """Those of the orbit."""
+        """Quantities of the orbit."""
         return self.quantities
 
     @property
     def bounded_as(self) -> str:
-        """The error of a vector is a length; of another number it has a sign."""
+        """Kind of bound: the norm of a vector, or a signed number."""
         return LENGTH if len(self.quantities) > 1 else TWO_SIDED
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
-        """Return the size of every run; infinite where it does not reach its cut-off."""
+        """Return the magnitude of every run; infinite if a run does not reach its cut-off."""
         size = self._sizes(case)
         return None if size is None else Errors(size, self.unit, self.label_unit, self.label_factor)
 
@@ -100,8 +100,9 @@ class InjectionError(_OfInjection):
         return MetricValue(true=true, monte_carlo=float(np.sqrt(np.mean(runs))), runs=runs)
 
     def of_law(self, law: InjectionLaw) -> Distribution:
-        """Return its Gaussian with the part of each source; of perigee and apogee near a circle draws through the map
-        itself.
+        """Return its Gaussian with the contribution of each source.
+
+        Near a circular orbit, perigee and apogee are distributed as draws through the exact relation.
         """
         if self._is_drawn(law):
             size = np.abs(apsis_errors(law, self.quantities[0]))
@@ -117,56 +118,57 @@ class InjectionError(_OfInjection):
     def _root_mean_square(self, law: InjectionLaw) -> float:
         if self._is_drawn(law):
             return float(np.sqrt(np.mean(apsis_errors(law, self.quantities[0]) ** 2)))
-        found = self.of_law(law).law
-        return float(np.sqrt(np.trace(found.covariance) + found.mean @ found.mean))
+        distribution = self.of_law(law).law
+        return float(np.sqrt(np.trace(distribution.covariance) + distribution.mean @ distribution.mean))
 
     def _sizes(self, case: CaseResults) -> Floats | None:
-        found = [case.injections(quantity) for quantity in self.quantities]
-        known = [one for one in found if one is not None]
-        if len(known) < len(found):
+        by_quantity = [case.injections(quantity) for quantity in self.quantities]
+        available = [runs for runs in by_quantity if runs is not None]
+        if len(available) < len(by_quantity):
             return None
-        size = np.sqrt(np.sum([one.error**2 for one in known], axis=0))
-        return np.where(known[0].injected & np.isfinite(size), size, np.inf)
+        size = np.sqrt(np.sum([runs.error**2 for runs in available], axis=0))
+        return np.where(available[0].injected & np.isfinite(size), size, np.inf)
 
 
 @dataclass(frozen=True)
 class Depletion(_OfInjection):
-    """One for a run whose last stage is empty before its cut-off, else zero; a run that ends otherwise is no injection
-    and counts as infinite in a requirement.
+    """One for a run whose last stage is empty before its cut-off, zero for a run that reaches it.
+
+    A run that ends otherwise has no injection, and counts as infinite in a requirement.
     """
 
     average: ClassVar[str] = MEAN
 
     @property
     def bounded_as(self) -> str:
-        """It has no sign."""
+        """Kind of bound: a number without sign."""
         return ONE_SIDED
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
-        """Return zero or one of every run: a requirement asks for less than one half."""
-        found = _any(case)
-        if found is None:
+        """Return zero or one for every run, so that the limit of a requirement is one half."""
+        runs = _any(case)
+        if runs is None:
             return None
-        size = np.where(found.injected, 0.0, np.where(found.outcome == OUTCOMES[1], 1.0, np.inf))
+        size = np.where(runs.injected, 0.0, np.where(runs.outcome == OUTCOMES[1], 1.0, np.inf))
         return Errors(size, self.unit, "%", 100.0)
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the share of the runs that deplete, and what linear covariance expects of it."""
+        """Return the share of runs that deplete, and its expectation by linear covariance."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         results = CaseTables(tables, case)
-        found, law = _any(results), results.injection_law()
-        if found is None and law is None:
+        runs, law = _any(results), results.injection_law()
+        if runs is None and law is None:
             return MetricValue(remark=UNGUIDED)
         why = "" if law is None else why_no_law(law, self.of_numbers)
         expected = np.nan if law is None or why else share_depleted(law)
-        if found is None:
+        if runs is None:
             return MetricValue(true=expected, remark=why, is_root=False, is_share=True)
-        empty = (found.outcome == OUTCOMES[1]).astype(float)
+        empty = (runs.outcome == OUTCOMES[1]).astype(float)
         return MetricValue(true=expected, monte_carlo=float(empty.mean()), runs=empty, is_root=False, is_share=True)
 
     def of_law(self, law: InjectionLaw) -> Distribution:
-        """Return zeros and ones in the share that linear covariance expects of empty stages."""
+        """Return zeros and ones in the proportion of empty stages by linear covariance."""
         size = np.zeros(_GRID)
         size[: round(share_depleted(law) * _GRID)] = 1.0
         return self.single_law(size, self.unit, "%", 100.0)
@@ -174,42 +176,43 @@ class Depletion(_OfInjection):
 
 @dataclass(frozen=True)
 class ExtraPropellant(_OfInjection):
-    """What a flight burns beyond the reference flight; nothing where it burns less, and infinite where the stage is
-    empty before the cut-off.
+    """Propellant burnt in addition to the reference flight.
+
+    Zero for a flight that burns less; infinite if the stage is empty before the cut-off.
     """
 
     average: ClassVar[str] = MEAN
 
     @property
     def bounded_as(self) -> str:
-        """It has no sign."""
+        """Kind of bound: a number without sign."""
         return ONE_SIDED
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
-        """Return it of every run."""
-        found, law = _any(case), case.injection_law()
-        if found is None or law is None or law.why:
+        """Return the additional propellant (kg) of every run."""
+        runs, law = _any(case), case.injection_law()
+        if runs is None or law is None or law.why:
             return None
-        extra = np.maximum(0.0, law.reference[_LEFT] - found.left)
-        return Errors(np.where(found.injected & np.isfinite(extra), extra, np.inf), self.unit, "kg", 1.0)
+        extra = np.maximum(0.0, law.reference[_LEFT] - runs.left)
+        return Errors(np.where(runs.injected & np.isfinite(extra), extra, np.inf), self.unit, "kg", 1.0)
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
         """Return the mean over the runs, and that of linear covariance."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         scale, results = scale_of(unit, self.unit), CaseTables(tables, case)
-        law, found = results.injection_law(), self.errors(results, stated)
+        law, by_run = results.injection_law(), self.errors(results, stated)
         if scale is None or law is None:
             return MetricValue(remark=no_fit(unit) if scale is None else UNGUIDED)
         why = why_no_law(law, self.of_numbers)
         true = np.nan if why else float(np.mean(self._sizes(law))) / scale
-        if found is None:
+        if by_run is None:
             return MetricValue(true=true, remark=why, is_root=False)
-        size = found.size / scale
+        size = by_run.size / scale
         return MetricValue(true=true, monte_carlo=float(size.mean()), runs=size, is_root=False)
 
     def of_law(self, law: InjectionLaw) -> Distribution:
-        """Return the Gaussian of what is burnt beyond the reference flight, cut off at nothing."""
+        """Return the Gaussian of the additional propellant, censored at zero."""
         return self.single_law(self._sizes(law), self.unit, "kg", 1.0)
 
     def _sizes(self, law: InjectionLaw) -> Floats:
@@ -219,7 +222,10 @@ class ExtraPropellant(_OfInjection):
 
 @dataclass(frozen=True)
 class AtCutoff(Metric):
-    """The mean of a number at the cut-off, time or propellant left, over the runs that reach theirs."""
+    """Mean of cut-off time or residual propellant over the runs that reach their cut-off.
+
+    field : Field of `Injections`: t, or left.
+    """
 
     field: str = "t"
 
@@ -230,14 +236,14 @@ class AtCutoff(Metric):
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         scale, results = scale_of(unit, self.unit), CaseTables(tables, case)
-        found, law = _any(results), results.injection_law()
-        if scale is None or (found is None and law is None):
+        runs, law = _any(results), results.injection_law()
+        if scale is None or (runs is None and law is None):
             return MetricValue(remark=no_fit(unit) if scale is None else UNGUIDED)
         why = "" if law is None else why_no_law(law, (self.name,))
         true = np.nan if law is None or why else float(law.mean[INJECTION.index(self.name)]) / scale
-        if found is None or not found.injected.any():
+        if runs is None or not runs.injected.any():
             return MetricValue(true=true, remark=why, is_root=False)
-        values = getattr(found, self.field)[found.injected] / scale
+        values = getattr(runs, self.field)[runs.injected] / scale
         return MetricValue(true=true, monte_carlo=float(values.mean()), runs=values, is_root=False)
 
 

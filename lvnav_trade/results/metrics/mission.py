@@ -1,4 +1,4 @@
-"""Errors of the mission: mean orbit, point of impact, and the impulses that correct the orbit."""
+"""Mission errors: mean orbit, impact point, and the delta-v that corrects the orbit."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ if TYPE_CHECKING:
     from lvnav_trade.results.tables.read import Tables
 
 
-# Members that are lengths of vectors
+# Metrics that are norms of vectors
 _LENGTHS = ("eccentricity_vector_error", "correction_delta_v", "impact_error")
-# Members that are no elements of the orbit
+# Metrics that are not elements of the orbit
 _WITHOUT_ELEMENTS = ("correction_delta_v", "impact_error", "impact_error_down", "impact_error_cross")
 
 
 @dataclass(frozen=True)
 class MissionError(Metric):
-    """The error of a number of the mission: a function of the errors of velocity and position together.
+    """Error of a mission quantity, a function of the errors of velocity and position together.
 
-    label_unit : Unit for people.
-    label_factor : Factor from SI to it.
+    label_unit : Display unit.
+    label_factor : Factor from SI to the display unit.
     """
 
     label_unit: str = "m"
@@ -51,12 +51,12 @@ class MissionError(Metric):
 
     @property
     def has_epoch(self) -> bool:
-        """The errors of elements have one; a correction and a point of impact have none."""
+        """Whether it has an epoch: errors of elements have; a correction and an impact point have not."""
         return self.name not in _WITHOUT_ELEMENTS
 
     @property
     def bounded_as(self) -> str:
-        """The error of a vector, and the size of a correction, are lengths; of another number it has a sign."""
+        """Kind of bound: the norm of a vector and the magnitude of a correction, or a signed number."""
         return LENGTH if self.name in _LENGTHS else TWO_SIDED
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
@@ -72,34 +72,36 @@ class MissionError(Metric):
         return MetricValue(monte_carlo=float(np.sqrt(np.mean(size**2))) / scale, runs=(size / scale) ** 2)
 
     def label(self, stated: Mapping[str, Any]) -> str:
-        """Return the metric and its event, with kind and epochs of the elements where they are not the usual ones."""
+        """Return the metric and its event, with type and epochs of the elements unless they are the defaults."""
         epochs = epochs_of(stated)
-        kind = "" if epochs.is_mean else ", osculating"
+        element_type = "" if epochs.is_mean else ", osculating"
         later = f" + {epochs.estimated:g} s" if epochs.estimated else ""
         apart = f", true elements at + {epochs.true:g} s" if epochs.true != epochs.estimated else ""
-        return f"{super().label(stated)}{later}{kind}{apart}"
+        return f"{super().label(stated)}{later}{element_type}{apart}"
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
-        """Return the size of the error of every run at an event."""
+        """Return the magnitude of the error of every run at an event."""
         size = sizes_at(case, event_of(requirement), self.name)
         return None if size is None else Errors(size, self.unit, self.label_unit, self.label_factor)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
-        """Return the Gaussian to first order, or draws through the map itself where the first order does not apply."""
+        """Return the Gaussian to first order, or the distribution of draws through the exact relation if that is
+        invalid.
+        """
         at = event_of(requirement)
-        found, drawn = expected_at(case, at, self.name), None
-        if isinstance(found, tuple):
-            law = Gaussian(*found, {})
+        gaussian, drawn = expected_at(case, at, self.name), None
+        if isinstance(gaussian, tuple):
+            law = Gaussian(*gaussian, {})
         else:
             drawn = drawn_at(case, at, self.name)
             law = Gaussian(np.empty(0), np.empty((0, 0)), {})
             if drawn is None:
-                return found or NO_LAW
+                return gaussian or NO_LAW
         return Distribution(law, self.unit, self.label_unit, self.label_factor, at, drawn=drawn)
 
 
 def epochs_of(stated: Mapping[str, Any]) -> Epochs:
-    """Return kind and epochs of the elements that a statement is about: mean ones at its event unless it says more."""
+    """Return type and epochs of the elements in a statement; by default mean elements at its event."""
     from lvnav_trade.results.mechanics.mission import Epochs
 
     estimated = number_in(stated.get("epoch") or 0.0, "s")
@@ -109,10 +111,11 @@ def epochs_of(stated: Mapping[str, Any]) -> Epochs:
 
 
 def sizes_at(case: CaseResults, event: str, metric: str, epochs: Epochs | None = None) -> Floats | None:
-    """Return |error| (n_run,) of a mission metric at an event in every run, SI; infinite where the run failed or the
-    number is not defined. None where the state at the event is not stored.
+    """Return |error| (n_run,) of a mission metric at an event in every run, SI.
 
-    epochs : Kind and epochs of the elements of the orbit; None: mean ones at the event.
+    Infinite if the run failed or the quantity is undefined. None if the state at the event is not stored.
+
+    epochs : type and epochs of the orbital elements; None for mean elements at the event
     """
     from lvnav_trade.results.mechanics.mission import Epochs, orbit_errors_at, signed, turned
 
@@ -124,15 +127,15 @@ def sizes_at(case: CaseResults, event: str, metric: str, epochs: Epochs | None =
     if not failed.all():
         good = error[~failed]
         if epochs is None or epochs == Epochs():
-            found = signed(state, good, metric)
+            signed_error = signed(state, good, metric)
         else:
-            found = orbit_errors_at(state, good, epochs)[metric]
-        size[~failed] = np.linalg.norm(found, axis=1)
+            signed_error = orbit_errors_at(state, good, epochs)[metric]
+        size[~failed] = np.linalg.norm(signed_error, axis=1)
     return np.where(np.isfinite(size), size, np.inf)
 
 
 def drawn_at(case: CaseResults, event: str, metric: str) -> Floats | None:
-    """Return `mission.drawn_of` at an event; None where the state there is not stored too."""
+    """Return `mission.drawn_of` at an event; None if the state there is not stored."""
     from lvnav_trade.results.mechanics.mission import drawn_of
 
     state = case.state(event)
@@ -140,7 +143,7 @@ def drawn_at(case: CaseResults, event: str, metric: str) -> Floats | None:
 
 
 def expected_at(case: CaseResults, event: str, metric: str) -> tuple[Floats, Floats] | str | None:
-    """Return `mission.expected_of` at an event; None where the state there is not stored."""
+    """Return `mission.expected_of` at an event; None if the state there is not stored."""
     from lvnav_trade.results.mechanics.mission import expected_of
 
     state = case.state(event)

@@ -1,4 +1,4 @@
-"""What a filter's mode logic does in a phase: time of entry, share of runs, duration, number of changes."""
+"""Metrics of a filter's mode logic in a phase: time of entry, share of runs, duration, number of transitions."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _NO_LOGIC = "no runs, or a filter without a logic"
 
 @dataclass(frozen=True)
 class ModeNumber(Metric):
-    """A number of every run, whose median counts."""
+    """A number of every run, whose median over the runs is reported."""
 
     average: ClassVar[str] = MEDIAN
     is_of_modes: ClassVar[bool] = True
 
     def faults(self, stated: Any) -> Iterator[str]:
-        """Yield that it is of a mode in a phase, and that a duration has no changes to choose."""
+        """Yield input errors: the metric needs a mode and a phase, and a duration has no transitions to select."""
         if stated.during is None or stated.mode is None or stated.statistic != "rms":
             yield f"{self.name} is of a mode in a phase; give during and mode, and no statistic"
         if self.name == DURATION and (stated.reason or stated.number > 1):
@@ -45,7 +45,7 @@ class ModeNumber(Metric):
         return MetricValue(monte_carlo=float(np.median(each)) / scale, remark=spread_of(each / scale))
 
     def label(self, stated: Mapping[str, Any]) -> str:
-        """Return what it is of: ``2. aiding entry_time (data again), liftoff to injection``."""
+        """Return the label, such as ``2. aiding entry_time (data again), liftoff to injection``."""
         nth = f"{stated['number']}. " if int(stated.get("number") or 1) > 1 else ""
         why = f" ({stated['reason']})" if stated.get("reason") else ""
         return f"{self.name.replace('mode', nth + str(stated['mode']), 1)}{why}, {stated['during']}"
@@ -53,7 +53,7 @@ class ModeNumber(Metric):
 
 @dataclass(frozen=True)
 class ModeShare(ModeNumber):
-    """The share of runs that enter a mode."""
+    """Share of runs that enter a mode."""
 
     average: ClassVar[str] = MEAN
 
@@ -66,16 +66,18 @@ class ModeShare(ModeNumber):
 
 
 def has_logic(tables: Tables, case: str) -> bool:
-    """Whether the filter of a case has a logic, and runs."""
+    """Whether the filter of a case has mode logic, and the results have runs."""
     from lvnav_trade.results.tables.read import pick
 
     return bool(pick(tables.cases, case=case).logic.eq(True).any()) and not pick(tables.runs, case=case).empty
 
 
 def of_modes(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats:
-    """Return the number of every run (n_run,) for a metric of modes: time (s after the start of the phase) of the n-th
-    change into the mode, the phase's length where there is none; one where there is one, else zero; seconds in the
-    mode; how many changes. Of changes with the reason alone, where one is stated.
+    """Return the number of every run (n_run,) for a metric of modes.
+
+    Entry time: s from the start of the phase to the n-th transition into the mode; the length of the phase if there is
+    none. Entry share: 1 if the transition occurs, else 0. Duration: s in the mode. Changes: number of transitions into
+    the mode. If a reason is stated, only transitions with this reason count.
     """
     from lvnav_trade.results.statistics.select import SAME_TIME, phase, pick
 
@@ -100,14 +102,16 @@ def of_modes(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats:
 
 
 def _seconds(changes: pd.DataFrame, mode: str, first: float, last: float) -> float:
-    """Return for how long a run is in a mode between two times; before its first change it is in the first mode."""
+    """Return the time (s) that a run spends in a mode between two times; before its first transition it is in
+    `MODES[0]`.
+    """
     edges = np.clip([-np.inf, *changes.t_s, np.inf], first, last)
     inside = np.array([MODES[0], *changes.to_mode]) == mode
     return float(np.diff(edges)[inside].sum())
 
 
 def spread_of(each: Floats) -> str:
-    """Say from where to where the numbers of the runs reach."""
+    """Return the range of the numbers of the runs in words."""
     if np.ptp(each) == 0.0:
         return f"the same in all {len(each)} runs"
     return f"median of {len(each)} runs, {min(each):.4g} to {max(each):.4g}"

@@ -16,19 +16,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Nees(Metric):
-    """e' P^-1 e / 3, mean over the events of a phase; P is the formal covariance of the nominal flight."""
+    """e' P^-1 e / 3, averaged over the events of a phase; P is the formal covariance of the nominal flight.
+
+    quantity : Quantity of the error e (3,).
+    """
 
     quantity: str = ""
 
     average: ClassVar[str] = MEAN
 
     def faults(self, stated: Any) -> Iterator[str]:
-        """Yield that it is of a phase."""
+        """Yield input errors: the metric needs a phase."""
         if stated.during is None or stated.statistic != "rms":
             yield f"{self.name} is a mean over a phase; give during, and no statistic"
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return it: one by the formal covariance, by linear covariance, and as the mean over the runs."""
+        """Return the NEES per axis: one by definition (formal), by linear covariance, and as the mean over the runs."""
         from lvnav_trade.results.statistics.case import SAME_TIME
         from lvnav_trade.results.statistics.case_tables import CaseTables
         from lvnav_trade.results.statistics.select import phase

@@ -42,16 +42,16 @@ class NormalisedError(Metric):
 
     @property
     def bounded_as(self) -> str:
-        """A length, in units of the filter's sigma."""
+        """Kind of bound: a norm, in units of the filter's sigma."""
         return LENGTH
 
     @property
     def has_history(self) -> bool:
-        """Whether it is known between events: the covariance between the axes of attitude is not."""
+        """Whether it is available between events; the covariance between the axes of attitude is not."""
         return self.quantity != "attitude"
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the root mean square at an event: one by the filter's own covariance."""
+        """Return the root mean square at an event; one by the filter's own covariance."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         results = CaseTables(tables, case)
@@ -63,7 +63,7 @@ class NormalisedError(Metric):
         return MetricValue(1.0, true, float(np.sqrt(squares.mean())) if len(squares) else np.nan, runs=squares)
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
-        """Return it for every run; None where error or P is unknown, or P has no inverse."""
+        """Return it for every run; None if error or P is not available, or P is singular."""
         event = event_of(requirement)
         white, errors = whitening(case.formal(event, self.quantity)), case.errors(event, self.quantity)
         if white is None or errors.shape[1] != len(white):
@@ -72,18 +72,18 @@ class NormalisedError(Metric):
         return Errors(np.where(case.failed(event) | ~np.isfinite(size), np.inf, size), SIGMAS, SIGMAS, 1.0)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
-        """Return the Gaussian of the three components whose norm it is."""
+        """Return the Gaussian of the three components whose norm is the error."""
         event = event_of(requirement)
         white, law = whitening(case.formal(event, self.quantity)), case.gaussian(event, self.quantity, "3d")
         if white is None or law is None:
             return NO_LAW
-        sources = {name: white @ part @ white.T for name, part in law.sources.items()}
-        found = Gaussian(white @ law.mean, white @ law.covariance @ white.T, sources)
-        return Distribution(found, SIGMAS, SIGMAS, 1.0, event)
+        sources = {name: white @ covariance @ white.T for name, covariance in law.sources.items()}
+        gaussian = Gaussian(white @ law.mean, white @ law.covariance @ white.T, sources)
+        return Distribution(gaussian, SIGMAS, SIGMAS, 1.0, event)
 
 
 def whitening(assumed: Floats | None) -> Floats | None:
-    """Return W (3, 3) with W' W = P^-1 / 3; None where the filter's covariance P is unknown or has no inverse."""
+    """Return W (3, 3) with W' W = P^-1 / 3; None if the filter's covariance P is not available or singular."""
     if assumed is None or not np.isfinite(assumed).all():
         return None
     try:

@@ -1,4 +1,4 @@
-"""Ranks of the observability: numbers of states that the measurements tell something about."""
+"""Ranks of the observability matrix: numbers of states that the measurements determine."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Rank(Metric):
-    """The least rank of any stretch of a flight; the same in every run.
+    """Smallest rank in any segment of a flight; equal in every run.
 
-    with_information : Whether a singular value must exceed the tolerance of the results, and not rounding alone.
+    with_information : Whether a singular value must exceed the tolerance of the results, rather than rounding errors
+        only.
     """
 
     with_information: bool = False
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the rank, and what counts as above zero."""
+        """Return the rank, and the threshold above which a singular value counts."""
         from lvnav_trade.results.evaluation.covariances import NUMERICAL, observed
         from lvnav_trade.results.statistics.select import pick
 
@@ -36,7 +37,7 @@ class Rank(Metric):
         return MetricValue(remark=MISSING)
 
     def label(self, stated: Mapping[str, Any]) -> str:
-        """Return the metric, which is of a whole flight."""
+        """Return the label of the metric, which applies to a whole flight."""
         return f"{self.name}, least of all stretches"
 
 

@@ -1,4 +1,4 @@
-"""Protection levels, and the share of a phase for which one stays below a limit."""
+"""Protection levels, and the share of a phase in which a level stays below a limit."""
 
 from __future__ import annotations
 
@@ -22,25 +22,28 @@ _NONE = "no protection levels there"
 
 @dataclass(frozen=True)
 class ProtectionLevel(Metric):
-    """The bound on an error that holds with the integrity risk of the campaign; the same in every run."""
+    """Bound on an error at the integrity risk of the campaign; equal in every run.
+
+    quantity : Quantity of the error.
+    """
 
     quantity: str = ""
 
     named_by: ClassVar[str] = BOTH
 
     def faults(self, stated: Any) -> Iterator[str]:
-        """Yield that a statistic over the runs means nothing."""
+        """Yield input errors: a statistic over the runs is meaningless."""
         if stated.statistic != "rms":
             yield f"{self.name} is the same in every run; give no statistic"
 
     def missing_in(self, campaign: Any) -> str:
-        """Say that the campaign computes no protection levels."""
+        """Return the reason if a campaign computes no protection levels; empty if it does."""
         if campaign.covariance.protection is None:
             return "the campaign asks for no protection levels (covariance.protection)"
         return ""
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the level at an event, or the largest of a phase."""
+        """Return the level at an event, or its largest value in a phase."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         scale = scale_of(unit, self.unit)
@@ -51,7 +54,7 @@ class ProtectionLevel(Metric):
         return MetricValue(true=level / scale, remark="" if np.isfinite(level) else _NONE)
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
-        """Return the level as the error of every run: it is the same in all of them, infinite in one that failed."""
+        """Return the level as the error of every run: equal in all runs, infinite in a run that failed."""
         level = case.protection_level(self.quantity, event_of(requirement), str(requirement.get("during") or ""))
         output = case.output(self.quantity, "3d")
         if not np.isfinite(level) or output is None:
@@ -59,13 +62,16 @@ class ProtectionLevel(Metric):
         return Errors(np.where(case.failed_runs(), np.inf, level), self.unit, output.label_unit, output.label_factor)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
-        """Say that a level has no distribution."""
+        """Return the reason: a level has no distribution."""
         return "a protection level is the same in every run"
 
 
 @dataclass(frozen=True)
 class Availability(Metric):
-    """The share of a phase's time for which a protection level stays at or below a limit."""
+    """Share of the time of a phase in which a protection level does not exceed a limit.
+
+    quantity : Quantity of the error.
+    """
 
     quantity: str = ""
 
@@ -77,12 +83,12 @@ class Availability(Metric):
         return PROTECTED[self.quantity]
 
     def faults(self, stated: Any) -> Iterator[str]:
-        """Yield that it is of a phase and a limit."""
+        """Yield input errors: the metric needs a phase and a limit."""
         if stated.during is None or stated.statistic != "rms" or stated.below is None:
             yield f"{self.name} is of a phase and a limit; give during and below, and no statistic"
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the share; it is the same in every run."""
+        """Return the share, which is equal in every run."""
         from lvnav_trade.results.evaluation.protection import series_of
         from lvnav_trade.results.statistics.select import phase, rows_between, time_mean
 

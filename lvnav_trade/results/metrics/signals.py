@@ -1,4 +1,4 @@
-"""Numbers of the received signals: satellites, delays of the air, reacquisition. They are the same in every run."""
+"""Metrics of the received signals: satellites, atmospheric delays, reacquisition. They are equal in every run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ REACQUIRED = "reacquisition_time"
 
 @dataclass(frozen=True)
 class SignalNumber(Metric):
-    """A number of the signals at an event or during a phase: root mean square, largest or smallest."""
+    """A number of the signals at an event or in a phase: root mean square, largest or smallest."""
 
     has_least: ClassVar[bool] = True
 
@@ -39,27 +39,31 @@ class SignalNumber(Metric):
         return MetricValue(true=self.reduce(rows, value, str(stated.get("statistic", "rms"))) / scale)
 
     def reduce(self, rows: Any, value: Any, statistic: str) -> float:
-        """Return one number, SI, of the rows of `signals.values_of` and their values (n,)."""
+        """Return the requested statistic (SI).
+
+        rows : rows of `signals.values_of`
+        value : (n,), their values
+        """
         return float({"worst": value.max(), "least": value.min()}.get(statistic, np.sqrt(np.mean(value**2))))
 
 
 @dataclass(frozen=True)
 class Delay(SignalNumber):
-    """A delay of the signals, or its change from an epoch to the next; elevation and altitude choose signals."""
+    """A delay of the signals, or its change between epochs; elevation and altitude select signals."""
 
     is_of_signals: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
 class Count(SignalNumber):
-    """How many satellites are tracked."""
+    """Number of tracked satellites."""
 
     average: ClassVar[str] = MEDIAN
 
 
 @dataclass(frozen=True)
 class Height(SignalNumber):
-    """The altitude at which a number is largest."""
+    """Altitude at which a number is largest."""
 
     average: ClassVar[str] = MEDIAN
 
@@ -70,14 +74,14 @@ class Height(SignalNumber):
 
 @dataclass(frozen=True)
 class DelayHeight(Height):
-    """The altitude at which the change of a delay is largest; elevation and altitude choose signals."""
+    """Altitude at which the change of a delay is largest; elevation and altitude select signals."""
 
     is_of_signals: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
 class ReacquisitionTime(Metric):
-    """How long after an event lost satellites are tracked again, the median of them."""
+    """Time from an event until lost satellites are tracked again; the median over the satellites."""
 
     average: ClassVar[str] = MEDIAN
     has_least: ClassVar[bool] = True

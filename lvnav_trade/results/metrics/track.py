@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrackError(Metric):
-    """The velocity error along one direction of the flight, whatever the reporting frame; at an event.
+    """Velocity error along one direction of the flight at an event, independent of the reporting frame.
 
     The directions are those of the NTW frame (Vallado, Fundamentals of Astrodynamics, section 3.3.3): T along the true
     inertial velocity v, W along r x v, with r the true position. The error of a run is a linear function of its errors
-    in the reporting frame, so linear covariance has its Gaussian exactly: mean u'm and variance u'Pu.
+    in the reporting frame. By linear covariance it is therefore exactly Gaussian, with mean u'm and variance u'Pu.
 
-    is_along : Whether the direction u is T, and not W.
+    is_along : Whether the direction u is T; otherwise W.
     """
 
     is_along: bool = True
@@ -46,26 +46,26 @@ class TrackError(Metric):
 
     @property
     def is_signed(self) -> bool:
-        """It has a sign: positive where the true velocity is larger along the direction."""
+        """Whether it has a sign: positive if the true velocity is larger along the direction."""
         return True
 
     @property
     def bounded_as(self) -> str:
-        """An error along one direction is bounded either way."""
+        """Kind of bound: an error along one direction is bounded on both sides."""
         return TWO_SIDED
 
     @property
     def has_history(self) -> bool:
-        """The directions are known at events only."""
+        """Whether it is available between events: the directions are stored at events only."""
         return False
 
     def faults(self, stated: Any) -> Iterator[str]:
-        """Yield that it is of an event."""
+        """Yield input errors: the metric needs an event."""
         if stated.at is None:
             yield f"{self.name} is of an event; give at"
 
     def value(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> MetricValue:
-        """Return the root mean square, or the mean with its sign."""
+        """Return the root mean square, or the signed mean."""
         from lvnav_trade.results.statistics.case_tables import CaseTables
 
         results, event, scale = CaseTables(tables, case), event_of(stated), scale_of(unit, self.unit)
@@ -83,30 +83,30 @@ class TrackError(Metric):
         return MetricValue(sigma, float(np.sqrt(variance + mean**2)), drawn, runs=errors**2)
 
     def single(self, tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> SingleValue:
-        """Return the value of the runs, or of linear covariance without runs; or a sigma."""
+        """Return the value of the runs (of linear covariance without runs), or a sigma."""
         statistic = stated.get("statistic")
         if statistic not in ("formal", "lincov"):
             return super().single(tables, case, stated, unit)
-        found = self.value(tables, case, {**stated, "statistic": "rms"}, unit)
+        number = self.value(tables, case, {**stated, "statistic": "rms"}, unit)
         mean = self.value(tables, case, {**stated, "statistic": "mean"}, unit).true
-        sigma = found.formal if statistic == "formal" else np.sqrt(found.true**2 - mean**2)
-        return SingleValue(float(sigma), found.remark)
+        sigma = number.formal if statistic == "formal" else np.sqrt(number.true**2 - mean**2)
+        return SingleValue(float(sigma), number.remark)
 
     def errors(self, case: CaseResults, requirement: Mapping[str, Any]) -> Errors | None:
-        """Return the size of the error of every run; None where the true state at the event is not known."""
+        """Return the magnitude of the error of every run; None if the true state at the event is not stored."""
         event = event_of(requirement)
         if self._direction(case, event) is None:
             return None
         return Errors(finite_sizes(self._errors(case, event), case.failed(event)), self.unit, self.unit, 1.0)
 
     def law(self, case: CaseResults, requirement: Mapping[str, Any]) -> Distribution | str:
-        """Return the Gaussian of the error, with that of each source."""
+        """Return the Gaussian of the error, with the contribution of each source."""
         event = event_of(requirement)
-        found = self._gaussian(case, event)
-        return NO_LAW if found is None else Distribution(found, self.unit, self.unit, 1.0, event)
+        gaussian = self._gaussian(case, event)
+        return NO_LAW if gaussian is None else Distribution(gaussian, self.unit, self.unit, 1.0, event)
 
     def _direction(self, case: CaseResults, event: str) -> Floats | None:
-        """Return the direction u (3,) in the reporting axes; None where the true state is not known."""
+        """Return the direction u (3,) in the reporting axes; None if the true state is not stored."""
         state = case.state(event)
         if state is None or len(case.axes("velocity")) != len(state.v_i):
             return None
@@ -114,15 +114,16 @@ class TrackError(Metric):
         return np.asarray(state.turn.T @ (direction_i / np.linalg.norm(direction_i)))
 
     def _errors(self, case: CaseResults, event: str) -> Floats:
-        """Return the errors (n_run,) with their sign, of failed runs too."""
+        """Return the signed errors (n_run,), failed runs included."""
         u = self._direction(case, event)
         return np.empty(0) if u is None else np.asarray(case.errors(event, "velocity") @ u)
 
     def _gaussian(self, case: CaseResults, event: str) -> Gaussian | None:
+        """Return the Gaussian with mean u'm and variance u'Pu; None if it is not available."""
         u, law = self._direction(case, event), case.gaussian(event, "velocity", "3d")
         if u is None or law is None:
             return None
-        sources = {name: np.array([[u @ part @ u]]) for name, part in law.sources.items()}
+        sources = {name: np.array([[u @ covariance @ u]]) for name, covariance in law.sources.items()}
         return Gaussian(np.array([u @ law.mean]), np.array([[u @ law.covariance @ u]]), sources)
 
 

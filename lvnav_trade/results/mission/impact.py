@@ -1,4 +1,4 @@
-"""The instantaneous impact point over the flight, the ellipse of its error, and whether it keeps to a corridor."""
+"""Instantaneous impact point over the flight, the ellipse of its error, and compliance with a corridor."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -59,7 +59,12 @@ VERDICTS = [
 
 
 class Corridor(NamedTuple):
-    """corners (m, 2): latitude and longitude in rad, longitudes unwrapped; the probability and confidence asked for."""
+    """Corridor on the ground that the impact point must not leave.
+
+    corners : (m, 2), rad. Latitude and longitude, longitudes unwrapped.
+    probability : Required probability.
+    confidence : Confidence required of the runs.
+    """
 
     corners: Floats
     probability: float
@@ -67,33 +72,49 @@ class Corridor(NamedTuple):
 
 
 def corridor_of(tables: Tables) -> Corridor | None:
-    """Return the campaign's corridor; None where it names none."""
+    """Return the corridor of a campaign; None if it has none."""
     card: dict[str, Any] | None = tables.campaign.get("corridor")
     if not card:
         return None
     corners = np.array([[number_in(value, "rad") for value in corner] for corner in card["polygon"]])
-    corners[:, 1] = np.unwrap(corners[:, 1])  # an edge goes the short way round
+    corners[:, 1] = np.unwrap(corners[:, 1])  # an edge takes the shorter way around the Earth
     return Corridor(corners, float(card.get("probability", 0.999)), float(card.get("confidence", 0.9)))
 
 
 def beside(longitude: ArrayLike, corners: Floats) -> Floats:
-    """Return longitudes (...,) in rad in the turn in which the corridor lies."""
+    """Return longitudes (...,) in rad, shifted by full turns to the range of the corridor."""
     middle = 0.5 * (corners[:, 1].min() + corners[:, 1].max())
     return np.asarray(longitude + 2.0 * np.pi * np.round((middle - np.asarray(longitude)) / (2.0 * np.pi)))
 
 
 def metres(latitude: float) -> Floats:
-    """Return metres per radian of latitude and of longitude on the ellipsoid (2,)."""
+    """Return metres per radian of latitude and of longitude on the ellipsoid, (2,).
+
+    latitude : rad
+    """
     w2 = 1.0 - ECCENTRICITY_2 * np.sin(latitude) ** 2
     return np.array([SEMI_MAJOR * (1.0 - ECCENTRICITY_2) / w2**1.5, SEMI_MAJOR * np.cos(latitude) / np.sqrt(w2)])
 
 
 def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> tuple[float, float]:
-    """Return the probability that a Gaussian point lies in a polygon (m, 2), and its margin in sigmas.
+    """Return the probability that a Gaussian point lies in a polygon, and the margin of its mean.
 
-    mean (2,), covariance (2, 2) in the polygon's unit. The margin is the Mahalanobis distance from the mean to the
-    nearest edge, negative outside. In the whitened plane the probability is the winding number less, edge by edge, two
-    values of Owen's T function (Annals of Mathematical Statistics 27, 1956): exact, far tails too.
+    Parameters
+    ----------
+    polygon : (m, 2) array
+        Corners.
+    mean : (2,) array
+        Mean, in the unit of the polygon.
+    covariance : (2, 2) array
+        Covariance, in its square.
+
+    Returns
+    -------
+    probability : float
+        Exact also in the far tails. In the whitened plane it is the winding number less two values of Owen's T function
+        for each edge (Annals of Mathematical Statistics 27, 1956).
+    margin : float
+        Mahalanobis distance (sigmas) from the mean to the nearest edge; negative outside.
     """
     root = np.linalg.cholesky(np.asarray(covariance, dtype=float))
     start = np.linalg.solve(root, (np.asarray(polygon, dtype=float) - np.asarray(mean, dtype=float)).T).T
@@ -114,27 +135,29 @@ def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> t
 
 
 def contains(polygon: ArrayLike, points: ArrayLike) -> Bools:
-    """Return which points (n, 2) lie in a polygon (m, 2): a ray from each crosses an odd number of edges."""
+    """Return which points (n, 2) lie in a polygon (m, 2): a ray from such a point crosses an odd number of edges."""
     start, points = np.asarray(polygon, dtype=float), np.asarray(points, dtype=float)
     end = np.roll(start, -1, axis=0)
     x, y = points[:, :1], points[:, 1:]
     crosses = (start[:, 1] > y) != (end[:, 1] > y)
     with np.errstate(divide="ignore", invalid="ignore"):
-        where = start[:, 0] + (y - start[:, 1]) / (end[:, 1] - start[:, 1]) * (end[:, 0] - start[:, 0])
-    return np.asarray(np.sum(crosses & (x < where), axis=1) % 2 == 1)
+        crossing = start[:, 0] + (y - start[:, 1]) / (end[:, 1] - start[:, 1]) * (end[:, 0] - start[:, 0])
+    return np.asarray(np.sum(crosses & (x < crossing), axis=1) % 2 == 1)
 
 
 def impact(tables: Tables, only: str | None = None) -> pd.DataFrame:
     """Return each case's point of impact over the flight, with its error; rows only where there is one.
 
-    `only` is the digest of a case that alone is asked for.
+    only : digest of the only case to evaluate
 
-    Where the vehicle would come down without thrust and air, on a rotating Earth with J2 (see `freefall`). The error
-    is true point less estimated one, down-range along the velocity over the ground at impact, cross-range to its right;
-    first order for linear covariance. major and minor: semi-axes of its ellipse of three sigma (98.9 % of a Gaussian).
-    corridor_probability: that the estimated point lies in the campaign's corridor while the vehicle flies as planned;
-    corridor_margin_sigma: sigmas to its nearest edge. Runs are reported at events; mc_outside counts estimated points
-    outside.
+    The impact point is that of a fall without thrust and atmosphere to a rotating Earth with J2 (see
+    `results.mechanics.orbits`). Its error is true less estimated: down-range along the ground velocity at impact,
+    cross-range to its right; of first order for linear covariance. Columns:
+
+    major, minor : semi-axes of the three-sigma ellipse (98.9 % of a Gaussian)
+    corridor_probability : that the estimated point lies in the corridor while the vehicle flies as planned
+    corridor_margin_sigma : sigmas to the nearest edge of the corridor
+    mc_outside : number of runs, at events, whose estimated point is outside
     """
     cases = {case: label for case, label in tables.labels.items() if only in (None, case)}
     rows = [{"case": label} | row for case, label in cases.items() for row in _case_rows(tables, case)]
@@ -147,7 +170,7 @@ def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
     states, laws = mission.states(tables, case), mission.laws(tables, case)
     if not states:
         return []
-    true = [part.tobytes() for part in _arrays(states)]
+    true = [column.tobytes() for column in _arrays(states)]
     points, slopes = _points(*true), _slopes(*true)
     falling = [k for k in np.argsort([state.t for state in states], kind="stable") if np.isfinite(points.fall[k])]
     flown = _runs(tables, case, [states[k] for k in falling], corridor)
@@ -159,7 +182,7 @@ def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
 
 @lru_cache(maxsize=64)
 def _points(r_i: bytes, v_i: bytes, earth_angle: bytes) -> orbits.Impact:
-    """Return where states of which the numbers are given come down: once for all cases that fly alike."""
+    """Return the impact points of states given by their numbers, cached for all cases with the same trajectory."""
     return orbits.impact(*_numbers(r_i, v_i, earth_angle))
 
 
@@ -176,28 +199,31 @@ def _arrays(states: list[mission.State]) -> tuple[Floats, Floats, Floats]:
 def corridor_verdicts(tables: Tables) -> pd.DataFrame:
     """Return whether the estimated point of impact keeps to the corridor with the probability asked for.
 
-    By linear covariance at the stored time at which it is least probable (t_s): "met", "violated", or "not applicable"
-    where a gate rejects too much. mc_verdict: by the runs, exact binomial at the confidence asked for, a run outside
-    at any event, or failed, being a failure. No rows where the campaign names no corridor.
+    verdict : by linear covariance at the stored time with the least probability (t_s): "met", "violated", or
+        "not applicable" if a gate rejects too many measurements
+    mc_verdict : by the runs, exact binomial at the required confidence; a run outside at any event, or failed, counts
+        as a failure
+
+    No rows without a corridor in the campaign.
     """
     corridor = corridor_of(tables)
     if corridor is None:
         return pd.DataFrame(columns=VERDICTS)
-    found = impact(tables)
+    points = impact(tables)
     rows: list[dict[str, Any]] = []
     for case, label in tables.labels.items():
-        mine = pick(found, case=label)
-        if not mine.corridor_probability.notna().any():
+        case_points = pick(points, case=label)
+        if not case_points.corridor_probability.notna().any():
             rows.append({"case": label, "verdict": "not applicable", "reason": "no point of impact in the flight"})
             continue
-        worst = mine.loc[mine.corridor_probability.idxmin()]
+        worst = case_points.loc[case_points.corridor_probability.idxmin()]
         why_not = why_not_applicable(tables, case)
-        kept = "met" if worst.corridor_probability >= corridor.probability else "violated"
+        verdict = "met" if worst.corridor_probability >= corridor.probability else "violated"
         outside, runs = outside_runs(tables, case, corridor)
         rows.append(
             {
                 "case": label,
-                "verdict": "not applicable" if why_not else kept,
+                "verdict": "not applicable" if why_not else verdict,
                 "probability": corridor.probability,
                 "expected_probability": worst.corridor_probability,
                 "margin_sigma": worst.corridor_margin_sigma,
@@ -212,7 +238,7 @@ def corridor_verdicts(tables: Tables) -> pd.DataFrame:
 
 
 def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, int]:
-    """Return how many runs were outside the corridor at some event, or failed, and how many there are."""
+    """Return the number of runs that failed or were outside the corridor at an event, and the number of all runs."""
     errors = [
         (state, *mission.run_errors(tables, case, state)) for state in mission.states(tables, case) if state.event
     ]
@@ -221,7 +247,7 @@ def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, in
 
 
 def _outside(state: mission.State, error: Floats, corridor: Corridor) -> Bools:
-    """Return which estimated points are outside; none where the true state has no point of impact."""
+    """Return which estimated points are outside the corridor; none if the true state has no impact point."""
     out = np.zeros(len(error), dtype=bool)
     good = np.isfinite(error).all(axis=1)
     if not good.any() or not np.isfinite(orbits.impact(*_arrays([state])).fall[0]):
@@ -235,9 +261,11 @@ def _outside(state: mission.State, error: Floats, corridor: Corridor) -> Bools:
 def _row(
     state: mission.State, law: mission.Law, point: orbits.Impact, slope: Floats, corridor: Corridor | None
 ) -> dict[str, Any]:
-    """Return what linear covariance says of the point of impact at one time, kilometres and degrees; slope: `_slopes`.
+    """Return the impact point and its error by linear covariance at one time, in kilometres and degrees.
 
-    Where the fall only just grazes the ground, and neighbours have none, no error is reported.
+    No error is reported where the fall just grazes the ground, so that neighbouring states have no impact point.
+
+    slope : derivative of the error at impact, as `_slopes`
     """
     row: dict[str, Any] = {
         "event": state.event,
@@ -251,7 +279,7 @@ def _row(
         return row
     covariance, formal, bias = slope @ law.true @ slope.T, slope @ law.formal @ slope.T, slope @ law.mean
     sigma, filter_sigma = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(formal))
-    shown = mission.resolved(bias, sigma)
+    bias_km = mission.resolved(bias, sigma)
     variance, axes = np.linalg.eigh(covariance)
     major = float(np.arctan2(axes[1, 1], axes[0, 1])) + float(point.heading)
     row |= {
@@ -263,8 +291,8 @@ def _row(
         "major_heading_deg": np.degrees(major) % 180.0,
         "down_filter_sigma_km": filter_sigma[0],
         "cross_filter_sigma_km": filter_sigma[1],
-        "down_bias_km": shown[0],
-        "cross_bias_km": shown[1],
+        "down_bias_km": bias_km[0],
+        "cross_bias_km": bias_km[1],
     }
     if corridor is not None:
         chance, margin = _inside(corridor, point, covariance, bias)
@@ -274,9 +302,10 @@ def _row(
 
 @lru_cache(maxsize=64)
 def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
-    """Return the derivatives (n, 2, 6) of the error at impact, km, by that of velocity and position, at states of which
-    the numbers are given: once for all cases that fly alike, and of all states together, for a fall alone takes as
-    long.
+    """Return the derivatives (n, 2, 6) of the error at impact (km) with respect to velocity and position of n states.
+
+    The states are given by their numbers, and the result is cached for all cases with the same trajectory. All falls
+    are integrated together, which takes as long as a single fall.
     """
     r, v, theta = _numbers(r_i, v_i, earth_angle)
     true = _points(r_i, v_i, earth_angle)
@@ -297,18 +326,21 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
 
 
 def _inside(corridor: Corridor, point: orbits.Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
-    """Return probability and margin of the estimated point, true less error; edges are straight in the angles."""
+    """Return probability and margin of the estimated point, which is the true point less the error.
+
+    Edges of the corridor are straight lines in latitude and longitude.
+    """
     c, s = np.cos(point.heading), np.sin(point.heading)
     north_east = np.array([[c, -s], [s, c]])
     here = np.array([point.latitude, beside(point.longitude, corridor.corners)])
-    spread = north_east @ covariance @ north_east.T + 1e-12 * np.eye(2)  # a millimetre, so that nothing is singular
+    spread = north_east @ covariance @ north_east.T + 1e-12 * np.eye(2)  # a millimetre, so that the matrix is regular
     return probability((corridor.corners - here) * metres(float(point.latitude)) * 1e-3, -north_east @ bias, spread)
 
 
 def _runs(
     tables: Tables, case: str, states: Sequence[mission.State], corridor: Corridor | None
 ) -> list[dict[str, Any]]:
-    """Return what the runs say at each state that is one of an event; no runs between events."""
+    """Return the statistics of the runs at each state of an event; no runs are stored between events."""
     off = run_impacts(tables, case)
     return [
         _of_runs(tables, case, state, off[state.event], corridor) if state.event else {"runs": 0} for state in states
@@ -317,9 +349,9 @@ def _runs(
 
 @once
 def run_impacts(tables: Tables, case: str) -> dict[str, Floats]:
-    """Return how far the true point of impact lies from the estimated one in the runs that did not fail, by event.
+    """Return the true impact point less the estimated one of the runs that did not fail, by event.
 
-    Down-range and cross-range (n, 2), m; NaN where the true state has no point of impact.
+    Down-range and cross-range, (n, 2), m; NaN if the true state has no impact point.
     """
     states = [state for state in mission.states(tables, case) if state.event]
     good = [mission.good_errors(tables, case, state) for state in states]
@@ -328,20 +360,27 @@ def run_impacts(tables: Tables, case: str) -> dict[str, Floats]:
 
 
 def _of_runs(tables: Tables, case: str, state: mission.State, off: Floats, corridor: Corridor | None) -> dict[str, Any]:
-    """Return what runs say at an event; off: their errors (n, 2) at impact, m."""
+    """Return the statistics of the runs at an event.
+
+    off : their errors (n, 2) at impact, m
+    """
     if len(off) < 2:
         return {"runs": len(off)}
     off = off * 1e-3
     spread = off.std(axis=0, ddof=1)
     far = float(np.quantile(np.linalg.norm(off, axis=1), 0.99))
-    found = {"runs": len(off), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1], "mc_q99_km": far}
+    statistics = {"runs": len(off), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1], "mc_q99_km": far}
     if corridor is None:
-        return found
-    return found | {"mc_outside": int(_outside(state, mission.good_errors(tables, case, state), corridor).sum())}
+        return statistics
+    return statistics | {"mc_outside": int(_outside(state, mission.good_errors(tables, case, state), corridor).sum())}
 
 
 def ellipse(row: Any, sigmas: float = 3.0, points: int = 73) -> tuple[Floats, Floats]:
-    """Return latitude and longitude (deg) of the error ellipse of a row of `impact`, about the true point."""
+    """Return latitude and longitude (deg) of the error ellipse about the true impact point, for a row of `impact`.
+
+    sigmas : semi-axes in sigmas
+    points : number of points
+    """
     latitude, longitude = np.radians(row.latitude_deg), np.radians(row.longitude_deg)
     angle = np.linspace(0.0, 2.0 * np.pi, points)
     heading = np.radians(row.major_heading_deg)

@@ -1,4 +1,4 @@
-"""The orbit at injection, its errors and what their correction costs, by linear covariance and by the runs."""
+"""Orbit at injection, its errors and the delta-v of their correction, by linear covariance and by runs."""
 
 from typing import Any
 
@@ -44,9 +44,9 @@ CORRECTION = [
     "position_q99",
 ]
 NORMALITY = ["case", "event", "quantity", "runs", "skewness", "excess_kurtosis", "p_ratio", "gaussian"]
-NORMALITY_ALPHA = 0.01  # probability that a Gaussian element of a case is called otherwise
-_PAIR = ("perigee height", "apogee height")  # the two of the ellipse in the figure of the orbit
-_LEAST_RUNS = 20  # from which on the test is accurate
+NORMALITY_ALPHA = 0.01  # probability that a Gaussian element of a case is reported as not Gaussian
+_PAIR = ("perigee height", "apogee height")  # axes of the ellipse in the figure of the orbit
+_LEAST_RUNS = 20  # smallest number of runs for an accurate test
 _DRAWS = 2**10
 # Quantities of an orbit, and the component of the error metric that belongs to each.
 QUANTITIES = {
@@ -68,12 +68,15 @@ LEAST = 1e-7
 def orbit(tables: Tables) -> pd.DataFrame:
     """Return the orbit of each case at its final event, and at earlier ones from which it does not fall, with errors.
 
-    Heights count from the equatorial radius. averaged: over one revolution, J2's short-periodic swing taken out (see
-    `meanorbit`); all errors are of averaged elements. lowest and highest height: those that the first revolution
-    passes, the swing included. An error is true less estimated. lincov_sigma, filter_sigma: first order, true and
-    formal; empty where an orbit is circular to within three sigma, with the remark. lincov_q99: 99 %
-    quantile of |error|, from Gaussian draws through the map itself, so it stands there too. mc_sigma, mc_bias, mc_q99:
-    of the runs that did not fail. An element below `LEAST` is 0.
+    Heights are above the equatorial radius. An error is true less estimated, of averaged elements. Columns:
+
+    averaged : average over one revolution, without the short-periodic variation of J2 (see `results.mechanics.orbits`)
+    lowest height, highest height : extremes of the first revolution, with the short-periodic variation
+    lincov_sigma, filter_sigma : first order, true and formal; empty with a remark within 3 sigma of a circular orbit
+    lincov_q99 : 99 % quantile of |error|, from Gaussian draws through the exact relation, also for circular orbits
+    mc_sigma, mc_bias, mc_q99 : of the runs that did not fail
+
+    An element below `LEAST` is written as 0.
     """
     rows = [
         {"case": label, "event": state.event} | row
@@ -85,27 +88,30 @@ def orbit(tables: Tables) -> pd.DataFrame:
 
 
 def orbital_states(tables: Tables, case: str) -> list[mission.State]:
-    """Return the states at the final event and at earlier ones whose orbit clears the ground; not those at its time."""
+    """Return the states at the final event, and at earlier events whose orbit clears the ground.
+
+    Events at the time of the final event are omitted.
+    """
     final = final_event(tables, case)
     last = mission.state_at(tables, case, final)
     if last is None:
         return []
-    found = []
+    clear = []
     for event in flight_events(tables, case).event:
         state = last if event == final else mission.state_at(tables, case, str(event))
         if state is None or (event != final and abs(state.t - last.t) < 1e-6):
             continue
         average = mission.mean_orbit(state)
         if float(average.perigee) > 0.0 or (event == final and bool(average.elliptic)):
-            found.append(state)
-    return found
+            clear.append(state)
+    return clear
 
 
 def values(orbit_of: orbits.Orbit) -> dict[str, float]:
-    """Return the numbers of one orbit by the names of `QUANTITIES`, SI."""
+    """Return the elements of an orbit (SI) by the names of `QUANTITIES`."""
     node = np.array([np.cos(orbit_of.node), np.sin(orbit_of.node), 0.0])
     ahead = np.cross(orbit_of.h_i / np.linalg.norm(orbit_of.h_i), node)
-    found = (
+    elements = (
         orbit_of.semi_major_axis,
         orbit_of.perigee,
         orbit_of.apogee,
@@ -115,20 +121,20 @@ def values(orbit_of: orbits.Orbit) -> dict[str, float]:
         orbit_of.inclination,
         orbit_of.node,
     )
-    return {name: float(value) for name, value in zip(QUANTITIES, found, strict=True)}
+    return {name: float(value) for name, value in zip(QUANTITIES, elements, strict=True)}
 
 
 def _rows(tables: Tables, case: str, state: mission.State) -> list[dict[str, Any]]:
     law = mission.law_at(tables, case, state.event)
     now, average = values(orbits.osculating(state.r_i, state.v_i)), values(mission.mean_orbit(state))
     good = mission.good_errors(tables, case, state)
-    flown, drawn = (mission.orbit_errors(state, some) for some in (good, mission.draws(law.mean, law.true)))
+    of_runs, drawn = (mission.orbit_errors(state, some) for some in (good, mission.draws(law.mean, law.true)))
     rows: list[dict[str, Any]] = []
     for name, (metric, component) in QUANTITIES.items():
         unit, factor = MISSION[metric].label_unit, MISSION[metric].label_factor
-        given = {"osculating": now[name] * factor, "averaged": average[name] * factor}
-        given = {column: value if abs(value) >= LEAST else 0.0 for column, value in given.items()}
-        row = {"quantity": name, "unit": unit, **given}
+        columns = {"osculating": now[name] * factor, "averaged": average[name] * factor}
+        columns = {column: value if abs(value) >= LEAST else 0.0 for column, value in columns.items()}
+        row = {"quantity": name, "unit": unit, **columns}
         row["remark"] = mission.applies(state, metric, law.true)
         if not row["remark"]:
             slope = mission.jacobian(state, metric)[component]
@@ -137,7 +143,7 @@ def _rows(tables: Tables, case: str, state: mission.State) -> list[dict[str, Any
             row |= {"lincov_sigma": sigma * factor, "filter_sigma": formal * factor, "lincov_bias": bias * factor}
         row |= {"lincov_q99": _quantile(drawn[metric][:, component]) * factor, "runs": len(good)}
         if len(good):
-            errors = flown[metric][:, component] * factor
+            errors = of_runs[metric][:, component] * factor
             spread = float(errors.std(ddof=1)) if len(good) > 1 else float("nan")
             row |= {"mc_sigma": spread, "mc_bias": float(errors.mean()), "mc_q99": _quantile(errors)}
         rows.append(row)
@@ -150,9 +156,12 @@ def _rows(tables: Tables, case: str, state: mission.State) -> list[dict[str, Any
 def normality(tables: Tables) -> pd.DataFrame:
     """Return whether the errors of orbital elements of the runs are Gaussian, at the final event of each case.
 
-    Columns: case, event, quantity, runs, skewness, excess_kurtosis (both 0 of a Gaussian), p_ratio: chance of as large
-    a departure under D'Agostino and Pearson's test, of perigee and apogee together under Mardia's, adjusted by Holm for
-    the tests of a case; gaussian: p_ratio is 1 % or more. No rows of cases with fewer than 20 good runs.
+    skewness, excess_kurtosis : 0 for a Gaussian
+    p_ratio : p-value of the test of D'Agostino and Pearson, or for perigee and apogee together of that of Mardia,
+        adjusted for the tests of a case by Holm's method
+    gaussian : whether p_ratio is 1 % or more
+
+    No rows for cases with fewer than 20 good runs.
     """
     rows = []
     for case, label in tables.labels.items():
@@ -163,20 +172,24 @@ def normality(tables: Tables) -> pd.DataFrame:
             errors = mission.orbit_errors(state, good)
             each = {name: errors[metric][:, component] for name, (metric, component) in QUANTITIES.items()}
             each = {name: error for name, error in each.items() if np.isfinite(error).all() and np.ptp(error) > 0.0}
-            found = {
+            shapes = {
                 name: (float(stats.skew(error)), float(stats.kurtosis(error)), float(stats.normaltest(error).pvalue))
                 for name, error in each.items()
             }
             if {*_PAIR} <= set(each):
-                found[" with ".join(_PAIR)] = mardia(np.stack([each[name] for name in _PAIR], axis=1))
-            for (name, shape), p in zip(found.items(), holm([one[-1] for one in found.values()]), strict=True):
+                shapes[" with ".join(_PAIR)] = mardia(np.stack([each[name] for name in _PAIR], axis=1))
+            for (name, shape), p in zip(
+                shapes.items(), holm([shape_of[-1] for shape_of in shapes.values()]), strict=True
+            ):
                 rows.append((label, state.event, name, len(good), *shape[:2], float(p), bool(p >= NORMALITY_ALPHA)))
     return pd.DataFrame(rows, columns=NORMALITY)
 
 
 def mardia(sample: Floats) -> tuple[float, float, float]:
-    """Return Mardia's skewness and excess kurtosis of a sample (n, k), and the chance of as large a departure of either
-    for a Gaussian vector (both are 0 for it; Mardia 1970).
+    """Return Mardia's skewness and excess kurtosis of a sample (n, k), and the p-value of the two tests together.
+
+    Both are 0 for a Gaussian vector (Mardia, Biometrika 57, 1970). The p-value is twice the smaller of the two
+    (Bonferroni).
     """
     n, k = sample.shape
     centred = sample - sample.mean(axis=0)
@@ -197,11 +210,14 @@ def _quantile(error: Floats) -> float:
 def correction(tables: Tables) -> pd.DataFrame:
     """Return the least delta-v that brings the estimated orbit to the true one, at the last event of `orbit`.
 
-    The least sum of impulses, anywhere in one revolution and linear in the error, that nulls the errors of semi-major
-    axis, eccentricity, perigee, inclination and node (see `impulses`); the place along the orbit is left. by "linear
-    covariance": draws of its Gaussian; by "Monte Carlo": the runs that did not fail. q50, q95, q99: quantiles;
-    velocity_q99, position_q99: the last if only the error of velocity, or of position, were there. In an orbit that
-    steers by the estimate it is what a perfect orbit determination would find to be corrected.
+    It is the least sum of impulses, anywhere in one revolution and linear in the error, that nulls the errors of
+    semi-major axis, eccentricity, perigee, inclination and node (see `results.mechanics.impulses`). The position along
+    the orbit is not corrected. For a vehicle that steers by its estimate, it is the correction that a perfect orbit
+    determination would command.
+
+    by : "linear covariance" (draws of its Gaussian) or "Monte Carlo" (runs that did not fail)
+    q50, q95, q99 : quantiles
+    velocity_q99, position_q99 : 99 % quantile with the error of velocity, or of position, alone
     """
     rows = [
         (label, state.event, "m/s", by, cost.shape[1], *_quantiles(cost))
@@ -214,8 +230,10 @@ def correction(tables: Tables) -> pd.DataFrame:
 
 @once
 def costs(tables: Tables, case: str, event: str) -> dict[str, Floats]:
-    """Return the least delta-v (3, n) in m/s of a correction at an event, by "linear covariance" for draws of its
-    Gaussian, by "Monte Carlo" for the runs that did not fail: of the error, and of that of velocity or position alone.
+    """Return the least delta-v of a correction at an event, by "linear covariance" (draws) and by "Monte Carlo" (good
+    runs).
+
+    Each is (3, n), m/s: for the whole error, for that of velocity alone, and for that of position alone.
     """
     state = mission.state_at(tables, case, event)
     assert state is not None
@@ -224,15 +242,15 @@ def costs(tables: Tables, case: str, event: str) -> dict[str, Floats]:
         "linear covariance": mission.draws(law.mean, law.true, _DRAWS),
         "Monte Carlo": mission.good_errors(tables, case, state),
     }
-    kept = np.array([np.ones(6), np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3)])[:, None]
-    every = np.concatenate([error * kept for error in of.values()], axis=1)
-    least = impulses.least_at(state.r_i, state.v_i, every.reshape(-1, 6)).delta_v.reshape(3, -1)
+    masks = np.array([np.ones(6), np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3)])[:, None]
+    errors = np.concatenate([error * masks for error in of.values()], axis=1)
+    least = impulses.least_at(state.r_i, state.v_i, errors.reshape(-1, 6)).delta_v.reshape(3, -1)
     parts = np.split(least, np.cumsum([len(error) for error in of.values()])[:-1], axis=1)
-    return {by: part for by, part in zip(of, parts, strict=True) if part.size}
+    return {by: delta_v for by, delta_v in zip(of, parts, strict=True) if delta_v.size}
 
 
 def _quantiles(cost: Floats) -> list[float]:
-    """Return the values of `CORRECTION` from the mean on, of costs (3, n)."""
-    whole, velocity, position = cost
-    shown = [(whole, 0.5), (whole, 0.95), (whole, 0.99), (velocity, 0.99), (position, 0.99)]
-    return [float(whole.mean()), *(float(np.quantile(part, probability)) for part, probability in shown)]
+    """Return the values of the columns `CORRECTION`, from the mean on, for costs (3, n)."""
+    total, velocity, position = cost
+    columns = [(total, 0.5), (total, 0.95), (total, 0.99), (velocity, 0.99), (position, 0.99)]
+    return [float(total.mean()), *(float(np.quantile(cost_of, probability)) for cost_of, probability in columns)]
