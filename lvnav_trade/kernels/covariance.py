@@ -185,23 +185,23 @@ def grow(P, weights):
 
 
 @inlined
-def _innovation_and_variance(P, x, K, h, entries, columns, innovation, variance, beta, n):
-    """Set K to P h'; return the innovation variance and the innovation after earlier measurements of the epoch."""
+def _innovation_and_variance(P, x, Ph, h, entries, columns, innovation, variance, beta, n):
+    """Set Ph to P h'; return the innovation variance and the innovation after earlier measurements of the epoch."""
     for i in range(n):
         k = P[i, columns[0]] * h[entries[0]]
         for c in range(1, columns.shape[0]):
             k = k + P[i, columns[c]] * h[entries[c]]
-        K[i] = k
+        Ph[i] = k
     s = 0.0 * x[0] + variance
     residual = innovation
     for c in range(columns.shape[0]):
-        s = s + (1.0 + beta) * h[entries[c]] * K[columns[c]]
+        s = s + (1.0 + beta) * h[entries[c]] * Ph[columns[c]]
         residual = residual - h[entries[c]] * x[columns[c]]
     return s, residual
 
 
 @jit
-def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_estimated, joseph, beta=0.0):
+def update_scalar(P, x, Ph, h, entries, columns, innovation, variance, gate_squared, n_estimated, joseph, beta=0.0):
     """Update the error state and its covariance by one scalar measurement, z - z_hat = h . x + v.
 
     All measurements of an epoch are linearised at the same state, so `innovation` is that before the epoch; the
@@ -211,7 +211,7 @@ def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squar
     Parameters
     ----------
     P, x : (n, n) covariance and (n,) error state, both updated in place
-    K : (n,) set to P h' before the update
+    Ph : (n,) set to P h' before the update
     h : (n_entry,) Jacobian row
     entries, columns : (n_column,) int, entries of h that are not zero, and the states that they multiply
     innovation : measured minus predicted at the linearisation point
@@ -227,53 +227,53 @@ def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squar
     weight : 1 / innovation variance; 0 if rejected
     """
     n = P.shape[0]
-    s, residual = _innovation_and_variance(P, x, K, h, entries, columns, innovation, variance, beta, n)
+    s, residual = _innovation_and_variance(P, x, Ph, h, entries, columns, innovation, variance, beta, n)
     accepted = residual * residual <= gate_squared * s
     inverse = 1.0 / s
     weight = where(accepted, inverse, 0.0)
     step = where(accepted, residual, 0.0) * weight
     for i in range(n_estimated):
-        x[i] = x[i] + K[i] * step
+        x[i] = x[i] + Ph[i] * step
     if joseph:
-        _joseph(P, K, K, weight, s, n_estimated, n)
+        _joseph(P, Ph, Ph, weight, s, n_estimated, n)
     else:
         for i in range(n_estimated):
-            gain = K[i] * weight
+            gain = Ph[i] * weight
             for j in range(i, n):
-                value = P[i, j] - gain * K[j]
+                value = P[i, j] - gain * Ph[j]
                 P[i, j] = value
                 P[j, i] = value
     return residual * sqrt(inverse), weight
 
 
 @jit
-def update_with_gain(P, x, K, h, entries, columns, gain, innovation, variance, gate_squared, n_estimated, beta=0.0):
+def update_with_gain(P, x, Ph, h, entries, columns, gain, innovation, variance, gate_squared, n_estimated, beta=0.0):
     """Update as `update_scalar` does, with a stored gain (n,) in place of the optimal gain.
 
     The gain is the same in every run. The covariance is updated in Joseph's form, which is valid for any gain; it only
     decides which measurements pass the gate.
     """
     n = P.shape[0]
-    s, residual = _innovation_and_variance(P, x, K, h, entries, columns, innovation, variance, beta, n)
+    s, residual = _innovation_and_variance(P, x, Ph, h, entries, columns, innovation, variance, beta, n)
     accepted = residual * residual <= gate_squared * s
     step = where(accepted, residual, 0.0)
     for i in range(n_estimated):
         x[i] = x[i] + gain[i] * step
-    _joseph(P, K, gain, where(accepted, 1.0, 0.0), s, n_estimated, n)
+    _joseph(P, Ph, gain, where(accepted, 1.0, 0.0), s, n_estimated, n)
     inverse = 1.0 / s
     return residual * sqrt(inverse), where(accepted, inverse, 0.0)
 
 
 @jit
-def _joseph(P, K, gain, weight, s, n_estimated, n):
+def _joseph(P, Ph, gain, weight, s, n_estimated, n):
     """P <- (I - g h) P (I - g h)' + g R g' with g = gain * weight on the estimated states, by elements."""
     for i in range(n_estimated):
         gain_i = gain[i] * weight
         for j in range(i, n):
             gain_j = gain[j] * weight
-            value = P[i, j] - gain_i * K[j]
+            value = P[i, j] - gain_i * Ph[j]
             if j < n_estimated:
-                value = value - K[i] * gain_j + gain_i * s * gain_j
+                value = value - Ph[i] * gain_j + gain_i * s * gain_j
             P[i, j] = value
             P[j, i] = value
 
