@@ -1,4 +1,4 @@
-"""C code of a filter: `exported(prepared)` returns header, source and inputs."""
+"""C code of a filter: `exported` returns the header, the source and the inputs."""
 
 from __future__ import annotations
 
@@ -99,6 +99,11 @@ def exported(prepared: Prepared, title: str) -> Exported:
     title : str
         Title in the header.
 
+    Returns
+    -------
+    Exported
+        Header, source and inputs.
+
     Raises
     ------
     InputError
@@ -128,7 +133,10 @@ def _translated(program: Program, storage: Storage, prepared: Prepared) -> list[
     if isinstance(storage.parts.fields["open_loop"], Fields):
         for name in ("correct_outputs", "restore_outputs"):
             steps[name] = {"work": s.work, "parts": s.parts, "model": s.model}
-    return [program.translated(getattr(entries, name), given, f"{NAME}_{name}").name for name, given in steps.items()]
+    return [
+        program.translated(getattr(entries, name), arguments, f"{NAME}_{name}").name
+        for name, arguments in steps.items()
+    ]
 
 
 def _assembled(
@@ -138,7 +146,7 @@ def _assembled(
     used = set(re.findall(r"self->(?:window\.|epoch\.)?(\w+)", code))
     state = {name: array for name, array in storage.state.items() if name in used | {"nav", "P", "x"}}
     inputs = {
-        struct: {name: found for name, found in fields.items() if f"self->{struct}.{name}" in code}
+        struct: {name: content for name, content in fields.items() if f"self->{struct}.{name}" in code}
         for struct, fields in storage.inputs.items()
     }
     code = code.replace(_OPENED, f"{_OPENED}    memset(self, 0, sizeof *self);\n", 1)
@@ -155,9 +163,9 @@ def _needed(name: str, code: str) -> bool:
 
 
 def _prototype(code: str, name: str) -> str:
-    found = re.search(rf"((?:/\*(?:[^*]|\*(?!/))*\*/\n)?)(void {name}\([^)]*(?:\)\[\d+\][^)]*)*\))\n", code)
-    assert found is not None
-    return f"{found.group(1)}{found.group(2)};"
+    match = re.search(rf"((?:/\*(?:[^*]|\*(?!/))*\*/\n)?)(void {name}\([^)]*(?:\)\[\d+\][^)]*)*\))\n", code)
+    assert match is not None
+    return f"{match.group(1)}{match.group(2)};"
 
 
 def _declaration(array: Array, name: str) -> str:
@@ -177,7 +185,7 @@ def _struct(label: str, fields: dict[str, tuple[Array, Any, int]], what: str) ->
 
 def _header(title: str, prepared: Prepared, state: Any, inputs: Any, prototypes: list[str], depth: int) -> str:
     counted = [f"   {at:2d} {name}" for at, name in enumerate(state_names(prepared.layout))]
-    held = "" if depth == 1 else f" Those of an epoch stand at its number modulo {depth}."
+    ring_note = "" if depth == 1 else f" Those of an epoch stand at its number modulo {depth}."
     lines = [
         f"/* {title}",
         "",
@@ -189,14 +197,14 @@ def _header(title: str, prepared: Prepared, state: Any, inputs: Any, prototypes:
         "",
     ]
     lines += _struct("window", inputs["window"], "What a window differs by from others: set before propagate.")
-    lines += _struct("epoch", inputs["epoch"], f"What an epoch differs by from others: set before update.{held}")
+    lines += _struct("epoch", inputs["epoch"], f"What an epoch differs by from others: set before update.{ring_note}")
     lines.append(f"struct {NAME} {{")
     lines += [f"    struct {NAME}_{label} {label};" for label in inputs if inputs[label]]
-    rest = {name: "" for name in state if name not in MEASURED and name not in ESTIMATED}
-    for heading, found in (("measured", MEASURED), ("estimated", ESTIMATED), ("work", rest)):
-        own = [name for name in found if name in state]
-        lines += [f"    /* {heading} */"] * bool(own)
-        lines += [_documented(state[name], name, found[name]) for name in own]
+    work_arrays = {name: "" for name in state if name not in MEASURED and name not in ESTIMATED}
+    for heading, group in (("measured", MEASURED), ("estimated", ESTIMATED), ("work", work_arrays)):
+        present = [name for name in group if name in state]
+        lines += [f"    /* {heading} */"] * bool(present)
+        lines += [_documented(state[name], name, group[name]) for name in present]
     lines += ["};", "", *prototypes, "", "#endif"]
     return "\n".join(line for text in lines for line in _wrapped(text)) + "\n"
 

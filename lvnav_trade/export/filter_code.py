@@ -1,4 +1,4 @@
-"""Filter of a case as C: source files, recorded runs, result of their replay."""
+"""Filter of a case as C: source files, recorded runs, and the result of their replay."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _SLOWEST = 600.0  # s, time-out of the compiler and of the replay
 class FilterCode(NamedTuple):
     """The filter of a case as C.
 
-    files : content of the files by name
-    replayed : run, estimate, times compared, largest difference (a share of the estimate's size; of `sigmas` in
-        sigmas); None where this machine has no C compiler
-    compiler : that of this machine, empty for none
-    agrees : whether every difference is small enough
+    files : Content of the files by name.
+    replayed : Run, estimate, number of times compared, and largest difference, relative to the magnitude of the
+        estimate (in sigmas for `sigmas`); None if this machine has no C compiler.
+    compiler : C compiler of this machine; empty if there is none.
+    agrees : Whether every difference is within the tolerance.
     """
 
     files: dict[str, bytes | str]
@@ -46,16 +46,28 @@ class FilterCode(NamedTuple):
 
 def compiler_of_machine() -> str:
     """Return the C compiler of this machine: from the variable CC, or else cc, gcc or clang; empty if there is none."""
-    wanted = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
-    return next((found for found in map(shutil.which, wanted) if found), "")
+    candidates = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
+    return next((found for found in map(shutil.which, candidates) if found), "")
 
 
 def filter_code(campaign: Campaign, case: Case, runs: int, progress: Callable[[str], None]) -> FilterCode:
-    """Return the C of the filter of a case with recorded runs, compiled and replayed where a compiler is.
+    """Return the C code of the filter of a case with recorded runs, compiled and replayed if there is a compiler.
 
-    progress : called with what is being done
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign; its seed determines the random draws.
+    case : Case
+        The case.
+    runs : int
+        Number of recorded runs.
+    progress : callable
+        Receives a text at each step.
 
-    InputError where the case has no filter of the kind, a kernel cannot be translated, or the compiler fails.
+    Raises
+    ------
+    InputError
+        The case has no filter that can be exported, a kernel cannot be translated, or the compiler fails.
     """
     from lvnav_trade.export.code import NAME, exported
     from lvnav_trade.export.replay import flight_bytes, replay_text, run_bytes
@@ -68,17 +80,17 @@ def filter_code(campaign: Campaign, case: Case, runs: int, progress: Callable[[s
     words = f"Filter of the campaign {campaign.name}, case {case.label} ({case.id})."
     title = " ".join(words.replace("*/", "* /").replace("/*", "/ *").split())
     try:
-        made = exported(prepared, title)
+        code = exported(prepared, title)
     except TranslationError as error:
         raise InputError(f"the filter of this case cannot be translated to C: {error}") from None
-    files: dict[str, bytes | str] = {f"{NAME}.h": made.header, f"{NAME}.c": made.source}
-    files["README.md"] = _readme(_MARKUP.sub(r"\\\g<0>", title), made.open_loop, made.counts_epochs, runs)
+    files: dict[str, bytes | str] = {f"{NAME}.h": code.header, f"{NAME}.c": code.source}
+    files["README.md"] = _readme(_MARKUP.sub(r"\\\g<0>", title), code.open_loop, code.counts_epochs, runs)
     if runs:
-        files["replay.c"] = replay_text(made, prepared.layout.n_state)
-        files["flight.bin"] = flight_bytes(prepared, made)
+        files["replay.c"] = replay_text(code, prepared.layout.n_state)
+        files["flight.bin"] = flight_bytes(prepared, code)
     for run in range(runs):
         progress(f"run {run + 1} of {runs}")
-        files[f"run_{run}.bin"] = run_bytes(prepared, made, campaign.seed, run)
+        files[f"run_{run}.bin"] = run_bytes(prepared, code, campaign.seed, run)
     compiler = compiler_of_machine()
     if not runs or not compiler:
         return FilterCode(files, None, compiler, True)
@@ -92,11 +104,11 @@ def build_line(compiler: str = "cc") -> str:
     return f"{compiler} {' '.join(FLAGS)} -o replay nav_filter.c replay.c -lm"
 
 
-_MARKUP = re.compile(r"[\\`*_<>\[\]#!|~&]")  # of names, which a page shows as they are
+_MARKUP = re.compile(r"[\\`*_<>\[\]#!|~&]")  # Markdown characters, which are escaped in names
 
 
 def _readme(title: str, open_loop: bool, counts_epochs: bool, runs: int) -> str:
-    """Return what stands beside the C: how it is called and built."""
+    """Return the README of the C code: how to call it and how to build it."""
     text = _CALLS.format(title=title, number=", epoch" if counts_epochs else "")
     text += _OPEN if open_loop else ""
     return text + (_REPLAY.format(command=f"{build_line()} && ./replay flight.bin run_*.bin") if runs else "")
@@ -140,10 +152,10 @@ def _replayed(files: dict[str, bytes | str], compiler: str, runs: int) -> tuple[
         built = _run([compiler, *FLAGS, "-o", "replay", "nav_filter.c", "replay.c", "-lm"], place)
         if built.returncode:
             raise InputError(f"{compiler}: could not compile the filter: {built.stderr.strip().splitlines()[:1]}")
-        done = _run([str(Path(place, "replay")), "flight.bin", *(f"run_{run}.bin" for run in range(runs))], place)
-    if done.returncode not in (0, 1):
-        raise InputError(f"the replay of the filter ended with code {done.returncode}: {done.stderr.strip()[:200]}")
-    return pd.read_csv(io.StringIO(done.stdout)), done.returncode == 0
+        replay = _run([str(Path(place, "replay")), "flight.bin", *(f"run_{run}.bin" for run in range(runs))], place)
+    if replay.returncode not in (0, 1):
+        raise InputError(f"the replay of the filter ended with code {replay.returncode}: {replay.stderr.strip()[:200]}")
+    return pd.read_csv(io.StringIO(replay.stdout)), replay.returncode == 0
 
 
 def _run(command: list[str], place: str) -> subprocess.CompletedProcess[str]:

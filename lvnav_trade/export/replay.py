@@ -1,4 +1,4 @@
-"""Runs of a case, written for its filter in C to be replayed, and the program that does it."""
+"""Recorded runs of a case for its filter in C, and the C program that replays them."""
 
 from __future__ import annotations
 
@@ -15,25 +15,28 @@ from lvnav_trade.simulation.preparation.prepare import Prepared
 
 LIMIT = 1e-9
 """Largest difference of a replay from the runs, as a share of the state's size."""
-# Names on the tape of what the struct has by other ones.
+# Names of fields in the recorded run, by their name in the struct.
 _MEASURED = {"ranges": "ranges", "solution": "solution", "rx_covariance": "covariance", "observed": "observed"}
 _COMPARED = {"nav": "nav", "x": "x", "par": "par", "clock_hat": "clock", "extra": "extra"}
-_END = -1  # row of the estimates at the end of a run
+_END = -1  # index of the estimates at the end of a run
 
 
 def flight_bytes(prepared: Prepared, made: Exported) -> bytes:
-    """Return what every window and epoch of a flight tells a filter, the same in all runs, as doubles."""
-    found: list[Any] = [prepared.schedule.n_tick.size]
+    """Return the inputs of a filter in every window and epoch, equal in all runs, as bytes of doubles."""
+    values: list[Any] = [prepared.schedule.n_tick.size]
     for w, epoch in enumerate(prepared.schedule.epoch):
-        found += [prepared.schedule.n_tick[w], epoch, _is_compared(prepared, w)]
-        found += [_of_window(prepared, w, value, axis) for _, value, axis in made.inputs["window"].values()]
+        values += [prepared.schedule.n_tick[w], epoch, _is_compared(prepared, w)]
+        values += [_of_window(prepared, w, value, axis) for _, value, axis in made.inputs["window"].values()]
         if epoch >= 0:
-            found += [np.take(value, epoch, axis=axis) for _, value, axis in made.inputs["epoch"].values()]
-    return _bytes(found)
+            values += [np.take(value, epoch, axis=axis) for _, value, axis in made.inputs["epoch"].values()]
+    return _bytes(values)
 
 
 def _of_window(prepared: Prepared, w: int, value: Any, axis: int) -> Any:
-    """Return what a window has of a field: a row, or those of its ticks behind the number of the first."""
+    """Return the values of a field in a window.
+
+    A field by tick gives the number of the first tick, followed by the values of the ticks.
+    """
     if axis != BY_TICK:
         return np.take(value, w, axis=axis)
     first, count = prepared.schedule.first_tick[w], prepared.schedule.n_tick[w]
@@ -41,18 +44,22 @@ def _of_window(prepared: Prepared, w: int, value: Any, axis: int) -> Any:
 
 
 def run_bytes(prepared: Prepared, made: Exported, seed: int, run: int) -> bytes:
-    """Return what a run has sensed and measured, and what the filter has made of it, as doubles."""
+    """Return increments, measurements and estimates of a recorded run as bytes of doubles.
+
+    After the initial state, each window has its increments, the measurements of its epoch, and, where estimates are
+    compared, the estimates and the diagonal of the covariance after the epoch.
+    """
     tape = taped(prepared, seed, run).tape
-    schedule, found = prepared.schedule, list[Any]([tape.start])
+    schedule, values = prepared.schedule, list[Any]([tape.start])
     for w, (first, count, epoch) in enumerate(zip(schedule.first_tick, schedule.n_tick, schedule.epoch, strict=True)):
-        found.append(tape.increments[first : first + count])
+        values.append(tape.increments[first : first + count])
         if epoch >= 0:
-            found += [getattr(tape, _MEASURED[name])[epoch] for name in _measured(made)]
+            values += [getattr(tape, _MEASURED[name])[epoch] for name in _measured(made)]
         if _is_compared(prepared, w):
             at = epoch if epoch >= 0 else _END
-            found += [getattr(tape.after, _COMPARED[name])[at] for name in _compared(made)]
-            found.append(np.diagonal(tape.after.P[at]))
-    return _bytes(found)
+            values += [getattr(tape.after, _COMPARED[name])[at] for name in _compared(made)]
+            values.append(np.diagonal(tape.after.P[at]))
+    return _bytes(values)
 
 
 def _bytes(values: list[Any]) -> bytes:
@@ -60,19 +67,22 @@ def _bytes(values: list[Any]) -> bytes:
 
 
 def _is_compared(prepared: Prepared, w: int) -> bool:
+    """Return whether estimates are compared after a window: at each epoch, and at the end."""
     return bool(prepared.schedule.epoch[w] >= 0 or w == prepared.schedule.n_tick.size - 1)
 
 
 def _measured(made: Exported) -> list[str]:
+    """Return the fields of the struct that receive measurements."""
     return [name for name in _MEASURED if name in made.state]
 
 
 def _compared(made: Exported) -> list[str]:
+    """Return the fields of the struct that are compared with the simulation."""
     return [name for name in _COMPARED if name in made.state]
 
 
 def _reading(array: Array, place: str, file: str, depth: int) -> list[str]:
-    """Return the C that reads an array of the struct from a file of doubles."""
+    """Return the C statements that read an array of the struct from a file of doubles."""
     lines, text = list[str](), place
     for axis in range(len(array.shape)):
         if array.ring(axis) == ONLY:
@@ -87,7 +97,7 @@ def _reading(array: Array, place: str, file: str, depth: int) -> list[str]:
 
 
 def _reading_ticks(array: Array, place: str) -> list[str]:
-    """Return the C that reads the rows of a window's ticks; before them stands the number of the first."""
+    """Return the C statements that read the values of a window's ticks, which follow the number of the first tick."""
     head = "for (int k = 0, first = (int)next(flight); k < n_tick; k++)"
     each = f"{_STEP}for (int i = 0; i < {size_of(array.shape[1])}; i++)"
     return [head, each, f"{_STEP * 2}{place}[(first + k) % {array.ring(0)}][i] = next(flight);"]
@@ -96,6 +106,7 @@ def _reading_ticks(array: Array, place: str) -> list[str]:
 def _read_into(
     fields: dict[str, Array], prefix: str, file: str, depth: int, level: int, ticks: Set[str] = frozenset()
 ) -> str:
+    """Return the C statements that read all fields of a struct, indented by `level`."""
     lines = [
         line
         for name, array in fields.items()
@@ -110,12 +121,14 @@ def _read_into(
 
 
 def replay_text(made: Exported, n_state: int) -> str:
-    """Return the program that replays runs: `replay flight.bin run_0.bin run_1.bin ...`.
+    """Return the C program that replays runs: `replay flight.bin run_0.bin run_1.bin ...`.
 
-    It prints of each run the largest difference of every estimate, as a share of its block's size, and that of velocity
-    and position in sigmas; it returns 1 where a share is beyond `LIMIT`.
+    For each run it prints the largest difference of every estimate, relative to the magnitude of its block, and that of
+    velocity and position in sigmas. It returns 1 if a relative difference exceeds `LIMIT`.
     """
-    inputs = {struct: {name: found[0] for name, found in fields.items()} for struct, fields in made.inputs.items()}
+    inputs = {
+        struct: {name: input_of[0] for name, input_of in fields.items()} for struct, fields in made.inputs.items()
+    }
     ticks = {name for name, (_, _, axis) in made.inputs["window"].items() if axis == BY_TICK}
     blocks = [("attitude", "self.nav", 0, 4), ("velocity", "self.nav", 4, 3), ("position", "self.nav", 7, 3)]
     blocks += [

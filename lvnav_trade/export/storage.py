@@ -1,7 +1,7 @@
 """Storage of a filter in C: arrays of a run in a struct, constants in tables.
 
-What varies from window to window or epoch to epoch, and is no state, is an input that the caller sets. What is the
-same at all of them is a table.
+Quantities that vary between windows or epochs without being states are inputs, which the caller sets. Quantities that
+are constant over the flight are tables.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from lvnav_trade.simulation.epoch.case import case_of
 from lvnav_trade.simulation.montecarlo import new_work
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
-# Axes along which epochs or windows count, of what is read of signals, sensors and options.
+# Time axes (epochs or windows) of the arrays read from signals, sensors and options.
 EPOCHS = {
     "signals": {
         "used": 0,
@@ -39,13 +39,13 @@ WINDOWS = {
     "schedule": {"first_tick": 0, "n_tick": 0, "length": 0, "injection": 0, "linearised": 0},
     "late": {"valid": 1, "early": 1},
 }
-# Tables of the whole flight: constant if all rows are equal, otherwise read by the number of the row.
+# Tables of the whole flight: constants if all rows are equal, otherwise read by row number.
 ROWS = {
     "model": {"seconds": 0, "decay": 0, "noise": 0, "inflation": 0, "growth": 0},
     "late": {"offset": 1},
     "gains": {"gain": 0},
 }
-# Indexed by ticks of the IMU: the caller sets those of a window before it.
+# Indexed by ticks of the IMU: the caller sets the values of a window before it is propagated.
 TICKS, BY_TICK = {"vehicle": {"walk"}}, -1
 # Outputs of a receiver, sensor or clock at an epoch: inputs in any case, even if they are constant on this flight.
 SAID = {"used", "n_used", "satellite", "satellite_velocity", "on", "known", "theta", "good", "present", "renewed"}
@@ -59,10 +59,10 @@ _UNREAD = ("rate", "force")
 
 
 class Storage:
-    """Arguments of the functions of a filter as values of a program.
+    """Arguments of the functions of a filter, as values of a program.
 
-    inputs : by struct ("window", "epoch") the arrays that the caller sets, with their time axis (`BY_TICK`: ticks)
-    depth : number of epochs that are stored
+    inputs : Arrays that the caller sets, by struct ("window", "epoch"), with their time axis (`BY_TICK`: ticks).
+    depth : Number of stored epochs.
     """
 
     def __init__(self, prepared: Prepared, program: Program, depth: int = 1) -> None:
@@ -72,15 +72,17 @@ class Storage:
         self.n_tick = int(prepared.schedule.n_tick.max(initial=0))
         work, parts = new_work(prepared, lanes=False)
         self.work = self._arrays("work", work, "")
-        self.parts = Fields("parts", {name: self._part(name, part) for name, part in parts._asdict().items()})
+        self.parts = Fields(
+            "parts", {name: self._part(name, array_record) for name, array_record in parts._asdict().items()}
+        )
         self.model = self._record("model", prepared.model)
         self.schedule = self._record("schedule", prepared.schedule)
         self.signals = self._record("signals", prepared.signals, only=EPOCHS["signals"])
         self.sensors: Value = Known(None)
         if prepared.sensors is not None:
-            kept = {*EPOCHS["sensors"], "code", "channel", "scalars"}
-            self.sensors = self._record("sensors", prepared.sensors, only=kept)
-        options = {name: self._option(name, one) for name, one in prepared.options._asdict().items()}
+            read_fields = {*EPOCHS["sensors"], "code", "channel", "scalars"}
+            self.sensors = self._record("sensors", prepared.sensors, only=read_fields)
+        options = {name: self._option(name, record) for name, record in prepared.options._asdict().items()}
         self.options = Fields("options", options)
         case = case_of(prepared)
         self.case = Fields(
@@ -109,12 +111,12 @@ class Storage:
         return self._arrays(name, part, f"{name}_")
 
     def _arrays(self, owner: str, record: Any, prefix: str) -> Fields:
-        found = {
+        arrays = {
             name: self._stored(f"{prefix}{name}", array, name in COUNTED.get(owner, ()))
             for name, array in record._asdict().items()
             if isinstance(array, np.ndarray)
         }
-        return Fields(owner, dict(found))
+        return Fields(owner, dict(arrays))
 
     def _stored(self, name: str, array: np.ndarray, counts: bool = False) -> Array:
         shape, rings = array.shape, (0,) * array.ndim
@@ -133,12 +135,12 @@ class Storage:
         return self._record(name, option) if hasattr(option, "_asdict") else Known(option)
 
     def _record(self, owner: str, record: Any, only: Any = None) -> Fields:
-        found = {
+        fields = {
             name: self._field(owner, name, value)
             for name, value in record._asdict().items()
             if (only is None or name in only) and not (owner == "vehicle" and name in _UNREAD)
         }
-        return Fields(owner, found)
+        return Fields(owner, fields)
 
     def _field(self, owner: str, name: str, value: Any) -> Value:
         if hasattr(value, "_asdict"):
@@ -169,20 +171,20 @@ class Storage:
             return None
         rings = tuple(SAME if a == axis else 0 for a in range(value.ndim))
         shape = tuple(1 if a == axis else size for a, size in enumerate(value.shape))
-        made = self._table(label, np.take(value, 0, axis=axis))
-        return table_of(made.text, made.value, rings, shape)
+        table = self._table(label, np.take(value, 0, axis=axis))
+        return table_of(table.text, table.value, rings, shape)
 
     def _input(self, struct: str, label: str, value: np.ndarray, axis: int, depth: int) -> Array:
         rings = tuple(depth if a == axis else 0 for a in range(value.ndim))
         shape = tuple(depth if a == axis else size for a, size in enumerate(value.shape))
-        kind = DOUBLE if value.dtype.kind == "f" else INT
-        found = Array(f"self->{struct}.{label}", shape, kind, rings=rings)
-        self.inputs[struct][label] = (found, value, axis)
-        return found
+        number_type = DOUBLE if value.dtype.kind == "f" else INT
+        array = Array(f"self->{struct}.{label}", shape, number_type, rings=rings)
+        self.inputs[struct][label] = (array, value, axis)
+        return array
 
     def _of_ticks(self, label: str, value: np.ndarray) -> Array:
-        places = max(2, self.n_tick)  # with one place, only the present tick could be read
+        places = max(2, self.n_tick)  # with a single place, only the present tick could be read
         rings = (places, *(0 for _ in value.shape[1:]))
-        found = Array(f"self->window.{label}", (places, *value.shape[1:]), DOUBLE, rings=rings)
-        self.inputs["window"][label] = (found, value, BY_TICK)
-        return found
+        array = Array(f"self->window.{label}", (places, *value.shape[1:]), DOUBLE, rings=rings)
+        self.inputs["window"][label] = (array, value, BY_TICK)
+        return array

@@ -1,1 +1,1 @@
-"""Kernels as C99: their own source, for arguments whose shapes and settings are known. Read `program.py` first."""
+"""Translation of kernels to C99 for arguments with known shapes and settings. Read `program.py` first."""

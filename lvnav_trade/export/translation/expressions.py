@@ -1,4 +1,4 @@
-"""Expressions of a kernel's body: names, fields, indices, calls."""
+"""Expressions in the body of a kernel: names, fields, indices, calls."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from lvnav_trade.export.translation.values import (
 
 
 class Owner(Protocol):
-    """The program that kernels are translated for."""
+    """Interface of the program for which kernels are translated."""
 
     def known(self, value: Any, label: str) -> Value:
         """Return a global of a kernel's module."""
@@ -41,7 +41,7 @@ class Owner(Protocol):
     def call(
         self, body: Any, node: ast.Call, function: Any, arguments: list[Value], named: Mapping[str, Value]
     ) -> Value:
-        """Return what a kernel returns that another one calls."""
+        """Return the result of a kernel called from another kernel."""
         ...
 
     def return_line(self, found: Value, returned: list[Value]) -> str:
@@ -50,11 +50,14 @@ class Owner(Protocol):
 
 
 class RingTooShort(TranslationError):
-    """An index that counts on reaches back: its axis needs two places."""
+    """An index refers to an earlier epoch: its axis needs two places."""
 
 
 class Expressions:
-    """The expressions of one kernel, for known kinds of its arguments; lines: the statements that they need before."""
+    """The expressions of one kernel, for known types of its arguments.
+
+    lines : statements that the expressions need before them
+    """
 
     def __init__(self, program: Owner, function: Any, names: dict[str, Value]) -> None:
         self.program, self.function, self.names = program, function, names
@@ -71,25 +74,25 @@ class Expressions:
         self.lines.append("    " * self.indent + line)
 
     def temporary(self, declaration: str, stem: str) -> str:
-        """Declare a local of a new name, whose place in the declaration is {}; return the name."""
+        """Declare a local variable with a new name, which replaces {} in the declaration; return the name."""
         self.n_temporary += 1
         name = f"{stem}_{self.n_temporary}"
         self.locals[name] = declaration.format(name)
         return name
 
     def fail(self, node: ast.AST, why: str) -> TranslationError:
-        """Return an error that says where it is."""
-        where = f"{self.function.__module__}.{self.function.__name__}"
-        return TranslationError(f"{where}, line {getattr(node, 'lineno', 0)}: {why}: {ast.unparse(node)}")
+        """Return an error with its location in the source of the kernel."""
+        location = f"{self.function.__module__}.{self.function.__name__}"
+        return TranslationError(f"{location}, line {getattr(node, 'lineno', 0)}: {why}: {ast.unparse(node)}")
 
     # -------------------------------------------------------------------------------------- expressions
 
     def value(self, node: ast.expr) -> Value:
-        """Return what an expression is."""
-        found = getattr(self, f"_{type(node).__name__.lower()}", None)
-        if found is None:
+        """Return the value of an expression; TranslationError if it cannot be translated."""
+        translator = getattr(self, f"_{type(node).__name__.lower()}", None)
+        if translator is None:
             raise self.fail(node, f"{type(node).__name__} is not translated")
-        result: Value = found(node)
+        result: Value = translator(node)
         return result
 
     def _constant(self, node: ast.Constant) -> Value:
@@ -115,8 +118,10 @@ class Expressions:
         if isinstance(base, Array) and node.attr == "shape":
             return Several(tuple(s if isinstance(s, Scalar) else Known(s) for s in base.shape))
         if isinstance(base, Known):
-            own = getattr(base.value, node.attr)
-            return self.program.known(own, f"{getattr(base.value, '__name__', '').rpartition('.')[2]}_{node.attr}")
+            attribute = getattr(base.value, node.attr)
+            return self.program.known(
+                attribute, f"{getattr(base.value, '__name__', '').rpartition('.')[2]}_{node.attr}"
+            )
         raise self.fail(node, "no field is known")
 
     def _tuple(self, node: ast.Tuple) -> Value:
@@ -126,8 +131,8 @@ class Expressions:
         return Several(items)
 
     def _binop(self, node: ast.BinOp) -> Value:
-        left, right = self.value(node.left), self.value(node.right)
-        return operators.binary(node.op, left, right)
+        first, right = self.value(node.left), self.value(node.right)
+        return operators.binary(node.op, first, right)
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         return operators.unary(node.op, self.value(node.operand))
@@ -136,20 +141,20 @@ class Expressions:
         any_of, parts = isinstance(node.op, ast.Or), list[Value]()
         for item in node.values:
             count = len(self.lines)
-            part = self.value(item)
+            operand = self.value(item)
             if len(self.lines) > count and parts:
                 raise self.fail(item, "needs statements of its own behind `and` or `or`")
-            parts.append(part)
-            if isinstance(part, Known) and bool(part.value) == any_of:
-                break  # what follows is not reached
+            parts.append(operand)
+            if isinstance(operand, Known) and bool(operand.value) == any_of:
+                break  # the following operands are not evaluated
         return operators.joined(parts, any_of)
 
     def _compare(self, node: ast.Compare) -> Value:
-        parts, left = list[Value](), self.value(node.left)
-        for kind, item in zip(node.ops, node.comparators, strict=True):
+        parts, first = list[Value](), self.value(node.left)
+        for comparator, item in zip(node.ops, node.comparators, strict=True):
             right = self.value(item)
-            parts.append(operators.compared(kind, left, right))
-            left = right
+            parts.append(operators.compared(comparator, first, right))
+            first = right
         return parts[0] if len(parts) == 1 else operators.joined(parts, any_of=False)
 
     def _ifexp(self, node: ast.IfExp) -> Value:
@@ -170,14 +175,14 @@ class Expressions:
                 raise self.fail(node, "two arrays of different kinds")
             text = f"({as_scalar(condition).text} ? {first.text} : {second.text})"
             return Array(text, first.shape, first.kind, first.constant, first.rings)
-        rows = [self.items(one) for one in (first, second)]
+        rows = [self.items(branch) for branch in (first, second)]
         if rows[0] is not None and rows[1] is not None and len(rows[0]) == len(rows[1]):
             return Several(tuple(operators.chosen(condition, a, b) for a, b in zip(*rows, strict=True)))
         return operators.chosen(condition, first, second)
 
     @staticmethod
     def items(found: Value) -> list[Value] | None:
-        """Return the values of a tuple, None of what is none."""
+        """Return the values of a tuple; None for any other value."""
         if isinstance(found, Several):
             return list(found.items)
         if isinstance(found, Known) and isinstance(found.value, tuple):
@@ -188,12 +193,12 @@ class Expressions:
         function = self.value(node.func)
         if not isinstance(function, Known):
             raise self.fail(node, "is no function")
-        arguments = [self.value(one) for one in node.args]
-        named = {str(one.arg): self.value(one.value) for one in node.keywords}
+        arguments = [self.value(argument) for argument in node.args]
+        keywords = {str(argument.arg): self.value(argument.value) for argument in node.keywords}
         if function.value is len:
             return self._length(node, arguments[0])
-        found = operators.called(function.value, arguments)
-        return found if found is not None else self.program.call(self, node, function.value, arguments, named)
+        result = operators.called(function.value, arguments)
+        return result if result is not None else self.program.call(self, node, function.value, arguments, keywords)
 
     def _length(self, node: ast.Call, of: Value) -> Value:
         if isinstance(of, Array):
@@ -225,9 +230,9 @@ class Expressions:
         return self._at(base, node)
 
     def _at(self, base: Array, node: ast.Subscript) -> Value:
-        """Return an element of an array, or the part of it behind an index or along a slice."""
+        """Return an element of an array, or the sub-array at an index or a slice."""
         parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        text, known = base.text, list[int]()
+        text, indices = base.text, list[int]()
         for axis, part in enumerate(parts):
             if isinstance(part, ast.Slice):
                 return self._slice(base, text, axis, part, node)
@@ -241,21 +246,21 @@ class Expressions:
             if isinstance(index, Known):
                 at = int(index.value)
                 index = Known(at + length if at < 0 and isinstance(length, int) else at)
-                known.append(index.value)
+                indices.append(index.value)
             text = f"{text}[{as_scalar(index).text}]"
-        rest = base.shape[len(parts) :]
+        remaining = base.shape[len(parts) :]
         here = sum(base.ring(axis) not in (ONLY, SAME) for axis in range(len(parts)))
-        there = all(0 <= at < size for at, size in zip(known, base.sizes, strict=False) if isinstance(size, int))
-        value = base.value[tuple(known)] if base.value is not None and len(known) == here and there else None
-        if rest:
-            return Array(text, rest, base.kind, base.constant, base.rings[len(parts) :], value)
+        there = all(0 <= at < size for at, size in zip(indices, base.sizes, strict=False) if isinstance(size, int))
+        value = base.value[tuple(indices)] if base.value is not None and len(indices) == here and there else None
+        if remaining:
+            return Array(text, remaining, base.kind, base.constant, base.rings[len(parts) :], value)
         if value is not None:
             return Known(np.asarray(value).item())
         return Scalar(text if here or not base.constant else f"*{text}", base.kind)
 
     @staticmethod
     def _present(node: ast.expr, ring: int) -> None:
-        """Refuse an index that is not the present one, where only that is stored."""
+        """Raise RingTooShort for an index other than the present one, if only the present one is stored."""
         if ring == ONLY and not (isinstance(node, ast.Name) and node.id in ("epoch", "w", "window")):
             raise RingTooShort(ast.unparse(node))
 
@@ -277,11 +282,11 @@ class Expressions:
     def as_array(self, several: Several, stem: str) -> Array:
         """Return a tuple of numbers as a local array."""
         parts = [as_scalar(item) for item in several.items]
-        kind = DOUBLE if any(part.kind == DOUBLE for part in parts) else INT
-        name = self.temporary(f"{kind} {{}}[{len(parts)}]", stem)
-        for at, part in enumerate(parts):
-            self.write(f"{name}[{at}] = {part.text};")
-        return Array(name, (len(parts),), kind)
+        number_type = DOUBLE if any(number.kind == DOUBLE for number in parts) else INT
+        name = self.temporary(f"{number_type} {{}}[{len(parts)}]", stem)
+        for at, number in enumerate(parts):
+            self.write(f"{name}[{at}] = {number.text};")
+        return Array(name, (len(parts),), number_type)
 
 
 def constant_array(name: str, content: Any) -> Array:

@@ -1,4 +1,4 @@
-"""Operators and functions of numbers: done at once where both sides are known, else as C writes them."""
+"""Operators and functions of numbers: evaluated at once if the operands are known, otherwise translated to C."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _COMPARED: dict[type, tuple[Callable[[Any, Any], Any], str, int]] = {
     ast.Eq: (operator.eq, "==", EQUAL),
     ast.NotEq: (operator.ne, "!=", EQUAL),
 }
-# Functions of numbers by what kernels call them: as C names them, and what does them at once.
+# Functions of numbers, by the function in kernels: name in C, and function for known numbers.
 FUNCTIONS: dict[Any, tuple[str, Callable[..., Any]]] = {
     getattr(math, name): (c, getattr(math, name))
     for name, c in {
@@ -69,7 +69,13 @@ FUNCTIONS: dict[Any, tuple[str, Callable[..., Any]]] = {
 
 
 def binary(kind: ast.operator, a: Value, b: Value) -> Value:
-    """Return what an operator makes of two numbers."""
+    """Return the result of a binary operator on two numbers.
+
+    Raises
+    ------
+    TranslationError
+        The operator has no translation, or // or % has an operand that is not an integer.
+    """
     if isinstance(a, Known) and isinstance(b, Known) and not (isinstance(kind, ast.Div) and b.value == 0):
         at_once = operator.pow if isinstance(kind, ast.Pow) else _BINARY[type(kind)][0]
         return Known(at_once(a.value, b.value))
@@ -78,18 +84,18 @@ def binary(kind: ast.operator, a: Value, b: Value) -> Value:
     if type(kind) not in _BINARY:
         raise TranslationError(f"the operator {type(kind).__name__} is not translated")
     _, sign, level = _BINARY[type(kind)]
-    left, right = as_scalar(a), as_scalar(b)
-    found = DOUBLE if DOUBLE in (left.kind, right.kind) else INT
+    first, right = as_scalar(a), as_scalar(b)
+    number_type = DOUBLE if DOUBLE in (first.kind, right.kind) else INT
     if isinstance(kind, ast.FloorDiv | ast.Mod):
-        if found != INT:
+        if number_type != INT:
             raise TranslationError("// and % of numbers that are no integers")
         name = "floor_divided" if isinstance(kind, ast.FloorDiv) else "remainder_of"  # C rounds towards zero
-        return Scalar(f"{name}({left.text}, {right.text})", INT)
-    if isinstance(kind, ast.Div) and found == INT:
-        return Scalar(f"(double){held(left, UNARY)} / {held(right, UNARY)}", DOUBLE, PRODUCT)
-    # what C and Python would take together from the left; & and | beside comparisons in brackets, as compilers ask for
+        return Scalar(f"{name}({first.text}, {right.text})", INT)
+    if isinstance(kind, ast.Div) and number_type == INT:
+        return Scalar(f"(double){held(first, UNARY)} / {held(right, UNARY)}", DOUBLE, PRODUCT)
+    # Brackets as the precedence requires; comparisons next to & and | get brackets, because compilers warn otherwise
     limit = UNARY if level in (BIT_AND, BIT_OR) else level
-    return Scalar(f"{held(left, limit)} {sign} {held(right, min(limit, level - 1))}", found, level)
+    return Scalar(f"{held(first, limit)} {sign} {held(right, min(limit, level - 1))}", number_type, level)
 
 
 def _power(base: Scalar, exponent: Value) -> Scalar:
@@ -99,19 +105,19 @@ def _power(base: Scalar, exponent: Value) -> Scalar:
 
 
 def unary(kind: ast.unaryop, a: Value) -> Value:
-    """Return what a sign or `not` makes of a number."""
+    """Return the result of a sign or `not` on a number."""
     if isinstance(kind, ast.UAdd):
         return a
     if isinstance(a, Known):
         return Known(-a.value if isinstance(kind, ast.USub) else not a.value)
-    found = as_scalar(a)
+    operand = as_scalar(a)
     if isinstance(kind, ast.USub):
-        return Scalar(f"-{held(found, ATOM)}", found.kind, UNARY)
-    return Scalar(f"!{held(found, ATOM)}", INT, UNARY)
+        return Scalar(f"-{held(operand, ATOM)}", operand.kind, UNARY)
+    return Scalar(f"!{held(operand, ATOM)}", INT, UNARY)
 
 
 def compared(kind: ast.cmpop, a: Value, b: Value) -> Value:
-    """Return whether two values compare so; `is` is answered at once: None is known."""
+    """Return the result of a comparison; `is` is evaluated at once, because None is always known."""
     if isinstance(kind, ast.Is | ast.IsNot):
         if not (isinstance(b, Known) and b.value is None):
             raise TranslationError("is: with None only")
@@ -126,45 +132,46 @@ def compared(kind: ast.cmpop, a: Value, b: Value) -> Value:
 
 
 def _among(kind: ast.cmpop, a: Value, b: Value) -> Value:
+    """Return whether a number is in a tuple of known numbers."""
     if not isinstance(b, Known):
         raise TranslationError("in: a tuple of known numbers only")
     if isinstance(a, Known):
         return Known((a.value in b.value) == isinstance(kind, ast.In))
-    found: Value = joined([compared(ast.Eq(), a, Known(one)) for one in b.value], any_of=True)
-    return found if isinstance(kind, ast.In) else unary(ast.Not(), found)
+    condition: Value = joined([compared(ast.Eq(), a, Known(item)) for item in b.value], any_of=True)
+    return condition if isinstance(kind, ast.In) else unary(ast.Not(), condition)
 
 
 def joined(parts: list[Value], any_of: bool) -> Value:
-    """Return `and`, or `or` (any_of), of truth values."""
-    left: list[Scalar] = []
-    for part in parts:
-        if isinstance(part, Known):
-            if bool(part.value) == any_of:
+    """Return the conjunction of truth values, or their disjunction if `any_of`."""
+    unknown: list[Scalar] = []
+    for operand in parts:
+        if isinstance(operand, Known):
+            if bool(operand.value) == any_of:
                 return Known(any_of)
         else:
-            left.append(as_scalar(part))
-    return _chain(left, any_of) if left else Known(not any_of)
+            unknown.append(as_scalar(operand))
+    return _chain(unknown, any_of) if unknown else Known(not any_of)
 
 
 def _chain(parts: list[Scalar], any_of: bool) -> Scalar:
     if len(parts) == 1:
         return parts[0]
     sign = " || " if any_of else " && "
-    return Scalar(sign.join(held(part, EQUAL) for part in parts), INT, OR)
+    return Scalar(sign.join(held(operand, EQUAL) for operand in parts), INT, OR)
 
 
 def chosen(condition: Value, a: Value, b: Value) -> Value:
-    """Return one of two numbers by a condition."""
+    """Return the first or the second of two numbers, by a condition."""
     if isinstance(condition, Known):
         return a if condition.value else b
     first, second = as_scalar(a), as_scalar(b)
-    kind = DOUBLE if DOUBLE in (first.kind, second.kind) else INT
+    number_type = DOUBLE if DOUBLE in (first.kind, second.kind) else INT
     tests = held(as_scalar(condition), OR)
-    return Scalar(f"{tests} ? {held(first, OR)} : {held(second, OR)}", kind, CHOICE)
+    return Scalar(f"{tests} ? {held(first, OR)} : {held(second, OR)}", number_type, CHOICE)
 
 
 def called(function: Any, arguments: list[Value]) -> Value | None:
-    """Return what a function of numbers makes of its arguments, None where it is none of these."""
+    """Return the result of a function of numbers; None for any other function."""
     if function is lanes.where:
         return chosen(*arguments)
     if function is lanes.like:
@@ -176,24 +183,24 @@ def called(function: Any, arguments: list[Value]) -> Value | None:
     if function not in FUNCTIONS:
         return None
     name, at_once = FUNCTIONS[function]
-    if all(isinstance(one, Known) for one in arguments):
-        return Known(at_once(*(one.value for one in arguments if isinstance(one, Known))))
-    parts = [as_scalar(one) for one in arguments]
-    if name in ("fmin", "fmax") and all(part.kind == INT for part in parts):
+    if all(isinstance(argument, Known) for argument in arguments):
+        return Known(at_once(*(argument.value for argument in arguments if isinstance(argument, Known))))
+    parts = [as_scalar(argument) for argument in arguments]
+    if name in ("fmin", "fmax") and all(number.kind == INT for number in parts):
         return Scalar(f"{'smaller' if name == 'fmin' else 'larger'}({', '.join(p.text for p in parts)})", INT)
-    return Scalar(f"{name}({', '.join(part.text for part in parts)})", DOUBLE)
+    return Scalar(f"{name}({', '.join(number.text for number in parts)})", DOUBLE)
 
 
 def _as_int(value: Value) -> Value:
     if isinstance(value, Known):
         return Known(int(value.value))
-    found = as_scalar(value)
-    return found if found.kind == INT else Scalar(f"(int){held(found, ATOM)}", INT, UNARY)
+    number = as_scalar(value)
+    return number if number.kind == INT else Scalar(f"(int){held(number, ATOM)}", INT, UNARY)
 
 
 def as_double(value: Value) -> Value:
     """Return a number as a double."""
     if isinstance(value, Known):
         return Known(float(value.value))
-    found = as_scalar(value)
-    return found if found.kind == DOUBLE else Scalar(f"(double){held(found, ATOM)}", DOUBLE, UNARY)
+    number = as_scalar(value)
+    return number if number.kind == DOUBLE else Scalar(f"(double){held(number, ATOM)}", DOUBLE, UNARY)

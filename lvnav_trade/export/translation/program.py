@@ -1,8 +1,8 @@
-"""A program in C99 made of kernels: each is translated for the kinds of arguments that it is called with.
+"""A program in C99 made of kernels, each translated for the types of arguments with which it is called.
 
-What is known when the code is made (settings, sizes, None for what a case has not) is evaluated then, so that branches
-which are never taken do not appear. Numbers that vary, and arrays, are arguments. There is no allocation, no recursion
-and no state beside the struct `self`.
+Settings, sizes and absent options (None) are known at translation. They are evaluated then, so that branches never
+taken do not appear in the C code. Numbers that vary, and arrays, become arguments. The code has no allocation, no
+recursion and no state outside the struct `self`.
 """
 
 from __future__ import annotations
@@ -41,8 +41,15 @@ _WIDTH = 118
 
 
 class Translated(NamedTuple):
-    """A kernel in C: name, declarations of its parameters by the kernel's own names, text, what it returns, and the
-    value if that is all it does; acts: whether it does anything.
+    """A kernel in C.
+
+    name : Name of the C function.
+    parameters : Declarations of the parameters by their name in the kernel.
+    text : Text of the function.
+    returns : Return type.
+    kinds : C types of the returned numbers.
+    constant : Returned value, if the function does nothing else; otherwise None.
+    acts : Whether the function has an effect.
     """
 
     name: str
@@ -55,9 +62,9 @@ class Translated(NamedTuple):
 
 
 class Program:
-    """Functions and tables of a program, which grow as kernels are added.
+    """Functions and tables of a program, which grows as kernels are added.
 
-    state : what the struct is called whose pointer `self` is
+    state : name of the struct to which `self` points
     """
 
     def __init__(self, state: str) -> None:
@@ -70,7 +77,7 @@ class Program:
     # ---------------------------------------------------------------------------------------- constants
 
     def known(self, value: Any, label: str) -> Value:
-        """Return a global of a kernel's module: a number, a function, a table."""
+        """Return a global of a kernel's module: a number, a function, or a table."""
         if isinstance(value, np.ndarray):
             return self.table(label, Known(tuple(value.tolist())) if value.ndim == 1 else value)
         if isinstance(value, ModuleType) or callable(value):
@@ -78,15 +85,15 @@ class Program:
         return Known(known_number(value))
 
     def table(self, label: str, content: Any) -> Array:
-        """Return a table of known numbers by a name of its own; the same numbers are stored once."""
-        found = constant_array(label, content.value if isinstance(content, Known) else content)
-        for made in self.tables.values():
-            if made.text.startswith(label.strip("_").upper()) and _same(made.value, found.value):
-                return made
-        name = label.strip("_").upper()  # no local is called so
+        """Return a table of known numbers with a unique name; equal tables are stored once."""
+        array = constant_array(label, content.value if isinstance(content, Known) else content)
+        for existing in self.tables.values():
+            if existing.text.startswith(label.strip("_").upper()) and _same(existing.value, array.value):
+                return existing
+        name = label.strip("_").upper()  # local variables are never in capitals
         while name in self.tables:
             name += "_"
-        self.tables[name] = constant_array(name, found.value)
+        self.tables[name] = constant_array(name, array.value)
         return self.tables[name]
 
     # -------------------------------------------------------------------------------------------- calls
@@ -94,16 +101,16 @@ class Program:
     def call(
         self, body: Body | Any, node: ast.Call, function: Any, arguments: list[Value], named: Mapping[str, Value]
     ) -> Value:
-        """Return what a kernel returns, called from another one's body."""
+        """Return the result of a kernel called from the body of another."""
         made = self.translated(function, bound(function, arguments, named))
         if made.constant is not None:
             return made.constant
         if not made.acts:
             return Known(None)
-        given = bound(function, arguments, named)
+        bound_arguments = bound(function, arguments, named)
         texts = ["self"] if re.search(r"\bself\b", made.text) else []
         for name in made.parameters:
-            texts.append(_passed(given, name))
+            texts.append(_passed(bound_arguments, name))
         text = f"{made.name}({', '.join(texts)})"
         if made.returns == "void":
             return Scalar(text, "void")
@@ -111,14 +118,17 @@ class Program:
             return Scalar(text, made.kinds[0])
         name = body.temporary(f"{made.returns} {{}}", "of")
         body.write(f"{name} = {text};")
-        return Several(tuple(Scalar(f"{name}.v{i}", kind) for i, kind in enumerate(made.kinds)))
+        return Several(tuple(Scalar(f"{name}.v{i}", number_type) for i, number_type in enumerate(made.kinds)))
 
     def translated(self, function: Any, given: dict[str, Value], name: str | None = None) -> Translated:
-        """Return a kernel for arguments by name, translated where it is not yet; name: of an entry."""
+        """Return a kernel for named arguments; it is translated at the first call with arguments of these types.
+
+        name : name of an entry function
+        """
         python = getattr(function, "py_func", function)
         if not callable(python) or not hasattr(python, "__code__"):
             raise TranslationError(f"{function!r} is no kernel")
-        key = (python, tuple((one, _signature(value)) for one, value in given.items()))
+        key = (python, tuple((argument, _signature(value)) for argument, value in given.items()))
         if key not in self.functions:
             self.functions[key] = self._translate(python, given, name)
         return self.functions[key]
@@ -133,17 +143,17 @@ class Program:
         constant = body.returned[0] if len(body.lines) == 1 and len(body.returned) == 1 else None
         body.lines = self._live(body)
         text = "\n".join(body.lines)
-        kept = {one: text_of for one, text_of in declared.items() if _names(_c_name(text_of), text)}
+        used_locals = {local: text_of for local, text_of in declared.items() if _names(_c_name(text_of), text)}
         if name is None:
             stem = f"{python.__module__.rpartition('.')[2]}_{python.__name__.strip('_')}"
             self._names[stem] += 1
             name = stem if self._names[stem] == 1 else f"{stem}_{self._names[stem]}"
-        head = ([f"struct {self.state} *self"] if re.search(r"\bself\b", text) else []) + list(kept.values())
+        head = ([f"struct {self.state} *self"] if re.search(r"\bself\b", text) else []) + list(used_locals.values())
         signature = f"{returns} {name}({', '.join(head) or 'void'})"
         lines = [*_comment(python), *textwrap.wrap(signature, _WIDTH, subsequent_indent="    "), "{"]
-        lines += [f"    {one};" for one in _grouped(body.locals.values(), text)] + body.lines + ["}"]
+        lines += [f"    {local};" for local in _grouped(body.locals.values(), text)] + body.lines + ["}"]
         value = constant if isinstance(constant, Known) else None
-        return Translated(name, kept, "\n".join(lines), returns, kinds, value, bool(body.lines))
+        return Translated(name, used_locals, "\n".join(lines), returns, kinds, value, bool(body.lines))
 
     def _pass(self, python: Any, tree: ast.FunctionDef, names: dict[str, Value], earlier: Body | None) -> Body:
         body = Body(self, python, names, tree, earlier)
@@ -157,8 +167,8 @@ class Program:
         return body
 
     def _live(self, body: Body) -> list[str]:
-        """Return the lines of a body without those that set a local which none reads; a call remains one."""
-        own = {made.name for made in self.functions.values()}
+        """Return the lines of a body without assignments to local variables that are never read; calls remain."""
+        function_names = {function.name for function in self.functions.values()}
         lines, dead = body.lines, True
         while dead:
             dead = False
@@ -166,36 +176,36 @@ class Program:
                 sets = re.compile(rf"^(\s*){name} = (.*);$")
                 if any(_names(name, line) and not sets.match(line) for line in lines):
                     continue
-                kept = list[str]()
+                live_lines = list[str]()
                 for line in lines:
-                    found = sets.match(line)
-                    if found is None:
-                        kept.append(line)
+                    assignment = sets.match(line)
+                    if assignment is None:
+                        live_lines.append(line)
                         continue
                     dead = True
-                    if own & set(re.findall(r"(\w+)\(", found.group(2))):
-                        kept.append(f"{found.group(1)}{found.group(2)};")
-                lines = kept
+                    if function_names & set(re.findall(r"(\w+)\(", assignment.group(2))):
+                        live_lines.append(f"{assignment.group(1)}{assignment.group(2)};")
+                lines = live_lines
         return lines
 
     # ------------------------------------------------------------------------------------------ returns
 
     def _returns(self, returned: list[Value]) -> tuple[tuple[str, ...], str]:
-        """Return the kinds of what a function returns, and its type in C."""
-        rows = [one.items if isinstance(one, Several) else (one,) for one in returned]
+        """Return the C types of the returned numbers, and the return type in C."""
+        rows = [value.items if isinstance(value, Several) else (value,) for value in returned]
         rows = [row for row in rows if row != (Known(None),)]
         if not rows:
             return (), "void"
         columns = [{as_scalar(item).kind for item in column} for column in zip(*rows, strict=True)]
         kinds = tuple(DOUBLE if DOUBLE in column else INT for column in columns)
-        if len(kinds) == 1 and not any(isinstance(one, Several) for one in returned):
+        if len(kinds) == 1 and not any(isinstance(value, Several) for value in returned):
             return kinds, kinds[0]
-        label = "_".join(f"{kind[0]}{len(run)}" for kind, run in _runs(kinds))
+        label = "_".join(f"{number_type[0]}{len(run)}" for number_type, run in _runs(kinds))
         self.tuples[f"numbers_{label}"] = kinds
         return kinds, f"struct numbers_{label}"
 
     def return_line(self, found: Value, returned: list[Value]) -> str:
-        """Return the statement that returns a value from a function that returns these."""
+        """Return the statement that returns a value from a function with the given return values."""
         if found == Known(None):
             return "return;"
         _, returns = self._returns(returned)
@@ -206,22 +216,23 @@ class Program:
     # --------------------------------------------------------------------------------------------- text
 
     def text(self, entries: list[str]) -> str:
-        """Return the C of everything that functions of some names need: types, tables, functions."""
-        by_name = {made.name: made for made in self.functions.values()}
-        wanted, found = list(entries), set[str]()
-        while wanted:
-            name = wanted.pop()
+        """Return the C code of everything that the named functions need: types, tables, functions."""
+        by_name = {function.name: function for function in self.functions.values()}
+        pending, found = list(entries), set[str]()
+        while pending:
+            name = pending.pop()
             if name not in found:
                 found.add(name)
-                wanted += [other for other in re.findall(r"\b(\w+)\(", by_name[name].text) if other in by_name]
-        functions = [made for made in self.functions.values() if made.name in found]
+                pending += [callee for callee in re.findall(r"\b(\w+)\(", by_name[name].text) if callee in by_name]
+        functions = [function for function in self.functions.values() if function.name in found]
         code = "\n\n\n".join(
-            made.text if made.name in entries else _static(made.text, made.returns) for made in functions
+            function.text if function.name in entries else _static(function.text, function.returns)
+            for function in functions
         )
         used = set(re.findall(r"\w+", code))
         types = [_struct(name, kinds) for name, kinds in self.tuples.items() if name in used]
         tables = [_table(name, array) for name, array in self.tables.items() if name in used]
-        return "\n\n".join(part for part in ("\n".join(types), "\n\n".join(tables), code) if part) + "\n"
+        return "\n\n".join(section for section in ("\n".join(types), "\n\n".join(tables), code) if section) + "\n"
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:
@@ -229,18 +240,20 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def bound(function: Any, arguments: list[Value], named: Mapping[str, Value]) -> dict[str, Value]:
-    """Return the arguments of a call by name, defaults among them."""
+    """Return the arguments of a call by name, including defaults."""
     python = getattr(function, "py_func", function)
-    found = inspect.signature(python).bind(*arguments, **named)
-    found.apply_defaults()
+    binding = inspect.signature(python).bind(*arguments, **named)
+    binding.apply_defaults()
     return {
         name: value if isinstance(value, Known | Scalar | Array | Several | Fields) else Known(value)
-        for name, value in found.arguments.items()
+        for name, value in binding.arguments.items()
     }
 
 
 def _signature(value: Value) -> Any:
-    """Return what of an argument makes another function of a kernel: all that is known but real numbers."""
+    """Return the properties of an argument that require a separate translation of a kernel: all known values except
+    doubles.
+    """
     if isinstance(value, Known):
         return (type(value.value), None if isinstance(value.value, float) else value.value)
     if isinstance(value, Scalar):
@@ -254,13 +267,13 @@ def _signature(value: Value) -> Any:
 
 
 def _parameters(given: dict[str, Value]) -> tuple[dict[str, Value], dict[str, str]]:
-    """Return what the names of a kernel stand for, and the parameters that C needs for them."""
+    """Return the values of a kernel's names, and the C parameters for them."""
     names, declared = dict[str, Value](), dict[str, str]()
     for name, value in given.items():
         label = _safe(name)
         if isinstance(value, Scalar) or (isinstance(value, Known) and isinstance(value.value, float)):
-            kind = value.kind if isinstance(value, Scalar) else DOUBLE
-            names[name], declared[name] = Scalar(label, kind), f"{kind} {label}"
+            number_type = value.kind if isinstance(value, Scalar) else DOUBLE
+            names[name], declared[name] = Scalar(label, number_type), f"{number_type} {label}"
         elif isinstance(value, Array):
             shape = tuple(Scalar(f"n_{label}", INT) if isinstance(size, Scalar) else size for size in value.shape)
             names[name] = Array(label, shape, value.kind, value.constant, value.rings)
@@ -280,13 +293,13 @@ def _parameters(given: dict[str, Value]) -> tuple[dict[str, Value], dict[str, st
 
 
 def _passed(given: dict[str, Value], parameter: str) -> str:
-    """Return what a call passes for a parameter."""
-    name, _, part = parameter.partition(".")
+    """Return the C expression that a call passes for a parameter."""
+    name, _, field = parameter.partition(".")
     value = given[name]
     if isinstance(value, Array):
-        return value.text if part == "" else next(as_scalar(s).text for s in value.shape if isinstance(s, Scalar))
+        return value.text if field == "" else next(as_scalar(s).text for s in value.shape if isinstance(s, Scalar))
     if isinstance(value, Several):
-        return as_scalar(value.items[int(part)]).text
+        return as_scalar(value.items[int(field)]).text
     return literal(value.value).text if isinstance(value, Known) else as_scalar(value).text
 
 
@@ -295,19 +308,19 @@ def _safe(name: str) -> str:
 
 
 def _names(name: str, text: str) -> bool:
-    """Return whether a text names a local or a parameter: fields of structs are not meant."""
+    """Return whether a text refers to a local variable or parameter; fields of structs do not count."""
     return re.search(rf"(?<![.>\w]){name}\b", text) is not None
 
 
 def _c_name(declaration: str) -> str:
     """Return the name in a declaration."""
-    found = re.search(r"(\w+)\)?(\[\d+\])*$", declaration)
-    assert found is not None
-    return found.group(1)
+    match = re.search(r"(\w+)\)?(\[\d+\])*$", declaration)
+    assert match is not None
+    return match.group(1)
 
 
 def _comment(python: Any) -> list[str]:
-    """Return a comment of the first paragraph of a kernel's docstring."""
+    """Return the first paragraph of a kernel's docstring as a C comment."""
     words = inspect.cleandoc(python.__doc__ or "").split("\n\n")[0].replace("\n", " ").replace("*/", "* /")
     if not words:
         return []
@@ -317,47 +330,47 @@ def _comment(python: Any) -> list[str]:
 
 
 def _grouped(declarations: Any, text: str) -> list[str]:
-    """Return declarations of locals that the text names, numbers of a kind on one line."""
+    """Return the declarations of local variables that the text uses; numbers of one type share a line."""
     simple: dict[str, list[str]] = {}
-    others = list[str]()
-    for one in declarations:
-        if not _names(_c_name(one), text):
+    further = list[str]()
+    for declaration in declarations:
+        if not _names(_c_name(declaration), text):
             continue
-        kind, _, name = one.partition(" ")
+        number_type, _, name = declaration.partition(" ")
         if name.isidentifier():
-            simple.setdefault(kind, []).append(name)
+            simple.setdefault(number_type, []).append(name)
         else:
-            others.append(one)
+            further.append(declaration)
     found = list[str]()
-    for kind, names in simple.items():
-        found += textwrap.wrap(f"{kind} {', '.join(names)}", _WIDTH - 4, subsequent_indent="        ")
+    for number_type, names in simple.items():
+        found += textwrap.wrap(f"{number_type} {', '.join(names)}", _WIDTH - 4, subsequent_indent="        ")
     joined = list[str]()
-    for line in found:  # a declaration that was wrapped is one
+    for line in found:  # a wrapped declaration counts as one line
         if line.startswith("        ") and joined:
             joined[-1] += f"\n    {line}"
         else:
             joined.append(line)
-    return joined + others
+    return joined + further
 
 
 def _runs(kinds: tuple[str, ...]) -> list[tuple[str, list[str]]]:
-    found: list[tuple[str, list[str]]] = []
-    for kind in kinds:
-        if found and found[-1][0] == kind:
-            found[-1][1].append(kind)
+    groups: list[tuple[str, list[str]]] = []
+    for number_type in kinds:
+        if groups and groups[-1][0] == number_type:
+            groups[-1][1].append(number_type)
         else:
-            found.append((kind, [kind]))
-    return found
+            groups.append((number_type, [number_type]))
+    return groups
 
 
 def _static(text: str, returns: str) -> str:
-    """Return a function that no other file calls."""
+    """Return a function as static, because no other file calls it."""
     at = text.index("*/") + 3 if text.startswith("/*") else 0
     return f"{text[:at]}static {text[at:]}"
 
 
 def _struct(name: str, kinds: tuple[str, ...]) -> str:
-    return f"struct {name} {{ {' '.join(f'{kind} v{i};' for i, kind in enumerate(kinds))} }};"
+    return f"struct {name} {{ {' '.join(f'{number_type} v{i};' for i, number_type in enumerate(kinds))} }};"
 
 
 def _table(name: str, array: Array) -> str:
@@ -366,7 +379,7 @@ def _table(name: str, array: Array) -> str:
 
 
 def _content(content: np.ndarray) -> str:
-    """Return the content of a table, as C writes it."""
+    """Return the content of a table as a C initialiser."""
     if content.ndim == 1:
         row = ", ".join(literal(value).text for value in content) or "0"
         return "{" + "\n    ".join(textwrap.wrap(row, _WIDTH - 4)) + "}"

@@ -1,4 +1,4 @@
-"""Statements of a kernel's body: assignments, loops, choices, what it returns."""
+"""Statements in the body of a kernel: assignments, loops, conditions, return."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from lvnav_trade.export.translation.values import (
     held,
 )
 
-# What C means by a name, or its library: a local of that name gets a line behind it.
+# Names reserved by C or its library: a local variable of such a name gets an underscore.
 RESERVED = frozenset({
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float",
     "for", "gamma", "goto", "if", "inline", "int", "j0", "j1", "jn", "long", "main", "register", "restrict", "return",
@@ -33,8 +33,10 @@ RESERVED = frozenset({
 
 
 class Body(Expressions):
-    """The statements of one kernel. A first pass finds which names are assigned more than once, read, and of what kind
-    they are; the second one writes them.
+    """The statements of one kernel.
+
+    A first pass determines which names are assigned more than once, which are read, and their types. The second pass
+    writes the statements.
     """
 
     def __init__(
@@ -53,20 +55,20 @@ class Body(Expressions):
     # ------------------------------------------------------------------------------------------- blocks
 
     def block(self, nodes: list[ast.stmt]) -> bool:
-        """Translate statements; return whether none behind them is reached."""
+        """Translate statements; return whether the statements after them are unreachable."""
         for node in nodes:
-            found = getattr(self, f"_{type(node).__name__.lower()}_statement", None)
-            if found is None:
+            translator = getattr(self, f"_{type(node).__name__.lower()}_statement", None)
+            if translator is None:
                 raise self.fail(node, f"{type(node).__name__} is not translated")
-            if found(node):
+            if translator(node):
                 return True
         return False
 
     def _expr_statement(self, node: ast.Expr) -> bool:
         if not isinstance(node.value, ast.Constant):  # a docstring
-            found = self.value(node.value)
-            if isinstance(found, Scalar):
-                self.write(f"{found.text};")
+            result = self.value(node.value)
+            if isinstance(result, Scalar):
+                self.write(f"{result.text};")
         return False
 
     def _pass_statement(self, node: ast.Pass) -> bool:
@@ -81,11 +83,11 @@ class Body(Expressions):
         return True
 
     def _return_statement(self, node: ast.Return) -> bool:
-        found: Value = self.value(node.value) if node.value is not None else Known(None)
-        if isinstance(found, Known) and isinstance(found.value, tuple):
-            found = Several(tuple(Known(one) for one in found.value))
-        self.returned.append(found)
-        self.write(self.program.return_line(found, self.earlier.returned if self.earlier else self.returned))
+        returned: Value = self.value(node.value) if node.value is not None else Known(None)
+        if isinstance(returned, Known) and isinstance(returned.value, tuple):
+            returned = Several(tuple(Known(item) for item in returned.value))
+        self.returned.append(returned)
+        self.write(self.program.return_line(returned, self.earlier.returned if self.earlier else self.returned))
         return True
 
     def _if_statement(self, node: ast.If) -> bool:
@@ -96,15 +98,15 @@ class Body(Expressions):
         begin = len(self.lines)
         ends = self._inner(node.body)
         nothing = len(self.lines) == begin
-        other = bool(node.orelse) and self._otherwise(node.orelse)
+        is_final = bool(node.orelse) and self._otherwise(node.orelse)
         if nothing and len(self.lines) == begin:
-            self.lines.pop()  # nothing depends on it
+            self.lines.pop()  # the condition has no effect
         else:
             self.write("}")
-        return ends and other
+        return ends and is_final
 
     def _otherwise(self, nodes: list[ast.stmt]) -> bool:
-        """Write what is done where a condition does not hold; return whether nothing behind it is reached."""
+        """Translate an else branch; return whether the statements after it are unreachable."""
         before = len(self.lines)
         self.write("} else {")
         ends = self._inner(nodes)
@@ -113,7 +115,7 @@ class Body(Expressions):
             self.lines.pop()
         elif inner[0].lstrip().startswith("if (") and _is_one(inner):
             head = f"{'    ' * self.indent}}} else {inner[0].lstrip()}"
-            self.lines[before:] = [head, *(one[4:] for one in inner[1:-1])]
+            self.lines[before:] = [head, *(line[4:] for line in inner[1:-1])]
         return ends
 
     def _inner(self, nodes: list[ast.stmt]) -> bool:
@@ -139,15 +141,15 @@ class Body(Expressions):
             raise self.fail(node, "loops run over one name, without else")
         name = node.target.id
         if isinstance(node.iter, ast.Call) and isinstance(node.iter.func, ast.Name) and node.iter.func.id == "range":
-            bounds = [self.value(one) for one in node.iter.args]
+            bounds = [self.value(item) for item in node.iter.args]
             first, last, step = (Known(0), *bounds, Known(1)) if len(bounds) == 1 else (*bounds, Known(1))[:3]
             self._count(node, name, first, last, step)
         else:
             over = self.value(node.iter)
             if not (isinstance(over, Known) and isinstance(over.value, tuple)):
                 raise self.fail(node, "loops run over a range, or over known numbers")
-            for one in over.value:
-                self.names[name] = Known(one)
+            for item in over.value:
+                self.names[name] = Known(item)
                 self.block(node.body)
         return False
 
@@ -170,21 +172,21 @@ class Body(Expressions):
         self.write(f"for (int {label} = {begin}; {label} {'<' if step.value > 0 else '>'} {end}; {moves}) {{")
         self._inner(node.body)
         if len(self.lines) == mark + 1:
-            self.lines.pop()  # nothing is left of it
+            self.lines.pop()  # the loop is empty
         else:
             self.write("}")
 
     # -------------------------------------------------------------------------------------- assignments
 
     def _assign_statement(self, node: ast.Assign) -> bool:
-        found = self.value(node.value)
+        assigned = self.value(node.value)
         if len(node.targets) > 1:
-            found = self._kept(found)
+            assigned = self._kept(assigned)
         for target in node.targets:
             if isinstance(target, ast.Tuple):
-                self._unpack(node, target, found)
+                self._unpack(node, target, assigned)
             else:
-                self.store(target, found)
+                self.store(target, assigned)
         return False
 
     def _augassign_statement(self, node: ast.AugAssign) -> bool:
@@ -199,8 +201,8 @@ class Body(Expressions):
             raise self.fail(node, "cannot be taken apart")
         if not _apart(target, node.value):
             items = [self._kept(item) for item in items]
-        for one, item in zip(target.elts, items, strict=True):
-            self.store(one, item)
+        for element, item in zip(target.elts, items, strict=True):
+            self.store(element, item)
 
     def _items(self, found: Value, count: int) -> list[Value] | None:
         items = self.items(found)
@@ -211,7 +213,7 @@ class Body(Expressions):
         return None
 
     def _kept(self, item: Value) -> Value:
-        """Keep a number that a target of the same statement may change before it is stored."""
+        """Copy a number to a temporary if another target of the same statement may change it first."""
         if not isinstance(item, Scalar):
             return item
         name = self.temporary(f"{item.kind} {{}}", "old")
@@ -219,7 +221,7 @@ class Body(Expressions):
         return Scalar(name, item.kind)
 
     def store(self, target: ast.expr, found: Value) -> None:
-        """Write a value to a name or an element."""
+        """Store a value to a name or an array element."""
         if isinstance(target, ast.Name):
             self._bind(target.id, found)
             return
@@ -239,7 +241,7 @@ class Body(Expressions):
         self.assigned[name] += 1
         times = self.written[name] if self.earlier is None else self.earlier.assigned[name]
         fixed = times == 1 and name not in self.parameters
-        if isinstance(found, Known):  # no number ever changes: None, a name, a function
+        if isinstance(found, Known):  # not a number that can change: None, a name, a function
             fixed = fixed or not isinstance(found.value, int | float)
         if isinstance(found, Fields) or (isinstance(found, Known) and fixed):
             self.names[name] = found
@@ -253,18 +255,18 @@ class Body(Expressions):
     def _bind_tuple(self, name: str, found: Several) -> None:
         if all(isinstance(item, Scalar | Known) for item in found.items):
             parts = [as_scalar(item) for item in found.items]
-            kind = DOUBLE if any(part.kind == DOUBLE for part in parts) else INT
+            number_type = DOUBLE if any(number.kind == DOUBLE for number in parts) else INT
             label = self._label(name)
-            self.locals[name] = f"{kind} {label}[{len(parts)}]"
-            for at, part in enumerate(parts):
-                self.write(f"{label}[{at}] = {part.text};")
-            self.names[name] = Array(label, (len(parts),), kind)
+            self.locals[name] = f"{number_type} {label}[{len(parts)}]"
+            for at, number in enumerate(parts):
+                self.write(f"{label}[{at}] = {number.text};")
+            self.names[name] = Array(label, (len(parts),), number_type)
         else:
             self.names[name] = found
 
     def _bind_array(self, name: str, found: Array) -> None:
         if found.text.replace("->", "").replace("_", "").isalnum() and self.assigned[name] == 1:
-            self.names[name] = found  # a whole array: its own name says more
+            self.names[name] = found  # a whole array keeps its own name
             return
         label = self._label(name)
         declared = found.declared(label)
@@ -278,15 +280,15 @@ class Body(Expressions):
     def _bind_number(self, name: str, found: Scalar) -> None:
         self.kinds.setdefault(name, set()).add(found.kind)
         kinds = self.earlier.kinds.get(name, {found.kind}) if self.earlier is not None else self.kinds[name]
-        kind, label = (DOUBLE if DOUBLE in kinds else INT), self._label(name)
-        self.names[name] = Scalar(label, kind)
+        number_type, label = (DOUBLE if DOUBLE in kinds else INT), self._label(name)
+        self.names[name] = Scalar(label, number_type)
         if self.earlier is not None and name not in self.earlier.read and "(" not in found.text:
-            return  # nobody reads it
-        self.locals[name] = f"{kind} {label}"
+            return  # it is never read
+        self.locals[name] = f"{number_type} {label}"
         self.write(f"{label} = {found.text};")
 
     def begin(self) -> None:
-        """Begin with locals in the place of parameters that are assigned to."""
+        """Declare local variables for parameters that the kernel assigns to."""
         for name, value in self.parameters.items():
             if self.written[name] and (self.earlier is None or self.earlier.assigned[name]):
                 self._bind(name, as_scalar(value))
@@ -294,14 +296,14 @@ class Body(Expressions):
 
 
 def _is_one(lines: list[str]) -> bool:
-    """Return whether lines are one statement with braces: nothing but its own `else` stands at its level."""
+    """Return whether lines form one C statement with braces; only its own `else` is at its level."""
     depth = len(lines[0]) - len(lines[0].lstrip())
-    level = [one for one in lines[1:] if len(one) - len(one.lstrip()) == depth]
-    return all(one.lstrip().startswith("}") for one in level) and lines[-1].strip() == "}"
+    level = [line for line in lines[1:] if len(line) - len(line.lstrip()) == depth]
+    return all(line.lstrip().startswith("}") for line in level) and lines[-1].strip() == "}"
 
 
 def _leaves(nodes: list[ast.stmt]) -> bool:
-    """Return whether statements leave a pass of the loop that they are in, or assign to a name of it twice."""
+    """Return whether statements contain continue or break, or assign twice to a name of the loop."""
     return any(isinstance(one, ast.Continue | ast.Break) for node in nodes for one in ast.walk(node))
 
 
@@ -312,12 +314,13 @@ def _loaded(node: ast.Name | ast.Subscript) -> ast.expr:
 
 
 def _apart(target: ast.Tuple, source: ast.expr) -> bool:
-    """Return whether no value of an assignment reads what another one of its targets is."""
+    """Return whether no value of an assignment reads another of its targets."""
     if not isinstance(source, ast.Tuple):
-        return True  # what a function returns is complete
-    written = {_base(one) for one in target.elts}
+        return True  # the return type is complete
+    written = {_base(element) for element in target.elts}
     return not any(
-        isinstance(one, ast.Name | ast.Attribute) and ast.unparse(one) in written for one in ast.walk(source)
+        isinstance(element, ast.Name | ast.Attribute) and ast.unparse(element) in written
+        for element in ast.walk(source)
     )
 
 

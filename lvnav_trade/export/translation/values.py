@@ -1,4 +1,4 @@
-"""Values of a kernel's expressions in translation: a constant, a C expression, an array, a record, several."""
+"""Values of expressions in translation: a constant, a C expression, an array, a record, a tuple."""
 
 from __future__ import annotations
 
@@ -10,24 +10,29 @@ import numpy as np
 
 DOUBLE, INT = "double", "int"
 ONLY, SAME = 1, -1
-# Levels of C's operators, those that bind most first.
+# Precedence of C operators, highest first.
 ATOM, UNARY, PRODUCT, SUM, SHIFT, ORDER, EQUAL, BIT_AND, BIT_OR, AND, OR, CHOICE = range(12)
 
 
 class TranslationError(Exception):
-    """What a kernel says that has no translation."""
+    """A construct of a kernel that cannot be translated to C."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """A number, truth value, None, name or tuple that is known when the code is made."""
+    """A number, truth value, None, name or tuple that is known at translation."""
 
     value: Any
 
 
 @dataclass(frozen=True)
 class Scalar:
-    """A number by its C expression; kind: double or int; level of its weakest operator."""
+    """A number as a C expression.
+
+    text : The expression.
+    kind : C type, double or int.
+    level : Precedence of its outermost operator.
+    """
 
     text: str
     kind: str
@@ -36,11 +41,16 @@ class Scalar:
 
 @dataclass(frozen=True)
 class Array:
-    """An array by a C expression of its first element's place; shape: numbers, or a Scalar where it is not known.
+    """An array in C.
 
-    rings (an entry per axis): 0 of a usual axis; n of one of n places, whose index counts on without end; ONLY of one
-    whose index is always the present one, SAME of one along which nothing changes: C has no such axis. value: the
-    content, where it is constant, without these axes.
+    text : C expression of the address of its first element.
+    shape : Length of each axis; a Scalar if it is not known at translation.
+    kind : C type of the elements.
+    constant : Whether the elements are constant.
+    rings : For each axis: 0 for an ordinary axis; n for a ring buffer of n places, whose index grows without end;
+        `ONLY` if only the present index is read, `SAME` if the elements are equal along the axis. C has no axis for the
+        last two.
+    value : Content of a constant array, without the axes that C lacks.
     """
 
     text: str
@@ -51,12 +61,12 @@ class Array:
     value: Any = field(default=None, compare=False)
 
     def ring(self, axis: int) -> int:
-        """Return how many places an axis has whose index counts on, 0 for a usual one."""
+        """Return the number of places of a ring buffer axis, 0 for an ordinary axis."""
         return self.rings[axis] if axis < len(self.rings) else 0
 
     @property
     def sizes(self) -> tuple[int | Scalar, ...]:
-        """The lengths of the axes that it has in C."""
+        """Lengths of the axes in C."""
         return tuple(size for axis, size in enumerate(self.shape) if self.ring(axis) not in (ONLY, SAME))
 
     def declared(self, name: str) -> str:
@@ -87,19 +97,19 @@ Value = Known | Scalar | Array | Several | Fields
 
 
 def size_of(size: int | Scalar) -> int:
-    """Return the length of an axis that has to be known: at least one, for C has no empty arrays."""
+    """Return the length of an axis that must be known, at least one, because C has no empty arrays."""
     if isinstance(size, Scalar):
         raise TranslationError("only the last axis may have a length that is not known")
     return max(1, size)
 
 
 def known_number(value: Any) -> Any:
-    """Return a number of numpy's as one of Python's."""
+    """Return a NumPy number as a Python number."""
     return value.item() if isinstance(value, np.generic) else value
 
 
 def literal(value: Any) -> Scalar:
-    """Return a known number as C writes it: a double in the fewest digits that are read back as it."""
+    """Return a known number as a C literal; a double with the fewest digits that restore it."""
     value = known_number(value)
     if isinstance(value, bool | int):
         return Scalar(str(int(value)), INT, UNARY if value < 0 else ATOM)
@@ -125,11 +135,14 @@ def as_scalar(value: Value) -> Scalar:
 
 
 def held(scalar: Scalar, level: int) -> str:
-    """Return a C expression in brackets where an operator of a level would take it apart."""
+    """Return a C expression, in brackets if an operator of the given precedence would split it."""
     return f"({scalar.text})" if scalar.level > level else scalar.text
 
 
 def table_of(name: str, content: np.ndarray, rings: tuple[int, ...] = (), shape: tuple[int, ...] = ()) -> Array:
-    """Return an array of numbers that do not change; shape: with the axes that it has not in C."""
-    kind = DOUBLE if content.dtype.kind == "f" else INT
-    return Array(name, shape or tuple(content.shape), kind, constant=True, rings=rings, value=content)
+    """Return a constant array.
+
+    shape : shape with the axes that C lacks; by default that of the content
+    """
+    number_type = DOUBLE if content.dtype.kind == "f" else INT
+    return Array(name, shape or tuple(content.shape), number_type, constant=True, rings=rings, value=content)

@@ -76,7 +76,11 @@ def reference_vectors(campaign: Campaign, case: Case, run: int, kind: str) -> Re
     prepared = prepare(case.scenario)
     tables = vectors_of(prepared, campaign.seed, run)
     columns = pd.DataFrame(
-        [(table, name, *described) for table, found in tables.items() for name, described in found.columns.items()],
+        [
+            (table, name, *described)
+            for table, described_table in tables.items()
+            for name, described in described_table.columns.items()
+        ],
         columns=["table", "column", "unit", "meaning"],
     )
     files: dict[str, bytes | str] = {f"{name}.{kind}": _written(table.frame, kind) for name, table in tables.items()}

@@ -1,4 +1,4 @@
-"""Tables of reference vectors: `vectors_of(prepared, seed, run)`; each states unit and meaning of its columns."""
+"""Tables of reference vectors with unit and meaning of every column."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ _STAGE = {"stage": ("", "start, before or after the measurements of an epoch, or
 class VectorTable(NamedTuple):
     """A table of reference vectors.
 
-    about : what it holds
-    frame : its rows
-    columns : unit (SI) and meaning of every column, in order
+    about : Description of its content.
+    frame : Its rows.
+    columns : Unit (SI) and meaning of every column, in order.
     """
 
     about: str
@@ -47,10 +47,23 @@ class VectorTable(NamedTuple):
 
 
 def vectors_of(prepared: Prepared, seed: int, run: int) -> dict[str, VectorTable]:
-    """Return the tables of a run of a case by name; InputError where redundant IMUs are tested ahead of the filter."""
+    """Return the tables of reference vectors of a run by name.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The prepared scenario.
+    seed, run : int
+        Seed of the campaign and number of the run.
+
+    Raises
+    ------
+    InputError
+        Redundant IMUs are tested ahead of the filter.
+    """
     refuse_redundant_imus(prepared)
     recorded = taped(prepared, seed, run)
-    found = {
+    tables = {
         "imu": _imu(prepared, recorded.tape.increments),
         "windows": _windows(prepared),
         "epochs": _epochs(prepared, recorded),
@@ -64,21 +77,21 @@ def vectors_of(prepared: Prepared, seed: int, run: int) -> dict[str, VectorTable
         "estimates": _estimates(prepared, recorded),
         "covariance": _covariance(prepared, recorded),
     }
-    return {name: table for name, table in found.items() if len(table.frame)}
+    return {name: table for name, table in tables.items() if len(table.frame)}
 
 
 def _table(about: str, columns: Mapping[str, tuple[str, str]], values: Iterable[Any]) -> VectorTable:
-    """Return a table of columns, each an array of its rows."""
+    """Return a table from arrays, one per column."""
     return VectorTable(about, pd.DataFrame(dict(zip(columns, values, strict=True))), dict(columns))
 
 
 def _of_rows(about: str, columns: Mapping[str, tuple[str, str]], rows: Iterable[tuple[Any, ...]]) -> VectorTable:
-    """Return a table of rows."""
+    """Return a table from rows."""
     return VectorTable(about, pd.DataFrame(list(rows), columns=list(columns)), dict(columns))
 
 
 def _axes(stem: str, unit: str, meaning: str) -> dict[str, tuple[str, str]]:
-    """Return the columns of a vector."""
+    """Return the columns of the components of a vector."""
     return {f"{stem}_{axis}_{unit_suffix(unit)}": (unit, f"{meaning}, axis {axis}") for axis in _XYZ}
 
 
@@ -130,7 +143,13 @@ def _epochs(prepared: Prepared, recorded: TapedRun) -> VectorTable:
 
 
 class _Scalar(NamedTuple):
-    """A scalar measurement: its row among those of the epoch, channel, measured value and unit, SI."""
+    """A scalar measurement.
+
+    row : Position among the measurements of the epoch.
+    channel : Channel.
+    value : Measured value (SI).
+    unit : SI unit.
+    """
 
     row: int
     channel: int
@@ -139,7 +158,7 @@ class _Scalar(NamedTuple):
 
 
 def _python(kernel: Any) -> Any:
-    """Return the Python function of a kernel: these few decisions need no compiler."""
+    """Return the Python function of a kernel; for a few calls compilation is not worthwhile."""
     return getattr(kernel, "py_func", kernel)
 
 
@@ -152,8 +171,8 @@ def _of_receiver(prepared: Prepared, recorded: TapedRun, epoch: int) -> Iterator
         if not present or (model.tight and _python(is_reference)(model, signals, epoch, row)):
             continue
         if model.tight:
-            slot, kind = divmod(row, model.n_kind)
-            yield _Scalar(row, channel, tape.ranges[epoch, slot, kind], units[kind])
+            slot, observable = divmod(row, model.n_kind)
+            yield _Scalar(row, channel, tape.ranges[epoch, slot, observable], units[observable])
         else:
             yield _Scalar(row, channel, tape.solution[epoch, row], "m" if row < 3 else "m/s")
 
@@ -227,8 +246,8 @@ def _sensors(prepared: Prepared, observed: Floats) -> VectorTable:
         n_known = int(np.flatnonzero(np.any(sensors.known != 0.0, axis=(0, 1))).max(initial=-1)) + 1
         for k, device in enumerate(prepared.devices):
             for epoch in np.flatnonzero(sensors.on[k]):
-                known = (sensors.theta[k, epoch], *sensors.known[k, epoch, :n_known])
-                rows.append((epoch, prepared.t_epoch[epoch], device.name, *observed[epoch, k], *known))
+                constants = (sensors.theta[k, epoch], *sensors.known[k, epoch, :n_known])
+                rows.append((epoch, prepared.t_epoch[epoch], device.name, *observed[epoch, k], *constants))
     columns: dict[str, tuple[str, str]] = {**_EPOCH, "sensor": ("", "its name")}
     output = "output: scalars in the order of the channels; an attitude as quaternion, an azimuth as cosine and sine"
     columns |= {f"output_{i}_si": ("SI", output) for i in range(observed.shape[2])}
@@ -239,7 +258,7 @@ def _sensors(prepared: Prepared, observed: Floats) -> VectorTable:
 
 
 def _reports(prepared: Prepared) -> bool:
-    """Whether a solution of the receiver comes with a covariance that the filter uses."""
+    """Return whether the receiver reports the covariance of its solution and the filter uses it."""
     return bool(prepared.model.has_covariance) and prepared.options.solver is not None
 
 
@@ -256,7 +275,7 @@ def _reported_covariance(prepared: Prepared, covariance: Floats) -> VectorTable:
 
 
 def column_of_state(name: str) -> str:
-    """Return the name of a state as a column's name, without its unit."""
+    """Return the column name of a state, without its unit."""
     return re.sub(r"\W+", "_", name).strip("_").lower()
 
 
@@ -330,7 +349,7 @@ def _estimate_columns(prepared: Prepared) -> dict[str, tuple[str, str]]:
 
 
 def _is_open(prepared: Prepared) -> bool:
-    """Whether the error state is kept apart from the estimates."""
+    """Return whether the error state is separate from the estimates (open loop)."""
     return prepared.scenario.filter.feedback == "open"
 
 
@@ -342,7 +361,7 @@ def _estimate_row(prepared: Prepared, found: Estimates, at: int) -> list[float]:
 
 
 def _stages(prepared: Prepared, recorded: TapedRun) -> Iterator[tuple[str, int, float, Estimates, int]]:
-    """Yield stage, epoch, time (s), and where its estimates are recorded."""
+    """Yield stage, epoch, time (s), and the record with the index of its estimates."""
     tape, schedule, unit = recorded.tape, prepared.schedule, prepared.unit
     for epoch, t in enumerate(prepared.t_epoch):
         yield BEFORE, epoch, t, tape.before, epoch
