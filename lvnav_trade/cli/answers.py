@@ -94,7 +94,7 @@ def answer_of(results: Any, answers: Sequence[Any], report: bool) -> Answer:
         "failures": failures,
         **remarks,
         "covariance": [{**answer._asdict(), "rows": [list(row) for row in answer.rows]} for answer in answers],
-        "requirements": json.loads(verdicts.to_json(orient="records")),  # NaN becomes null
+        "requirements": json.loads(verdicts.to_json(orient="records")),  # JSON has no NaN; pandas writes null
     }
     return Answer("\n".join(lines), content, results.exit_code)
 

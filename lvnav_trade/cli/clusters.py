@@ -1,4 +1,4 @@
-"""Verbs and options of campaigns on several machines: merge; the workers of a Dask cluster."""
+"""Commands and options of campaigns on several machines: merge, and the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lvnav_trade.quantities.errors import InputError
 
 
 class Backend(StrEnum):
-    """What does the work items: processes of this machine, or the workers of a Dask cluster."""
+    """Workers of a campaign: processes of this machine, or a Dask cluster."""
 
     PROCESSES = "processes"
     DASK = "dask"
@@ -24,8 +24,23 @@ class Backend(StrEnum):
 
 @contextmanager
 def workers(backend: Backend, scheduler: str | None, folder: Path, jobs: int) -> Iterator[tuple[Path, int]]:
-    """Give the folder of results and the number of workers for `api.run`, a cluster at work meanwhile if it is asked
-    for.
+    """Yield the folder of results and the number of workers for `api.run`; with Dask, while the cluster runs.
+
+    Parameters
+    ----------
+    backend : Backend
+        Workers.
+    scheduler : str, optional
+        Address of a running Dask scheduler; by default a cluster on this machine.
+    folder : Path
+        Folder of results.
+    jobs : int
+        Number of workers; -1 for all.
+
+    Raises
+    ------
+    InputError
+        The options contradict each other.
     """
     if backend == Backend.PROCESSES:
         if scheduler is not None:
@@ -57,6 +72,6 @@ def merge(
     from lvnav_trade import api
     from lvnav_trade.campaign.running.progress import choose
 
-    found, show = shown(as_json)
+    covariance_rows, show = shown(as_json)
     results = api.merge(place, out, jobs, report, choose(quiet), show)
-    return answer_of(results, found, report)
+    return answer_of(results, covariance_rows, report)

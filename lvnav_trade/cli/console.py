@@ -191,8 +191,8 @@ def _options_of(argument: inspect.Parameter) -> list[inspect.Parameter]:
 
 
 def _begin(name: str, given: Mapping[str, Any]) -> None:
-    """Say what a verb reads, before the packages are imported that it needs."""
-    read = next((given[one] for one in _READ if given.get(one) is not None), None)
+    """Print the input of a verb, before the import of the packages that the verb needs."""
+    read = next((given[argument] for argument in _READ if given.get(argument) is not None), None)
     if read is not None:
         _say(f"{name}: reading {read}")
 
@@ -215,7 +215,7 @@ def _duration(seconds: float) -> str:
 
 @contextmanager
 def errors(as_json: bool, debug: bool) -> Iterator[None]:
-    """Turn every way to fail into one line and an exit code."""
+    """Turn every failure into one line and an exit code."""
     if debug:
         os.environ["LVNAV_TRADE_DEBUG"] = "1"
     try:
@@ -232,24 +232,24 @@ def errors(as_json: bool, debug: bool) -> Iterator[None]:
 
 
 def _leave_with_error(error: Exception, as_json: bool, debug: bool) -> NoReturn:
-    """Leave with the line and the exit code of an error; with `debug` one that is not the user's is raised."""
-    kind = type(error).__name__
+    """Exit with the line and the exit code of an error; with `debug`, an internal error is raised."""
+    error_type = type(error).__name__
     if isinstance(error, InputError):
         _leave(2, as_json, str(error), error.records)
-    if kind == "Halted":
+    if error_type == "Halted":
         _leave(FAILED, as_json, str(error))
-    if kind == "TerminatedWorkerError":
+    if error_type == "TerminatedWorkerError":
         _leave(FAILED, as_json, "a worker process died (out of memory?); the same command tries again")
     if isinstance(error, OSError) and error.errno and not debug:
         _leave(FAILED if is_full_disk(error) else 2, as_json, system_message(error))
     if debug:
         raise error
     text = str(error).strip().partition("\n")[0]
-    _leave(INTERNAL, as_json, f"internal error: {kind}: {text} (--debug shows where; please report it)")
+    _leave(INTERNAL, as_json, f"internal error: {error_type}: {text} (--debug shows where; please report it)")
 
 
 def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:
-    """Print why and leave; as a note on the file's line too where a CI service reads those."""
+    """Print a message and exit; in a CI service, also annotate the line of the file."""
     message = visible(without_credentials(message))
     if as_json:
         _print_json("error", code, message=message, mistakes=[record._asdict() for record in records])
@@ -258,20 +258,23 @@ def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = 
     if os.environ.get("GITHUB_ACTIONS"):
         for record in records:
             text = f"{record.path}: {record.message}" if record.path else record.message
-            where = f" file={record.file},line={record.line},col={record.column}" if record.line else ""
-            print(f"::error{where}::{text}", file=sys.stderr)
+            location = f" file={record.file},line={record.line},col={record.column}" if record.line else ""
+            print(f"::error{location}::{text}", file=sys.stderr)
     raise typer.Exit(code)
 
 
 def _leave_with_answer(code: int) -> NoReturn:
-    """Leave with the exit code of an answer: no other way leads to exit codes 1 and 3."""
+    """Exit with the code of an answer; exit codes 1 and 3 come from here only."""
     global _answered
     _answered = True
     raise typer.Exit(code)
 
 
 def main() -> NoReturn:
-    """Run the command line. Exit codes 0, 1 and 3 are those of a verb that came to its end and wrote all it had."""
+    """Run the command line.
+
+    Exit codes 0, 1 and 3 are those of a verb that has completed and written all its output.
+    """
     global _answered
     _answered = False
     out, code = guard(), INTERNAL

@@ -11,7 +11,7 @@ from lvnav_trade.cli.console import Answer, file_option, verb
 from lvnav_trade.quantities.errors import InputError
 
 _ROWS = 20
-_WIDE = ("label", "binding")  # texts that a terminal has no room for
+_WIDE = ("label", "binding")  # texts too wide for a terminal
 
 
 @verb('results/demo --where "velocity < 0.5 m/s" --sort position')
@@ -41,20 +41,20 @@ def cases(
 
     if limit < 1:
         raise InputError(f"--limit {limit}: give a number of rows, at least 1")
-    wanted = [name.strip() for name in columns.split(",")] if columns is not None else []
-    found = api.cases(folder, where or (), sort or (), wanted)
-    written = str(found.write(out)) if out is not None else None
+    names = [name.strip() for name in columns.split(",")] if columns is not None else []
+    result = api.cases(folder, where or (), sort or (), names)
+    written = str(result.write(out)) if out is not None else None
     content = {
-        "cases": json.loads(found.rows.to_json(orient="records", double_precision=15)),
-        "columns": found.columns.to_dict("records"),
-        "total": found.total,
+        "cases": json.loads(result.rows.to_json(orient="records", double_precision=15)),
+        "columns": result.columns.to_dict("records"),
+        "total": result.total,
         "written": written,
     }
     if units:
-        return Answer(table(["column", "unit", "meaning"], list(found.columns.itertuples(index=False))), content)
-    lines = [_shown(found, limit, bool(wanted))]
-    more = len(found.rows) - limit
-    lines.append(f"{len(found.rows)} of {found.total} cases{f', {limit} of them shown' if more > 0 else ''}")
+        return Answer(table(["column", "unit", "meaning"], list(result.columns.itertuples(index=False))), content)
+    lines = [_shown(result, limit, bool(names))]
+    more = len(result.rows) - limit
+    lines.append(f"{len(result.rows)} of {result.total} cases{f', {limit} of them shown' if more > 0 else ''}")
     lines += [f"written: {written}"] if written else []
     return Answer("\n".join(lines), content)
 
@@ -63,7 +63,9 @@ def _shown(found: Any, limit: int, is_chosen: bool) -> str:
     """Return the first rows as a table; unless the user has chosen columns, only the most informative columns."""
     omitted = ("_formal_", "_probability_", "_verdict", "_count")
     rows = found.rows.head(limit)
-    columns = [name for name in rows if is_chosen or not (name in _WIDE or any(part in name for part in omitted))]
+    columns = [
+        name for name in rows if is_chosen or not (name in _WIDE or any(fragment in name for fragment in omitted))
+    ]
     names = [name for name in columns if is_chosen or not (rows[name].astype(str) == "").all()]
     head = [name if is_chosen else name.removeprefix("axis_") for name in names]
     return table(head, list(rows[names].itertuples(index=False, name=None)))

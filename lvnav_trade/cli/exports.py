@@ -35,10 +35,10 @@ def export_vectors(
     """
     from lvnav_trade import api
 
-    found = api.export_vectors(campaign, out, case, run, sets or (), kind.value)
-    rows = [[f"{name}.{kind.value}", len(frame)] for name, frame in found.tables.items()]
+    vectors = api.export_vectors(campaign, out, case, run, sets or (), kind.value)
+    rows = [[f"{name}.{kind.value}", len(frame)] for name, frame in vectors.tables.items()]
     text = f"{table(['file', 'rows'], rows)}\nunits: {out / 'columns.csv'}\nuse: {out / 'README.md'}"
-    return Answer(text, {"folder": str(out), "run": run, "files": sorted(found.files)})
+    return Answer(text, {"folder": str(out), "run": run, "files": sorted(vectors.files)})
 
 
 @verb("demo --case 'imu=tactical_mems, filter=tight' -o my_filter --runs 10")
@@ -61,15 +61,15 @@ def export_filter(
         if not quiet:
             print(what, file=sys.stderr)
 
-    found = api.export_filter(campaign, out, case, runs, sets or (), progress)
+    code = api.export_filter(campaign, out, case, runs, sets or (), progress)
     lines = [f"files: {out}"]
-    if found.replayed is not None:
-        worst = found.replayed.groupby("estimate", sort=False).agg(runs=("run", "nunique"), worst=("difference", "max"))
+    if code.replayed is not None:
+        worst = code.replayed.groupby("estimate", sort=False).agg(runs=("run", "nunique"), worst=("difference", "max"))
         rows = [[row.Index, row.runs, f"{row.worst:.1e}"] for row in worst.itertuples()]
         lines.insert(0, table(["estimate", "runs", "largest difference"], rows))
-        lines.append(f"replayed: {'agrees' if found.agrees else 'an estimate differs by more than 1e-9 of its size'}")
+        lines.append(f"replayed: {'agrees' if code.agrees else 'an estimate differs by more than 1e-9 of its size'}")
     elif runs:
-        lines.append(f"no C compiler is here; where one is: {found.command}")
-    content = {"folder": str(out), "compiler": found.compiler, "agrees": found.agrees}
-    rows_of = [] if found.replayed is None else found.replayed.to_dict(orient="records")
-    return Answer("\n".join(lines), content | {"replayed": rows_of}, 0 if found.agrees else 1)
+        lines.append(f"no C compiler is here; where one is: {code.command}")
+    content = {"folder": str(out), "compiler": code.compiler, "agrees": code.agrees}
+    rows_of = [] if code.replayed is None else code.replayed.to_dict(orient="records")
+    return Answer("\n".join(lines), content | {"replayed": rows_of}, 0 if code.agrees else 1)

@@ -46,8 +46,8 @@ def fit_unit(
     """
     from lvnav_trade import api
 
-    found = api.fit_unit(log, out, plot, start, end, shortest, longest, counted)
-    frame = found.coefficients
+    fit = api.fit_unit(log, out, plot, start, end, shortest, longest, counted)
+    frame = fit.coefficients
     rows = [
         [
             row.sensor,
@@ -63,7 +63,7 @@ def fit_unit(
         lines.append("bias_instability is B of IEEE 952; the floor of the Allan deviation is 0.664 B")
     lines.append(f"card: {out}")
     lines += [f"figure: {plot}"] if plot is not None else []
-    content = {"card": str(out), "plot": str(plot) if plot else None, "seconds": found.seconds, "rate_hz": found.rate}
+    content = {"card": str(out), "plot": str(plot) if plot else None, "seconds": fit.seconds, "rate_hz": fit.rate}
     return Answer("\n".join(lines), {**content, "coefficients": json.loads(frame.to_json(orient="records"))})
 
 
@@ -99,7 +99,7 @@ def process_log(
         raise InputError(f"--outage: {error}") from None
     if min(lengths) <= 0.0 or every <= 0.0 or first < 0.0:
         raise InputError("--outage and --every: should be above zero, --first not below it")
-    done = api.process_log(campaign, log, out, lengths, first, every, sets or ())
+    processed = api.process_log(campaign, log, out, lengths, first, every, sets or ())
     rows = [
         [
             row.case,
@@ -113,13 +113,13 @@ def process_log(
                 else [f"{row.nees_ratio:.2f}", f"{row.position_rms_m:.3g} m", f"{row.position_worst_m:.3g} m"]
             ),
         ]
-        for row in done.summary.itertuples()
+        for row in processed.summary.itertuples()
     ]
-    heading = math.degrees(done.alignment.heading) % 360.0
+    heading = math.degrees(processed.alignment.heading) % 360.0
     lines = [
         table(["case", "withheld", "outages", "failed", "inside 3 sigma", "NEES", "position RMS", "worst"], rows),
-        *done.notes,
+        *processed.notes,
         f"heading after the rest: {heading:.1f} deg; page: {out / 'report.html'}",
     ]
-    content = {"page": str(out / "report.html"), "heading_deg": heading, "notes": list(done.notes)}
-    return Answer("\n".join(lines), content | {"summary": json.loads(done.summary.to_json(orient="records"))})
+    content = {"page": str(out / "report.html"), "heading_deg": heading, "notes": list(processed.notes)}
+    return Answer("\n".join(lines), content | {"summary": json.loads(processed.summary.to_json(orient="records"))})

@@ -35,9 +35,9 @@ def estimate_q(
     from lvnav_trade import api
 
     estimated = api.estimate_q(campaign, out, sets or (), case, runs, step)
-    found, card, files = estimated.noise, estimated.card, estimated.files
-    noises = {"whole flight": found.whole, **{name: noise for name, _, _, noise in found.phases}}
-    beyond = found.whole._replace(attitude=found.card.attitude_noise, velocity=found.card.velocity_noise)
+    estimate, card, files = estimated.noise, estimated.card, estimated.files
+    noises = {"whole flight": estimate.whole, **{name: noise for name, _, _, noise in estimate.phases}}
+    beyond = estimate.whole._replace(attitude=estimate.card.attitude_noise, velocity=estimate.card.velocity_noise)
     rows = [_row(name, noise) for name, noise in noises.items()]
     rows.append([*_row("the card: whole flight beyond the unit's own", beyond)[:3], "-"])
     head = ["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]
@@ -47,7 +47,7 @@ def estimate_q(
 
 
 def _row(name: str, noise: object) -> list[str]:
-    attitude, velocity, position = (getattr(noise, part) for part in ("attitude", "velocity", "position"))
+    attitude, velocity, position = (getattr(noise, block) for block in ("attitude", "velocity", "position"))
     return [name, f"{math.degrees(attitude) * 60.0:.3g}", f"{velocity:.3g}", f"{position:.3g}"]
 
 
@@ -69,10 +69,10 @@ def schedule_gains(
     """
     from lvnav_trade import api
 
-    found = api.schedule_gains(campaign, out, sets or (), case, by, tolerance)
-    rows = [(segment.event, len(segment.knots)) for segment in found.segments]
-    text = f"{table(['from', 'knots'], rows)}\nstates: {', '.join(found.states)}\ncard: {out}"
-    return Answer(text, {"card": str(out), "states": list(found.states), "knots": dict(rows)})
+    gains = api.schedule_gains(campaign, out, sets or (), case, by, tolerance)
+    rows = [(segment.event, len(segment.knots)) for segment in gains.segments]
+    text = f"{table(['from', 'knots'], rows)}\nstates: {', '.join(gains.states)}\ncard: {out}"
+    return Answer(text, {"card": str(out), "states": list(gains.states), "knots": dict(rows)})
 
 
 @verb("results/demo --keep reports/demo --figures")
@@ -91,9 +91,9 @@ def report(
 
     if no_tables and keep is None:
         raise InputError("--no-tables: only --keep writes CSV tables")
-    made = api.report(folder, keep, not no_tables, ("png", "svg") if figures else (), brief)
-    page, kept = str(made.page), str(made.kept) if made.kept is not None else None
-    return Answer(f"report: {page}" + (f"\nkept: {kept}" if kept else ""), {"report": page, "kept": kept})
+    built = api.report(folder, keep, not no_tables, ("png", "svg") if figures else (), brief)
+    page, stored = str(built.page), str(built.kept) if built.kept is not None else None
+    return Answer(f"report: {page}" + (f"\nkept: {stored}" if stored else ""), {"report": page, "kept": stored})
 
 
 @verb("my_vehicle/base results/ascent --effect velocity_error_3d=5%")
@@ -123,10 +123,14 @@ def compare(
     from lvnav_trade import api
     from lvnav_trade.report import compare as comparison
 
-    found = api.compare(base, candidate, effect or (), confidence, comparison.parse_map(maps or ()), jobs)
-    content = {**comparison.content(found), "written": comparison.write(found, md, junit)}
-    lines = [table(comparison.HEAD, comparison.rows(found)), *found.notes, comparison.answer(found)]
-    return Answer("\n".join(lines), content, comparison.EXIT[found.verdict])
+    comparison_made = api.compare(base, candidate, effect or (), confidence, comparison.parse_map(maps or ()), jobs)
+    content = {**comparison.content(comparison_made), "written": comparison.write(comparison_made, md, junit)}
+    lines = [
+        table(comparison.HEAD, comparison.rows(comparison_made)),
+        *comparison_made.notes,
+        comparison.answer(comparison_made),
+    ]
+    return Answer("\n".join(lines), content, comparison.EXIT[comparison_made.verdict])
 
 
 @verb("results/ascent my_vehicle/base", with_json=False)
@@ -173,11 +177,11 @@ def export_trajectory(
     """
     from lvnav_trade import api
 
-    found = api.export_trajectory(source, out, sets or (), case, rate)
-    apart = table(["largest difference when flown", "SI"], [[k, f"{v:.1e}"] for k, v in found.difference.items()])
-    text = f"{apart}\nevents: {', '.join(found.events)}\nrows: {found.file}\ncard: {found.card}"
-    content = {"file": str(found.file), "card": str(found.card), "events": found.events}
-    return Answer(text, content | {"difference": found.difference})
+    exported = api.export_trajectory(source, out, sets or (), case, rate)
+    apart = table(["largest difference when flown", "SI"], [[k, f"{v:.1e}"] for k, v in exported.difference.items()])
+    text = f"{apart}\nevents: {', '.join(exported.events)}\nrows: {exported.file}\ncard: {exported.card}"
+    content = {"file": str(exported.file), "card": str(exported.card), "events": exported.events}
+    return Answer(text, content | {"difference": exported.difference})
 
 
 @verb("my_vehicle --from flight.csv")
@@ -195,12 +199,17 @@ def init(
     """
     from lvnav_trade import api
 
-    found = api.init(folder, file, epoch, time)
-    rows = [[one.part, str(one.content), one.why] for one in found.guesses]
-    events = ", ".join(f"{name} {time}" for name, time in found.events.items()) or "none"
+    started = api.init(folder, file, epoch, time)
+    rows = [[guess.part, str(guess.content), guess.why] for guess in started.guesses]
+    events = ", ".join(f"{name} {time}" for name, time in started.events.items()) or "none"
     rows.append(["events", events, "jumps of force"])
-    lines = [table(["part", "guess", "why"], rows), f"card: {found.card}", f"campaign: {found.campaign}"]
-    lines.append(f"confirm the guesses in the card, then: lvnav-trade check {found.campaign}")
-    guessed = {one.part: one.content for one in found.guesses}
-    content = {"campaign": str(found.campaign), "card": str(found.card), "guesses": guessed, "events": found.events}
+    lines = [table(["part", "guess", "why"], rows), f"card: {started.card}", f"campaign: {started.campaign}"]
+    lines.append(f"confirm the guesses in the card, then: lvnav-trade check {started.campaign}")
+    guessed = {guess.part: guess.content for guess in started.guesses}
+    content = {
+        "campaign": str(started.campaign),
+        "card": str(started.card),
+        "guesses": guessed,
+        "events": started.events,
+    }
     return Answer("\n".join(lines), content)

@@ -27,13 +27,13 @@ Fresh = Annotated[bool, typer.Option("--fresh/--resume", help="start again, or r
 Strict = Annotated[
     bool, typer.Option("--strict", help="exit code 2 if there are too few runs to demonstrate a requirement")
 ]
-_LISTED = 20  # most cases that `plan` shows one by one
+_LISTED = 20  # largest number of cases that `plan` lists individually
 VERDICTS = ("passed", "failed", "not checked")
 _ERROR_COLUMNS = ["event", "t", "position", "velocity", "attitude"]
 
 
 class RunOptions(NamedTuple):
-    """Options of `run`: what is computed, and where it goes."""
+    """Options of `run`: extent of the computation, and location of the results."""
 
     out: Out = None
     case: CaseOf = None
@@ -55,7 +55,7 @@ class RunOptions(NamedTuple):
 
 
 class WorkerOptions(NamedTuple):
-    """Options of `run`: who computes."""
+    """Options of `run`: the workers."""
 
     jobs: Jobs = -1
     backend: Annotated[Backend, typer.Option("--backend", help="workers to use")] = Backend.PROCESSES
@@ -97,13 +97,13 @@ def run(
                 loaded, options.shard, (), folder, force.jobs, options.fresh, options.fail_fast, choose(quiet)
             )
         )
-    found, show = shown(as_json or loaded.is_space)
+    covariance_rows, show = shown(as_json or loaded.is_space)
     with workers(force.backend, force.scheduler, folder, force.jobs) as (place, count):
         task = Task(
             count, options.fresh, options.fail_fast, options.report, options.copy_to, choose(quiet), on_answers=show
         )
         results = carry_out(loaded, place, task)
-    answer = answer_of(results, found, options.report)
+    answer = answer_of(results, covariance_rows, options.report)
     return with_ranking(answer, results, options.prefer) if options.prefer else answer
 
 
@@ -113,12 +113,12 @@ def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> 
     from lvnav_trade import api
     from lvnav_trade.campaign.reading.flights import remark_lines
 
-    found = api.check(campaign, sets or (), strict)
-    counted = f"{len(found.cases)} {'case' if len(found.cases) == 1 else 'cases'}"
-    good = f"{campaign}: good, {f'{found.designs} designs' if found.designs else counted}"
-    known = [{"id": case.id, "label": case.label} for case in found.cases]
-    remarks = {name: list(getattr(found, name)) for name in ("beyond_limits", "warnings", "notes")}
-    return Answer("\n".join([*remark_lines(remarks), good]), {**remarks, "cases": known, "mistakes": []})
+    checked = api.check(campaign, sets or (), strict)
+    counted = f"{len(checked.cases)} {'case' if len(checked.cases) == 1 else 'cases'}"
+    good = f"{campaign}: good, {f'{checked.designs} designs' if checked.designs else counted}"
+    case_list = [{"id": case.id, "label": case.label} for case in checked.cases]
+    remarks = {name: list(getattr(checked, name)) for name in ("beyond_limits", "warnings", "notes")}
+    return Answer("\n".join([*remark_lines(remarks), good]), {**remarks, "cases": case_list, "mistakes": []})
 
 
 @verb("demo")
@@ -127,24 +127,24 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Str
     from lvnav_trade import api
     from lvnav_trade.campaign.reading.flights import remark_lines
 
-    found = api.plan(campaign, sets or (), out, strict)
-    lines = [_planned(found), *remark_lines({"warnings": found.warnings}), found.cost]
-    content = {"cases": found.cases.to_dict("records"), "blocks": found.blocks, "seconds": found.seconds}
-    content |= {"disk_mb": found.disk_mb, "memory_mb": found.memory_mb, "warnings": list(found.warnings)}
-    content["designs"] = None if found.designs is None else found.designs._asdict()
+    planned = api.plan(campaign, sets or (), out, strict)
+    lines = [_planned(planned), *remark_lines({"warnings": planned.warnings}), planned.cost]
+    content = {"cases": planned.cases.to_dict("records"), "blocks": planned.blocks, "seconds": planned.seconds}
+    content |= {"disk_mb": planned.disk_mb, "memory_mb": planned.memory_mb, "warnings": list(planned.warnings)}
+    content["designs"] = None if planned.designs is None else planned.designs._asdict()
     return Answer("\n".join(lines), content)
 
 
 def _planned(found: Plan) -> str:
-    """Return the planned cases as a table, or as one line where they are too many to be read."""
-    cases, many = found.cases, found.designs
-    if many is not None:
-        runs = f", {many.runs} runs of these at most" if many.runs else ""
-        return f"{many.designs} designs: a row for each (store: {many.store}), {many.whole} whole at most{runs}"
+    """Return the planned cases as a table, or in one line if they are too many for a table."""
+    cases, space = found.cases, found.designs
+    if space is not None:
+        runs = f", {space.runs} runs of these at most" if space.runs else ""
+        return f"{space.designs} designs: a row for each (store: {space.store}), {space.whole} whole at most{runs}"
     if len(cases) <= _LISTED:
         return table(["case", "label", "runs", "done"], [list(row) for row in cases.itertuples(index=False)])
-    total, done = int(cases["runs"].sum()), int(cases["done"].sum())
-    of_runs = f"{total} runs, {done} of them done" if total else "linear covariance alone"
+    total, finished = int(cases["runs"].sum()), int(cases["done"].sum())
+    of_runs = f"{total} runs, {finished} of them done" if total else "linear covariance alone"
     return f"{len(cases)} cases, {of_runs}; `--json` lists the cases"
 
 
@@ -163,12 +163,15 @@ def selfcheck(
     from lvnav_trade import api
     from lvnav_trade.campaign.running.progress import choose
 
-    found = api.selfcheck(campaign, sets or (), jobs, choose(quiet))
-    frame, counts = found.frame, {verdict: found.count(verdict) for verdict in VERDICTS}
-    said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
-    lines = [table(list(frame.columns), list(frame.itertuples(index=False))), said]
-    content = {"counts": counts, "checks": [one.check.content() | {"cases": list(one.cases)} for one in found.checks]}
-    return Answer("\n".join(lines), content, api.MET if found.passed else api.VIOLATED)
+    outcome = api.selfcheck(campaign, sets or (), jobs, choose(quiet))
+    frame, counts = outcome.frame, {verdict: outcome.count(verdict) for verdict in VERDICTS}
+    summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
+    lines = [table(list(frame.columns), list(frame.itertuples(index=False))), summary]
+    content = {
+        "counts": counts,
+        "checks": [result.check.content() | {"cases": list(result.cases)} for result in outcome.checks],
+    }
+    return Answer("\n".join(lines), content, api.MET if outcome.passed else api.VIOLATED)
 
 
 @verb('results/demo "imu=tactical_mems, filter=tight" 17')
@@ -182,17 +185,17 @@ def replay(
     """Repeat one run bit for bit and save every step."""
     from lvnav_trade import api
 
-    found = api.replay(source, case, number, sets or (), out)
+    replayed = api.replay(source, case, number, sets or (), out)
     events, rows = [], []
-    for (event, t), errors in found.events.groupby(["event", "t_s"], sort=False):
+    for (event, t), errors in replayed.events.groupby(["event", "t_s"], sort=False):
         by_quantity = errors.set_index("quantity")
         sizes, units = by_quantity.error.to_dict(), by_quantity.unit.to_dict()
         events.append({"event": event, "t_s": t, "errors": sizes, "units": units})
         rows.append([event, f"{t:.3f} s", *(f"{sizes[name]:.6g} {units[name]}" for name in sizes)])
-    what = f"{found.label}, run {number}{f': {found.failure}' if found.failure else ''}"
-    text = f"{what}\n{table(_ERROR_COLUMNS, rows)}\ntrace: {found.trace}"
-    content = {"case": found.case, "label": found.label, "run": number, "failure": found.failure}
-    return Answer(text, {**content, "events": events, "trace": str(found.trace)})
+    run_name = f"{replayed.label}, run {number}{f': {replayed.failure}' if replayed.failure else ''}"
+    text = f"{run_name}\n{table(_ERROR_COLUMNS, rows)}\ntrace: {replayed.trace}"
+    content = {"case": replayed.case, "label": replayed.label, "run": number, "failure": replayed.failure}
+    return Answer(text, {**content, "events": events, "trace": str(replayed.trace)})
 
 
 @verb("results/demo")
@@ -203,8 +206,8 @@ def status(folder: Annotated[Path, typer.Argument(metavar="RESULTS")]) -> Answer
     """
     from lvnav_trade import api
 
-    found = api.status(folder)
-    return Answer(found.text, found._asdict() | {"cases": [case._asdict() for case in found.cases]})
+    progress = api.status(folder)
+    return Answer(progress.text, progress._asdict() | {"cases": [case._asdict() for case in progress.cases]})
 
 
 @verb("imu.gyro")
@@ -219,13 +222,13 @@ def fields(
     """
     from lvnav_trade import api
 
-    found = api.fields(path or "")
+    documents = api.fields(path or "")
     blocks = []
-    for part in found:
-        title = f"kind: {part.kind} - {part.title}" if part.kind else part.title
-        rows = [[row.field, row.default, "; ".join(filter(None, (row.type, row.meaning)))] for row in part.rows]
+    for document in documents:
+        title = f"kind: {document.kind} - {document.title}" if document.kind else document.title
+        rows = [[row.field, row.default, "; ".join(filter(None, (row.type, row.meaning)))] for row in document.rows]
         blocks.append(f"{title}\n{table(['field', 'default', 'takes'], rows, _width())}")
-    parts = [part._asdict() | {"rows": [row._asdict() for row in part.rows]} for part in found]
+    parts = [document._asdict() | {"rows": [row._asdict() for row in document.rows]} for document in documents]
     return Answer("\n\n".join(blocks), {"path": path or "", "parts": parts})
 
 
@@ -238,14 +241,14 @@ def schema() -> Answer:
 
 
 def _width() -> int:
-    """Return the width of the terminal; 100 where the output is none."""
+    """Return the width of the terminal; 100 if the output is not a terminal."""
     return shutil.get_terminal_size((100, 24)).columns
 
 
 def _noun(sentence: str) -> str:
-    """Return what a docstring's first sentence says that a function returns."""
-    said = sentence.removeprefix("Return ")
-    return said[:1].upper() + said[1:]
+    """Return the object of a docstring's first sentence "Return ...", with a capital."""
+    phrase = sentence.removeprefix("Return ")
+    return phrase[:1].upper() + phrase[1:]
 
 
 @verb("imu --long")
@@ -256,19 +259,19 @@ def cards(
     """List all cards, those of a folder, or show one."""
     from lvnav_trade import api
 
-    every = api.cards()
-    found = [card for card in every if name is None or card.name.startswith(f"{name.rstrip('/')}/")]
-    if name is not None and not found:
+    all_cards = api.cards()
+    selected = [card for card in all_cards if name is None or card.name.startswith(f"{name.rstrip('/')}/")]
+    if name is not None and not selected:
         text = api.card_text(name)
         return Answer(text.removesuffix("\n"), {"name": name, "text": text})
-    listed = table(["card", "what"], [[card.name, card.title] for card in found])
+    listed = table(["card", "what"], [[card.name, card.title] for card in selected])
     if long:
         width = min(_width(), 100)
-        sources = [fill(card.source, width, initial_indent="  ", subsequent_indent="  ") for card in found]
+        sources = [fill(card.source, width, initial_indent="  ", subsequent_indent="  ") for card in selected]
         listed = "\n\n".join(
-            f"{card.name}: {card.title}\n{source}" for card, source in zip(found, sources, strict=True)
+            f"{card.name}: {card.title}\n{source}" for card, source in zip(selected, sources, strict=True)
         )
-    return Answer(listed, {"cards": [card._asdict() for card in found]})
+    return Answer(listed, {"cards": [card._asdict() for card in selected]})
 
 
 @verb("velocity")
@@ -281,16 +284,18 @@ def metrics(
     """
     from lvnav_trade import api
 
-    found = api.metrics(name or "")
+    known_metrics = api.metrics(name or "")
     blocks = []
-    for named_by, rows in found.metrics.groupby("named_by", sort=False):
+    for named_by, rows in known_metrics.metrics.groupby("named_by", sort=False):
         lines = list(rows[["metric", "unit", "meaning"]].itertuples(index=False))
         listed = lines if name else components_together(lines)
         blocks.append(f"Named by {named_by}:\n{table(['metric', 'unit', 'meaning'], listed, _width())}")
-    if found.tables:
-        content = [[table_name, _noun(text)] for table_name, text in found.tables.items()]
+    if known_metrics.tables:
+        content = [[table_name, _noun(text)] for table_name, text in known_metrics.tables.items()]
         blocks.append(f"Tables:\n{table(['table', 'content'], content, _width())}")
-    return Answer("\n\n".join(blocks), {"metrics": found.metrics.to_dict("records"), "tables": found.tables})
+    return Answer(
+        "\n\n".join(blocks), {"metrics": known_metrics.metrics.to_dict("records"), "tables": known_metrics.tables}
+    )
 
 
 class StudyOptions(NamedTuple):
@@ -327,10 +332,10 @@ def study(
             print(f"{name}: {len(results.tables.cases)} cases, {len(results.failures)} failed runs", flush=True)
 
     watch = api.StudyWatch(lambda: choose(quiet), show)
-    found = api.study(folder, keep, options.runs, options.out, options.jobs, options.fresh, options.only_page, watch)
-    rows = [[name, *map(str, counts)] for name, counts in found.campaigns.items()]
-    lines = [f"failed: {line}" for line in found.failures]
-    lines += [table(["campaign", "evidence", "as published"], rows), f"kept: {found.page}"]
-    content: dict[str, Any] = {"page": str(found.page), "failures": found.failures, "campaigns": found.campaigns}
-    content |= {"published": found.published, "hold": found.hold}
-    return Answer("\n".join(lines), content, api.FAILED if found.failures else api.MET)
+    result = api.study(folder, keep, options.runs, options.out, options.jobs, options.fresh, options.only_page, watch)
+    rows = [[name, *map(str, counts)] for name, counts in result.campaigns.items()]
+    lines = [f"failed: {line}" for line in result.failures]
+    lines += [table(["campaign", "evidence", "as published"], rows), f"kept: {result.page}"]
+    content: dict[str, Any] = {"page": str(result.page), "failures": result.failures, "campaigns": result.campaigns}
+    content |= {"published": result.published, "hold": result.hold}
+    return Answer("\n".join(lines), content, api.FAILED if result.failures else api.MET)

@@ -39,14 +39,14 @@ def solve(
     """
     from lvnav_trade import api
 
-    found = api.solve(campaign, sets or (), vary or (), log, meet or (), out, jobs, least)
-    shown = found.answers.drop(columns=["evaluations", "base_value"], errors="ignore")
-    lines = [table(list(shown.columns), list(shown.itertuples(index=False)))]
-    if len(found.confirmed):
-        lines += ["", table(list(found.confirmed.columns), list(found.confirmed.itertuples(index=False)))]
-    lines += [f"{found.seconds:.0f} s", f"report: {found.page}"]
-    content = {"answers": found.answers.to_dict("records"), "confirmed": found.confirmed.to_dict("records")}
-    return Answer("\n".join(lines), {**content, "seconds": found.seconds, "report": str(found.page)})
+    solution = api.solve(campaign, sets or (), vary or (), log, meet or (), out, jobs, least)
+    answers = solution.answers.drop(columns=["evaluations", "base_value"], errors="ignore")
+    lines = [table(list(answers.columns), list(answers.itertuples(index=False)))]
+    if len(solution.confirmed):
+        lines += ["", table(list(solution.confirmed.columns), list(solution.confirmed.itertuples(index=False)))]
+    lines += [f"{solution.seconds:.0f} s", f"report: {solution.page}"]
+    content = {"answers": solution.answers.to_dict("records"), "confirmed": solution.confirmed.to_dict("records")}
+    return Answer("\n".join(lines), {**content, "seconds": solution.seconds, "report": str(solution.page)})
 
 
 @verb("trade/sobol")
@@ -58,13 +58,15 @@ def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: J
     """
     from lvnav_trade import api
 
-    found = api.indices(campaign, sets or (), out, jobs)
-    lines = [table(list(found.indices.columns), list(found.indices.itertuples(index=False)))]
-    lines += [f"linear covariance: {found.remark}"] if found.remark else []
-    lines += [f"{found.samples} designs, {found.seconds:.0f} s", f"report: {found.page}"]
-    content = {"case": found.case, "error": found.error, "predicted": found.predicted, "seconds": found.seconds}
-    content |= {"remark": found.remark}
-    return Answer("\n".join(lines), {**content, "indices": found.indices.to_dict("records"), "report": str(found.page)})
+    result = api.indices(campaign, sets or (), out, jobs)
+    lines = [table(list(result.indices.columns), list(result.indices.itertuples(index=False)))]
+    lines += [f"linear covariance: {result.remark}"] if result.remark else []
+    lines += [f"{result.samples} designs, {result.seconds:.0f} s", f"report: {result.page}"]
+    content = {"case": result.case, "error": result.error, "predicted": result.predicted, "seconds": result.seconds}
+    content |= {"remark": result.remark}
+    return Answer(
+        "\n".join(lines), {**content, "indices": result.indices.to_dict("records"), "report": str(result.page)}
+    )
 
 
 @verb("trade/tune")
@@ -76,13 +78,13 @@ def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs
     """
     from lvnav_trade import api
 
-    found = api.tune(campaign, sets or (), out, jobs)
-    parts = [(frame.columns, frame.itertuples(index=False)) for frame in (found.values, found.cases)]
+    result = api.tune(campaign, sets or (), out, jobs)
+    parts = [(frame.columns, frame.itertuples(index=False)) for frame in (result.values, result.cases)]
     lines = [table(list(columns), list(rows)) for columns, rows in parts]
     lines += [
-        f"{found.evaluations} looks, {found.seconds:.0f} s",
-        f"report: {found.page}",
-        f"card: {found.file}",
+        f"{result.evaluations} looks, {result.seconds:.0f} s",
+        f"report: {result.page}",
+        f"card: {result.file}",
     ]
-    content = {"values": found.values.to_dict("records"), "cases": found.cases.to_dict("records")}
-    return Answer("\n".join(lines), {**content, "seconds": found.seconds, "report": str(found.page)})
+    content = {"values": result.values.to_dict("records"), "cases": result.cases.to_dict("records")}
+    return Answer("\n".join(lines), {**content, "seconds": result.seconds, "report": str(result.page)})

@@ -1,4 +1,4 @@
-"""Standard streams that are closed, full or cut off: the work goes on, and lost output is reported at the end."""
+"""Standard streams that are closed, full or cut off: work continues, and lost output is reported at the end."""
 
 import errno
 import os
@@ -10,10 +10,13 @@ from lvnav_trade.quantities.errors import visible
 
 
 class Stream:
-    """A text stream that takes no more after the first write that the system refuses, and remembers why."""
+    """A text stream that discards output after the first failed write, and stores the error.
+
+    refused : Error of the first failed write; None if there was none.
+    """
 
     def __init__(self, stream: TextIO, hides: bool = False) -> None:
-        """hides: hidden characters are written as they are, as a progress bar needs them."""
+        """With `hides`, hidden characters are written unchanged, as a progress bar needs them."""
         self._stream, self._hides = stream, hides
         self.refused: OSError | None = None
 
@@ -21,16 +24,19 @@ class Stream:
         return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Write a text, or drop it where the stream takes no more."""
+        """Write a text, or discard it after a failed write; return its length."""
         self._attempt(self._stream.write, text if self._hides else visible(text))
         return len(text)
 
     def flush(self) -> None:
-        """Hand over what is buffered."""
+        """Flush the buffer."""
         self._attempt(self._stream.flush)
 
     def _attempt(self, call: Callable[..., object], *text: str) -> None:
-        """Let what is buffered go to the null device after a refusal, or Python would complain of it when it ends."""
+        """Call a function of the stream; after an OSError redirect the stream to the null device.
+
+        Otherwise Python would report the unwritten buffer when it exits.
+        """
         if self.refused is None:
             try:
                 call(*text)
@@ -42,10 +48,10 @@ class Stream:
 
 
 def guard() -> Stream:
-    """Put standard output and standard error behind a `Stream` and return the first.
+    """Replace standard output and standard error by `Stream` objects; return that of standard output.
 
-    A stream that is closed becomes the null device, also for worker processes: its number would else be given to the
-    next file that is opened, and what is printed would be written into that.
+    A closed stream is redirected to the null device, also for worker processes. Otherwise the next file that is opened
+    gets its descriptor, and printed text would be written into that file.
     """
     for number in (0, 1, 2):
         try:
@@ -58,13 +64,16 @@ def guard() -> Stream:
     out = Stream(sys.stdout or open(os.devnull, "w"))  # noqa: SIM115
     err = Stream(sys.stderr or open(os.devnull, "w"), hides=True)  # noqa: SIM115
     for stream in (out, err):
-        stream.reconfigure(errors="backslashreplace")  # of a character that the stream's encoding lacks
+        stream.reconfigure(errors="backslashreplace")  # for characters that the encoding of the stream lacks
     sys.stdout, sys.stderr = cast(TextIO, out), cast(TextIO, err)
     return out
 
 
 def complaint(stream: Stream) -> str:
-    """Return in one line why standard output could not be written; empty where it could, or its reader had enough."""
+    """Return a line on why standard output could not be written.
+
+    Empty if it was written, or if its reader closed the pipe (EPIPE).
+    """
     stream.flush()
     if stream.refused is None or stream.refused.errno == errno.EPIPE:
         return ""

@@ -213,7 +213,7 @@ def _kept(place: Path) -> pd.DataFrame:
 
 
 def _stated(campaigns: Sequence[Campaign], script: StudyScript) -> list[tuple[str, str, Mapping[str, Any]]]:
-    """Return the entries in the folder of the study: identifier of the row, what it counts as, and the entry."""
+    """Return the entries in the folder of the study: identifier of the row, kind by which it counts, and the entry."""
     stated_entries: list[tuple[str, str, Mapping[str, Any]]] = []
     for campaign in campaigns:
         lists = dict(script.stated(campaign.name))

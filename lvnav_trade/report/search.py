@@ -90,9 +90,7 @@ def _words(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _answer(row: Any, names: Sequence[str]) -> str:
-    """Return a solution as a sentence: the largest value of the field that meets the requirements, and the limiting
-    one.
-    """
+    """Return a solution as a sentence: the largest value that meets the requirements, and the limiting requirement."""
     _, is_outside, why = row.remark.partition(NOT_APPLICABLE)
     return say(
         "largest",

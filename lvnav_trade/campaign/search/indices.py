@@ -102,10 +102,10 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
     rng = np.random.default_rng(campaign.seed)
     picks = [np.arange(len(u)), *rng.integers(0, len(u), (RESAMPLED, len(u)))]
     by_fit = fitted_indices(np.array([fitted(u[pick], value[pick]) for pick in picks]), d)
-    first, whole = by_fit[:, 0]  # of all designs; the others are of bootstrap samples
+    first, total_index = by_fit[:, 0]  # row 0 is the fit to all designs; the others are bootstrap samples
     widths = 0.5 * np.ptp(np.quantile(by_fit[:, 1:], (0.025, 0.975), axis=1), axis=0)
     frozen = s**2 / np.sum(s**2)
-    rows = zip(sources, s / total, s / total, frozen, frozen, first, widths[0], whole, widths[1], strict=True)
+    rows = zip(sources, s / total, s / total, frozen, frozen, first, widths[0], total_index, widths[1], strict=True)
     return Indexed(
         pd.DataFrame(list(rows), columns=COLUMNS),
         case.label,
@@ -119,12 +119,16 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
 
 
 def _requirement(campaign: Campaign, name: str) -> Requirement:
-    named = [requirement for requirement in campaign.requirements if not name or requirement.name == name]
-    if not named or named[0].during is not None or not isinstance(metric_of(named[0].metric), StateError):
+    candidates = [requirement for requirement in campaign.requirements if not name or requirement.name == name]
+    if (
+        not candidates
+        or candidates[0].during is not None
+        or not isinstance(metric_of(candidates[0].metric), StateError)
+    ):
         raise InputError(
             f"indices.requirement: no requirement {quoted(name)} on an error of the navigation at an event"
         )
-    return named[0]
+    return candidates[0]
 
 
 def _place(prepared: Prepared, history: CovHistory, asked: Requirement, case: Case) -> tuple[int, list[int]]:

@@ -73,13 +73,13 @@ def looked(
     campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()
 ) -> tuple[dict[str, Looked], CovHistory, int]:
     """As `look`; return also the linear covariance, and the number of estimated states (degrees of freedom of NEES)."""
-    wanted = [requirement for requirement in campaign.requirements if not names or requirement.name in names]
-    has_phase = any(requirement.during for requirement in wanted)
+    selected = [requirement for requirement in campaign.requirements if not names or requirement.name in names]
+    has_phase = any(requirement.during for requirement in selected)
     prepared = prepare(scenario, campaign.keep.history if has_phase else HISTORY)
     history = covariance(prepared)
     results = CaseArrays(prepared, history)
     evaluated, outside = {}, _outside(prepared, results)
-    for requirement in wanted:
+    for requirement in selected:
         law = asked_of(results, requirement.model_dump(mode="json"))
         if isinstance(law, str):
             evaluated[requirement.name] = Looked(np.nan, np.nan, np.nan, "", law)
@@ -214,11 +214,11 @@ def confirm(
 
 def check_names(campaign: Campaign, names: Sequence[str]) -> None:
     """Raise an InputError if a campaign has no requirement, or none with one of the names."""
-    known = [requirement.name for requirement in campaign.requirements]
+    requirement_names = [requirement.name for requirement in campaign.requirements]
     for name in names:
-        if name not in known:
-            raise InputError(f"solve: no requirement {quoted(name)}{hint(name, known)}")
-    if not known:
+        if name not in requirement_names:
+            raise InputError(f"solve: no requirement {quoted(name)}{hint(name, requirement_names)}")
+    if not requirement_names:
         raise InputError("solve: the campaign states no requirement")
 
 

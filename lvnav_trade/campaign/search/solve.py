@@ -91,12 +91,12 @@ def search(ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: boo
     Found
         Intervals, largest value, limiting ratio.
     """
-    known: dict[float, Mapping[str, float]] = {}
+    cache: dict[float, Mapping[str, float]] = {}
 
     def at(value: float) -> Mapping[str, float]:
-        if value not in known:
-            known[value] = ratio(value)
-        return known[value]
+        if value not in cache:
+            cache[value] = ratio(value)
+        return cache[value]
 
     def excess(value: float) -> float:
         ratios = list(at(value).values())
@@ -128,12 +128,13 @@ def search(ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: boo
     if not intervals:
         return Found((), math.nan, _largest(at(marks[0][0])) if marks else "", True)
     monotone = len(intervals) == 1 and intervals[0][0] == marks[0][0]
-    binding = "" if math.isnan(beyond) else _largest(at(beyond if not refine else _nearest(known, intervals[-1][1])))
+    binding = "" if math.isnan(beyond) else _largest(at(beyond if not refine else _nearest(cache, intervals[-1][1])))
     return Found(tuple(intervals), intervals[-1][1], binding, monotone)
 
 
-def _nearest(known: Mapping[float, Any], value: float) -> float:
-    return min(known, key=lambda x: abs(x - value))
+def _nearest(evaluated: Mapping[float, Any], value: float) -> float:
+    """Return the evaluated value nearest to a value."""
+    return min(evaluated, key=lambda x: abs(x - value))
 
 
 def _largest(ratios: Mapping[str, float]) -> str:
@@ -186,9 +187,9 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
     ways = [RETUNED] if asked.vary[0].path.startswith("filter.") else [RETUNED, FROZEN]
     items = [(campaign, asked, case, way, second) for case in all_cases for way in ways for second in along]
     parts = list(each(jobs, _solve_case, items, ordered=True))
-    answers = pd.DataFrame([part[0] for part in parts], columns=ANSWERS)
-    intervals = pd.DataFrame([row for part in parts for row in part[1]], columns=INTERVALS)
-    scanned = pd.DataFrame([row for part in parts for row in part[2]], columns=SCANNED)
+    answers = pd.DataFrame([result[0] for result in parts], columns=ANSWERS)
+    intervals = pd.DataFrame([row for result in parts for row in result[1]], columns=INTERVALS)
+    scanned = pd.DataFrame([row for result in parts for row in result[2]], columns=SCANNED)
     runs = campaign.monte_carlo.runs if campaign.monte_carlo and len(spans) == 1 else 0
     flights = [
         (campaign, asked, case, row.tuning, value, runs)
@@ -216,8 +217,8 @@ def _counted(vary: Vary, case: Case) -> Vary:
         return vary
     ends = span(vary)[0]
     count = min(int(abs(ends.last - ends.first)) + 1, 100)
-    whole = np.unique(np.round(np.linspace(ends.first, ends.last, count))).astype(int).tolist()
-    return Vary(path=vary.path, values=tuple(whole))
+    integers = np.unique(np.round(np.linspace(ends.first, ends.last, count))).astype(int).tolist()
+    return Vary(path=vary.path, values=tuple(integers))
 
 
 def span(vary: Vary) -> tuple[Ends, Floats]:
@@ -227,17 +228,18 @@ def span(vary: Vary) -> tuple[Ends, Floats]:
             pairs = [ends_of((vary.values[0], value)) for value in vary.values[1:]]
             return pairs[0], np.array([pairs[0].first, *(pair.last for pair in pairs)])
         ends = ends_of(vary.between or ())
-        part = np.linspace(0.0, 1.0, vary.points)
+        fraction = np.linspace(0.0, 1.0, vary.points)
         if not vary.log:
-            return ends, ends.first + part * (ends.last - ends.first)
+            return ends, ends.first + fraction * (ends.last - ends.first)
         if ends.first <= 0.0:
             raise ValueError("a logarithm needs ends above zero")
-        return ends, np.asarray(ends.first * (ends.last / ends.first) ** part)
+        return ends, np.asarray(ends.first * (ends.last / ends.first) ** fraction)
     except ValueError as error:
         raise InputError(f"solve.vary: {vary.path}: {error}") from None
 
 
 def _sides(answer: float, asked: Solve) -> tuple[float, ...]:
+    """Return values just below and above a solution, at which runs confirm it."""
     vary = asked.vary[0]
     return () if vary.values is not None else (answer / (1.0 + asked.margin), answer * (1.0 + asked.margin))
 
@@ -260,48 +262,48 @@ def _solve_case(
 ) -> tuple[tuple[Any, ...], list[Any], list[Any]]:
     """Return the rows of `ANSWERS`, `INTERVALS` and `SCANNED` for a case, a filter and a value of the second field."""
     ends, grid = span(asked.vary[0])
-    seen: dict[float, Any] = {}
+    evaluated: dict[float, Any] = {}
     impossible: list[str] = []
 
     def ratio(value: float) -> dict[str, float]:
         try:
-            seen[value] = look(campaign, _scenario(asked, case, way, second, value), asked.meet)
+            evaluated[value] = look(campaign, _scenario(asked, case, way, second, value), asked.meet)
         except (InputError, ValueError) as error:
             impossible.append(str(error).splitlines()[0])
             return {"": math.nan}
-        return {name: result.ratio for name, result in seen[value].items()}
+        return {name: result.ratio for name, result in evaluated[value].items()}
 
-    found = search(ratio, grid, asked.vary[0].log, asked.vary[0].values is None)
-    if not seen:
+    solution = search(ratio, grid, asked.vary[0].log, asked.vary[0].values is None)
+    if not evaluated:
         raise InputError(f"solve: no value of {asked.vary[0].path} is possible: {impossible[0]}")
     along_unit = span(asked.vary[1])[0].unit if second is not None else ""
     along = float(str(second).partition(" ")[0]) if second is not None else math.nan
     place = (case.label, way, along, along_unit)
     rows = [
         (*place, value, ends.unit, name, *result[:2], result.unit, result.ratio, result.probability)
-        for value, looked in sorted(seen.items())
+        for value, looked in sorted(evaluated.items())
         for name, result in looked.items()
     ]
-    unknown = [f"{name}: {result.why}" for name, result in next(iter(seen.values())).items() if result.why]
+    unknown = [f"{name}: {result.why}" for name, result in next(iter(evaluated.values())).items() if result.why]
     remark = "; ".join([*unknown, *(impossible[:1])])
-    if not unknown and not found.intervals:
+    if not unknown and not solution.intervals:
         remark = "met by no value; " + remark
-    elif found.intervals and not found.binding:
+    elif solution.intervals and not solution.binding:
         remark = "met up to the largest value; " + remark
-    outside = not_described(result.outside for looked in seen.values() for result in looked.values())
-    remark = "; ".join(part for part in (remark.removesuffix("; "), outside) if part)
+    outside = not_described(result.outside for looked in evaluated.values() for result in looked.values())
+    remark = "; ".join(text for text in (remark.removesuffix("; "), outside) if text)
     base = number_at(case.scenario, asked.vary[0].path, ends.unit)
     row = (
         *place,
-        found.answer,
+        solution.answer,
         ends.unit,
-        found.binding,
-        found.monotone,
+        solution.binding,
+        solution.monotone,
         base,
-        len(seen),
+        len(evaluated),
         remark,
     )
-    return row, [(*place, *ends_at, ends.unit) for ends_at in found.intervals], rows
+    return row, [(*place, *ends_at, ends.unit) for ends_at in solution.intervals], rows
 
 
 def _confirm(campaign: Campaign, asked: Solve, case: Case, way: str, value: float, runs: int) -> list[tuple[Any, ...]]:

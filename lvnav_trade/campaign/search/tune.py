@@ -86,21 +86,21 @@ def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> Tuned:
     spans = [_span(variable.path, variable.between) for variable in asked.variables]
     paths = [variable.path for variable in asked.variables]
     starts = [number_at(used[0].scenario, path, ends.unit) for path, ends in zip(paths, spans, strict=True)]
-    known: dict[tuple[float, ...], float] = {}
+    scores: dict[tuple[float, ...], float] = {}
 
     def values_at(x: Floats) -> dict[str, str]:
         return {
-            path: ends.text(float(ends.first * (ends.last / ends.first) ** part))
-            for path, ends, part in zip(paths, spans, np.clip(x, 0.0, 1.0), strict=True)
+            path: ends.text(float(ends.first * (ends.last / ends.first) ** position))
+            for path, ends, position in zip(paths, spans, np.clip(x, 0.0, 1.0), strict=True)
         }
 
     def goal(x: Floats) -> float:
         key = tuple(np.round(np.clip(x, 0.0, 1.0), 9))
-        if key not in known:
+        if key not in scores:
             values = values_at(x)
             evaluated = list(each(jobs, point, [(campaign, case, name, values) for case in used], ordered=True))
-            known[key] = score(evaluated, asked)
-        return known[key]
+            scores[key] = score(evaluated, asked)
+        return scores[key]
 
     x0 = [_part(start, ends) for start, ends in zip(starts, spans, strict=True)]
     simplex = np.array(
@@ -109,13 +109,13 @@ def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> Tuned:
     options = {"maxfev": asked.evaluations, "xatol": 5e-3, "fatol": 1e-3, "initial_simplex": simplex}
     best = optimize.minimize(goal, x0, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(x0), options=options)
     chosen = values_at(best.x)
-    card = _card(campaign, asked, used, name, chosen, len(known))
+    card = _card(campaign, asked, used, name, chosen, len(scores))
     table = [
         (path, start, number_at(changed(used[0].scenario, chosen), path, ends.unit), ends.unit, ends.first, ends.last)
         for path, start, ends in zip(paths, starts, spans, strict=True)
     ]
-    shown = pd.DataFrame(_before_and_after(campaign, asked, all_cases, name, chosen, jobs), columns=CASES)
-    return Tuned(pd.DataFrame(table, columns=VALUES), shown, card, len(known), time.monotonic() - begun)
+    before_and_after = pd.DataFrame(_before_and_after(campaign, asked, all_cases, name, chosen, jobs), columns=CASES)
+    return Tuned(pd.DataFrame(table, columns=VALUES), before_and_after, card, len(scores), time.monotonic() - begun)
 
 
 def _before_and_after(

@@ -251,9 +251,7 @@ def bound(function: Any, arguments: list[Value], named: Mapping[str, Value]) -> 
 
 
 def _signature(value: Value) -> Any:
-    """Return the properties of an argument that require a separate translation of a kernel: all known values except
-    doubles.
-    """
+    """Return the properties of an argument that require a separate translation: all known values except doubles."""
     if isinstance(value, Known):
         return (type(value.value), None if isinstance(value.value, float) else value.value)
     if isinstance(value, Scalar):

@@ -303,7 +303,7 @@ def _is_one(lines: list[str]) -> bool:
 
 
 def _leaves(nodes: list[ast.stmt]) -> bool:
-    """Return whether statements contain continue or break, or assign twice to a name of the loop."""
+    """Return whether statements contain continue or break."""
     return any(isinstance(one, ast.Continue | ast.Break) for node in nodes for one in ast.walk(node))
 
 
@@ -316,7 +316,7 @@ def _loaded(node: ast.Name | ast.Subscript) -> ast.expr:
 def _apart(target: ast.Tuple, source: ast.expr) -> bool:
     """Return whether no value of an assignment reads another of its targets."""
     if not isinstance(source, ast.Tuple):
-        return True  # the return type is complete
+        return True  # the results of a call are complete before the first of them is stored
     written = {_base(element) for element in target.elts}
     return not any(
         isinstance(element, ast.Name | ast.Attribute) and ast.unparse(element) in written

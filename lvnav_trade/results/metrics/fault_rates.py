@@ -1,4 +1,4 @@
-"""Shares of runs by what a filter that tests for faults decides during a phase."""
+"""Shares of runs by outcome of a filter's fault tests in a phase."""
 
 from __future__ import annotations
 
