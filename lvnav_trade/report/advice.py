@@ -136,7 +136,7 @@ def unmodelled(tables: Tables, cases: Sequence[str]) -> tuple[str, list[MissingS
         if len(shares_of_case)
     ]
     events = dict.fromkeys(str(shares_of_case.name) for shares_of_case in shares.values() if len(shares_of_case))
-    error = " at ".join([f"{words(quantity)} error", *(words(candidate) for candidate in events if len(events) == 1)])
+    error = " at ".join([f"{words(quantity)} error", *(words(name) for name in events if len(events) == 1)])
     first = max(
         (candidate for candidate in tops if candidate is not None), key=lambda candidate: candidate.share, default=None
     )

@@ -316,7 +316,7 @@ def deciding(tables: Tables) -> tuple[list[str], list[str]]:
     labels = list(key_cases(tables)) or list(METRICS["ranking"](tables).case[:1])
     digests = {label: case for case, label in tables.labels.items()}
     return [digests[label] for label in labels], [
-        requirement for requirement in available if requirement in required
+        quantity for quantity in available if quantity in required
     ] or available
 
 

@@ -109,9 +109,11 @@ def kml(title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> bytes:
     magnify : float
         Factor on the size of the 3-sigma ellipses.
 
-    Notes ----- Altitudes are heights above the ellipsoid, with altitude mode "absolute". Viewers count these from their
-    own sea level, which differs by at most 110 m. An ellipse is the projection of the error ellipsoid on the local
-    horizontal; its placemark gives the ellipsoid.
+    Notes
+    -----
+    Altitudes are heights above the ellipsoid, with altitude mode "absolute". Viewers count these from their own sea
+    level, which differs by at most 110 m. An ellipse is the projection of the error ellipsoid on the local horizontal;
+    its placemark gives the ellipsoid.
     """
     folders = [
         {

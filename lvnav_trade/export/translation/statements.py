@@ -141,7 +141,7 @@ class Body(Expressions):
             raise self.fail(node, "loops run over one name, without else")
         name = node.target.id
         if isinstance(node.iter, ast.Call) and isinstance(node.iter.func, ast.Name) and node.iter.func.id == "range":
-            bounds = [self.value(item) for item in node.iter.args]
+            bounds = [self.value(bound) for bound in node.iter.args]
             first, last, step = (Known(0), *bounds, Known(1)) if len(bounds) == 1 else (*bounds, Known(1))[:3]
             self._count(node, name, first, last, step)
         else:
@@ -319,8 +319,7 @@ def _apart(target: ast.Tuple, source: ast.expr) -> bool:
         return True  # the results of a call are complete before the first of them is stored
     written = {_base(element) for element in target.elts}
     return not any(
-        isinstance(element, ast.Name | ast.Attribute) and ast.unparse(element) in written
-        for element in ast.walk(source)
+        isinstance(node, ast.Name | ast.Attribute) and ast.unparse(node) in written for node in ast.walk(source)
     )
 
 

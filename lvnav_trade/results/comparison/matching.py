@@ -85,9 +85,7 @@ def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pai
             mapped_label = mapped or label
             partner = digests.get(mapped_label) or (mapped_label if mapped_label in candidate.labels else None)
         else:
-            partner = next(
-                (candidate_label for candidate_label, of_other in candidate.levels.items() if of_other == renamed), None
-            )
+            partner = next((digest for digest, of_other in candidate.levels.items() if of_other == renamed), None)
         if partner is not None:
             pairs.append((case, partner))
     if not pairs and len(base.labels) == len(candidate.labels) == 1:

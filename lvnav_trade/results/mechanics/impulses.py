@@ -117,9 +117,10 @@ def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correcti
     Correction
         Delta-v and bound (n,), m/s.
 
-    Notes ----- Iteratively reweighted least squares. With weights w_k and p = (sum w_k B_k B_k')^-1 error, the impulses
-    w_k B_k' p are a solution. The vector p, scaled so that max |B_k' p| = 1, is a primer and gives the lower bound p'
-    error.
+    Notes
+    -----
+    Iteratively reweighted least squares. With weights w_k and p = (sum w_k B_k B_k')^-1 error, the impulses w_k B_k' p
+    are a solution. The vector p, scaled so that max |B_k' p| = 1, is a primer and gives the lower bound p' error.
     """
     error = np.atleast_2d(np.asarray(error, dtype=float))
     parts = [_least(error[k : k + _CHUNK], pushes, tolerance) for k in range(0, len(error), _CHUNK)]

@@ -124,7 +124,7 @@ def base_level(tables: Tables, name: str) -> BaseLevel:
         return BaseLevel()
     base_value = _at(tables.campaign.get("base"), axis["path"])
     levels = zip(axis["labels"] or (), axis["values"] or (), strict=True)
-    label = next((str(candidate) for candidate, value in levels if value == base_value), "")
+    label = next((str(level) for level, value in levels if value == base_value), "")
     numbers = next(
         (candidate for candidate in numeric_axes(tables) if candidate.name == name and BASE in candidate.values), None
     )
