@@ -30,7 +30,7 @@ from lvnav_trade.quantities.errors import (
 JSON_VERSION = 1
 FAILED, INTERNAL = 4, 5
 _READ = ("campaign", "base", "file", "folder", "source", "place", "log")
-"""Arguments that name what a verb reads, the first that it has."""
+"""Arguments that name the input of a verb; the first that is given counts."""
 _answered = False
 
 RUN, EXPLORE, SEARCH, DATA, EXPORT = "Run and report", "Explore", "Search", "Data", "Export"
@@ -41,7 +41,7 @@ GROUPS = {
     DATA: ("init", "fit-unit", "process-log"),
     EXPORT: ("export-trajectory", "export-vectors", "export-filter", "schedule-gains", "kml"),
 }
-"""Verbs by what they are for, in the order of the help."""
+"""Verbs by purpose, in the order of the help."""
 
 
 class Groups(TyperGroup):

@@ -14,7 +14,7 @@ from lvnav_trade.simulation.montecarlo import taped
 from lvnav_trade.simulation.preparation.prepare import Prepared
 
 LIMIT = 1e-9
-"""Largest difference of a replay from the runs, as a share of the state's size."""
+"""Largest difference of a replay from the runs, relative to the magnitude of the state."""
 # Names of fields in the recorded run, by their name in the struct.
 _MEASURED = {"ranges": "ranges", "solution": "solution", "rx_covariance": "covariance", "observed": "observed"}
 _COMPARED = {"nav": "nav", "x": "x", "par": "par", "clock_hat": "clock", "extra": "extra"}

@@ -24,7 +24,7 @@ ORDER = ("worse", "undecided", "not worse")
 HEAD = ("verdict", "case", "metric", "base", "candidate", "change", "bounds", "effect", "runs", "effective runs")
 KEPT = ("cases", "outputs", "runs", "worst", "events", "states", "reference")
 KEPT_WITHOUT_RUNS = ("history", "consistency", "covariances", "joint", "innovations")
-"""Tables that a comparison reads; `reference` at fewer times, to know the flight again."""
+"""Tables that a comparison reads; of `reference` only few times, which identify the trajectory."""
 _KEPT_EVERY = 20
 _OF_ONE_MACHINE = ("command", "cpu", "folder", "host", "system", "timings_s", "created", "finished")
 

@@ -52,7 +52,7 @@ _FACT_UNITS = (
     ("_kg", "_kg", "kg", 1.0),
     ("_s", "_s", "s", 1.0),
 )
-"""What a fact's name ends with, what of that is its unit, the unit for people, their factor."""
+"""End of a fact's name, the SI unit in it, display unit, factor from the one to the other."""
 _FEW = 3  # up to this number of cases, the table of errors has every event
 NAVIGATION = ("position", "velocity", "attitude")
 _FLOWN = 1e-6  # s, largest age of data that count as current

@@ -12,7 +12,7 @@ from lvnav_trade.report.escape import note
 from lvnav_trade.report.figures.vehicle import outages_of_log
 
 INSIDE, LEAST_NEES = 95.0, 0.3
-"""Percent of outages that should end within three sigma, and the mean NEES below which a filter is too careful."""
+"""Percent of outages that should end within three sigma, and mean NEES below which a filter is too conservative."""
 _COLUMNS = (
     "case | withheld (s) = length_s: number | outages | failed | inside 3 sigma (%) = inside_percent: number | "
     "NEES = nees_ratio: number | position RMS (m) = position_rms_m: number | worst (m) = position_worst_m: number | "

@@ -10,7 +10,7 @@ from lvnav_trade.quantities.records import Floats
 from lvnav_trade.report.figures.figure import Figure, Mark, Panel, alt_text, unit_of
 
 MOST_POINTS = 1500
-"""Points of a line that are drawn; of more, the least and the largest value of stretches of equal length."""
+"""Largest number of points of a line; a longer line is reduced to the extremes of segments of equal length."""
 _DASHES = {"-": (), "--": (6, 3), ":": (1.5, 2.5), "-.": (7, 3, 1.5, 3)}
 _STYLES = (
     "color",

@@ -26,8 +26,8 @@ _LOG = logging.getLogger("lvnav_trade.report.figures")
 # Inches: the text width of an A4 page.
 WIDTH = 7.4
 COLOURS = 96
-"""Colours kept in a picture, far from each other: line art loses nothing that one could see, not even the colour of a
-line that shows in the legend alone, and is a third of the size.
+"""Number of colours in a picture, far apart. Line art has no visible loss, not even in the colour of a line that is
+only in the legend, at a third of the file size.
 """
 _EXACT = 24  # most frequent colours, which are exact: a grey shade should not turn pink
 # A margin up to the first value applies to abscissas only; that of ordinates is then the second

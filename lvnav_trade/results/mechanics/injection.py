@@ -11,15 +11,15 @@ from lvnav_trade.quantities.records import INJECTION, Floats, InjectionLaw
 from lvnav_trade.results.mechanics.mission import QUANTILE_DRAWS, draws
 
 DEPLETED_AT_MOST = 1e-3
-"""Share of flights with an empty last stage up to which linear covariance, which knows no such end, holds."""
+"""Largest probability of depletion for which linear covariance is valid, since it does not model an empty stage."""
 SECOND_ORDER_AT_MOST = 0.3
-"""Share of sigma up to which the second order of the vehicle's spreads is left out."""
+"""Largest second-order effect of the vehicle's dispersions, as share of sigma, for which linear covariance is valid."""
 _CIRCULAR_SIGMAS = 3.0
 _CURVED = 0.1  # ratio of second to first order above which perigee and apogee are sampled
 _LEFT = INJECTION.index("propellant_left")
 _BASE = [INJECTION.index(name) for name in ("semi_major_axis", "eccentricity_along_node", "eccentricity_ahead_of_node")]
 APSIDES = {"perigee": -1.0, "apogee": 1.0}
-"""Numbers that are no linear function near a circle, with the sign of the eccentricity in them."""
+"""Quantities that are nonlinear near a circular orbit, with the sign of the eccentricity in them."""
 
 
 def share_depleted(law: InjectionLaw) -> float:

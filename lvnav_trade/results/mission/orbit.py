@@ -62,7 +62,7 @@ QUANTITIES = {
 
 
 LEAST = 1e-7
-"""Smallest size of an element, in its unit: below it is what the solution of the ascent leaves, and rounding."""
+"""Smallest value of an element, in its unit; smaller values are residuals of the ascent solution and rounding."""
 
 
 def orbit(tables: Tables) -> pd.DataFrame:
