@@ -28,7 +28,10 @@ def test_the_first_section_answers_in_a_few_lines(text):
         "one (loose bound: 1, tight bound: 2)."
     ) in lines[0]
     assert "<strong>Margins.</strong> worst: imu=coarse (" in lines[1]
-    assert "2 of 160 runs failed and count against every requirement, the first at 50 s: from its failure on" in first
+    assert (
+        "2 of 160 runs failed and count against every requirement, the first at 50 s. After its failure, a run is"
+        in first
+    )
     assert "best velocity first. Runs that failed before are left out of it." in first
 
 
@@ -61,7 +64,8 @@ def test_without_runs_margins_are_those_of_linear_covariance(tmp_path):
         assert (row.verdict, row.estimate, row.unit) == tuple(
             alone.loc[(row.requirement, row.case), ["verdict", "estimate", "unit"]]
         )
-    assert "linear covariance's" in next(block for block in summary(tables) if block.kind == "table").caption
+    caption = next(block for block in summary(tables) if block.kind == "table").caption
+    assert "Verdicts and margins are by linear covariance." in caption
 
 
 # case, requirement, verdict, by
