@@ -72,6 +72,7 @@ def _first(texts: list[str]) -> str:
 
 
 _OF_A_FILE = re.compile(r"[a-z0-9][a-z0-9_.-]*")  # label of a level that is the file name of its card
+_NAMELESS = "several units"  # name of an IMU array that is written in the campaign: no title of its own
 _LONGEST = 80  # characters; a longer name of a card is not used as a heading
 SEPARATOR = " · "
 
@@ -101,7 +102,8 @@ def case_names(tables: Tables) -> dict[str, str]:
 def _level_names(axis: Mapping[str, Any]) -> dict[str, str]:
     """Return the names of an axis's cards by label; empty if the levels are not cards, or have labels of the user."""
     labels, values = list(axis.get("labels") or ()), list(axis.get("values") or ())
-    cards = [value.get("name") if isinstance(value, Mapping) else None for value in values]
+    names = [value.get("name") if isinstance(value, Mapping) else None for value in values]
+    cards = [None if name == _NAMELESS else name for name in names]
     usable = [isinstance(name, str) and 0 < len(name) <= _LONGEST and SEPARATOR not in name for name in cards]
     from_files = all(_OF_A_FILE.fullmatch(str(label)) for label in labels)
     if not labels or not all(usable) or not from_files or len(set(cards)) < len(cards):

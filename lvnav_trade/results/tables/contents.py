@@ -116,6 +116,12 @@ class OwnedFolder:
         self._files[group] = [name for name in self._files.get(group, ()) if name not in gone]
         self._save()
 
+    def is_without_results(self) -> bool:
+        """Return whether the campaign that has the folder stored nothing: no table, no report, no block of runs."""
+        described = {MANIFEST, RESOLVED}
+        stored = any(self.place(name).exists() for name in self.names - described)
+        return not stored and not any(part_files.paths(self._place_case(case)) for case in self.cases)
+
     def clear(self) -> None:
         """Remove all listed files, and folders that become empty."""
         for name in sorted(self.names):

@@ -293,7 +293,7 @@ def open_results(
         if mode == "fresh":
             place.clear()
         else:
-            _refuse_other(folder, identity)
+            _refuse_other(place, identity)
         place.claim("run", RUN_FILES, manifest.get("asked_cases", ()))
         place.sweep()
         replace_file(folder / RESOLVED, resolved_yaml)
@@ -302,8 +302,9 @@ def open_results(
     return results
 
 
-def _refuse_other(folder: Path, identity: dict[str, str]) -> None:
-    path = folder / MANIFEST
+def _refuse_other(place: OwnedFolder, identity: dict[str, str]) -> None:
+    """Raise an InputError where a folder has results that are not of this campaign and code."""
+    folder, path = place.folder, place.folder / MANIFEST
     if not path.exists():
         return
     try:
@@ -312,10 +313,13 @@ def _refuse_other(folder: Path, identity: dict[str, str]) -> None:
             raise ValueError("no JSON object")
     except ValueError as error:
         raise InputError(f"{path}: not a manifest ({error}); use --fresh to start again") from error
-    if held.get("campaign_digest") != identity["campaign_digest"]:
-        raise InputError(f"{folder}: holds the results of another campaign; use --fresh, or another folder")
+    is_other_campaign = held.get("campaign_digest") != identity["campaign_digest"]
     other = difference(held, identity)
-    if other:
+    if (is_other_campaign or other) and place.is_without_results():
+        place.clear()  # a campaign whose mistake was found by its first case left a description, and nothing else
+    elif is_other_campaign:
+        raise InputError(f"{folder}: holds the results of another campaign; use --fresh, or another folder")
+    elif other:
         raise InputError(f"{folder}: was computed {other}; use --fresh")
 
 

@@ -11,11 +11,9 @@ BURN, COAST, CHANGE, N_PHASE = 0, 1, 2, 3
 IDEAL, MODELLED, OF_THE_RUN = 0, 1, 2
 """Attitude that the controller sees: the true one, that of a navigation of its own, that of the run's navigation."""
 NEXT, MOTOR, FRESH, STACK, N_COUNT = range(5)
-"""What a run counts: the tick that is due, the burning stage (0: none, -1: not known yet), whether it has just changed,
-and the lowest stage.
-"""
+"""Counters of a run: next tick, burning stage (0: none, -1: not known yet), whether it just changed, lowest stage."""
 
-# What is recorded of an axis at a tick.
+# Record of an axis at a tick.
 (
     NOZZLE,
     ASKED,
@@ -34,12 +32,21 @@ and the lowest stage.
     STEPPED,
     N_RECORD,
 ) = range(16)
-# What is added up of an axis in a phase.
+# Sums of an axis over a phase.
 (TICKS, INSIDE_TURNING, INSIDE_JERK, TURNING_RATIO, JERK_RATIO, SQUARE_ERROR, SQUARE_RATE, N_SUM) = range(8)
 
 
 class Plant(NamedTuple):
-    """Nozzle (s, rad/s, rad, rad) and thrusters (rad, s, part) of a vehicle."""
+    """Nozzle and thrusters of a vehicle.
+
+    time_constant : s. Of the nozzle.
+    rate_limit : rad/s. Of the nozzle.
+    limit : rad. Largest angle of the nozzle.
+    misalignment : rad. Sigma of the thrust direction of each stage.
+    dead_band : rad. Attitude error beyond which the thrusters fire.
+    lead : s. Weight of the rate error in that decision.
+    release : Fraction of the dead band below which they stop.
+    """
 
     time_constant: float
     rate_limit: float
@@ -51,7 +58,17 @@ class Plant(NamedTuple):
 
 
 class Law(NamedTuple):
-    """Controller: gains (n_stage, 3) of attitude, rate (s), integral (1/s); guidance from a stage on (0: none)."""
+    """Controller, and a guidance of its own that turns the nominal attitude.
+
+    gains : (n_stage, 3). Gains of attitude, rate (s) and integral (1/s).
+    command_time : s. Time constant of a commanded offset.
+    guided_from : Number of the first stage with guidance; 0: none.
+    guidance_ticks : Ticks between two commands of the guidance.
+    guidance_time : s. Time in which a lateral velocity is to be removed.
+    guidance_limit : rad. Largest commanded offset.
+    velocity_sigma : m/s. Noise of the lateral velocity that the guidance has.
+    command_sigma : rad. Noise of its commands.
+    """
 
     gains: Floats
     command_time: float
@@ -64,7 +81,17 @@ class Law(NamedTuple):
 
 
 class Feed(NamedTuple):
-    """What the controller sees: source of the rate, which attitude, noises, reference's gain."""
+    """Measurements that the controller uses.
+
+    rate : Source of the rate: TRUE, RAW or FILTERED.
+    attitude : Source of the attitude: IDEAL, MODELLED or OF_THE_RUN.
+    gyro : rad/s. Noise of a sampled rate.
+    bias : rad/s. Sigma of the gyro bias.
+    reference : rad. Noise of the attitude reference.
+    reference_ticks : Ticks between two measurements of the reference.
+    reference_gain : Gain of these measurements; 0: none.
+    start : rad. Sigma of the initial attitude.
+    """
 
     rate: int
     attitude: int
@@ -77,7 +104,15 @@ class Feed(NamedTuple):
 
 
 class CommandedEnvelope(NamedTuple):
-    """The part of the motion envelope that depends on commanded rate and nozzle angle, see `EnvelopeCard`."""
+    """The part of the motion envelope that depends on commanded rate and nozzle angle, see `EnvelopeCard`.
+
+    burn, coast : rad/s^2. Unknown angular acceleration in burns and in coasts.
+    turn_gain : Gain on the commanded angular acceleration.
+    turn_time : s. Time constant of the response to that command.
+    lateral : m/s^3. Unknown lateral jerk.
+    nozzle_gain : m/s^2 per rad. Lateral acceleration per nozzle angle.
+    nozzle_time : s. Time constant of the response to the nozzle.
+    """
 
     burn: float
     coast: float
@@ -89,7 +124,7 @@ class CommandedEnvelope(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """What is the same in all runs of a launch."""
+    """Settings common to all runs of a launch: vehicle, controller, measurements and envelope."""
 
     plant: Plant
     law: Law
@@ -98,7 +133,7 @@ class Settings(NamedTuple):
 
 
 class Draws(NamedTuple):
-    """What the draws of a run depend on: two words of the seed, the number of the run."""
+    """Keys of the draws of a run: two words of the seed, and the number of the run."""
 
     k0: np.uint64
     k1: np.uint64
@@ -106,12 +141,12 @@ class Draws(NamedTuple):
 
 
 class Course(NamedTuple):
-    """The attitude that is commanded before lift-off, on n even ticks from lift-off on. Axes are pitch and yaw.
+    """The commanded attitude, stored before lift-off for n even ticks from lift-off on. Axes are pitch and yaw.
 
     t : (n,) s since lift-off.
     ahead : (n, 3). Axis of the body, frame i.
-    up : (n, 3). The way of its nose pitching up, frame i.
-    right : (n, 3). The way of its nose yawing right, frame i.
+    up : (n, 3). Direction in which the nose moves when it pitches up, frame i.
+    right : (n, 3). Direction in which the nose moves when it yaws right, frame i.
     rate : (n, 2) rad/s. Body rate.
     turn : (n, 2) rad. Additional commanded angle.
     turn_rate : (n, 2) rad/s. Additional commanded rate.
@@ -131,7 +166,7 @@ class Course(NamedTuple):
 
 
 class Met(NamedTuple):
-    """What a vehicle meets at a moment. Pairs are of pitch and yaw; lateral is the way of the nose, up and right.
+    """Forces and air at a moment. Pairs are of pitch and yaw; lateral means along `up` and `right` of the course.
 
     effectiveness : 1/s^2. Angular acceleration per nozzle angle.
     thrust_load : m/s^2. Thrust over mass.
@@ -162,14 +197,14 @@ class Met(NamedTuple):
 class Control(NamedTuple):
     """The controlled attitude of one run.
 
-    course : What is commanded before lift-off.
-    settings : What is the same in all runs.
-    draws : What draws depend on.
-    memory : (2, N_MEMORY). What the axes remember from tick to tick; updated.
-    counts : (N_COUNT,). What the run counts; updated.
+    course : Commanded attitude.
+    settings : Settings common to all runs.
+    draws : Keys of the draws.
+    memory : (2, N_MEMORY). State of both axes from tick to tick; updated.
+    counts : (N_COUNT,). Counters of the run; updated.
     every : Ticks from record to record.
     history : (n_record, 2, N_RECORD). Record of every so many ticks; set.
-    sums : (2, N_PHASE, N_SUM). What ticks add up to; updated.
+    sums : (2, N_PHASE, N_SUM). Sums over the ticks of each phase; updated.
     """
 
     course: Course
@@ -183,7 +218,7 @@ class Control(NamedTuple):
 
 
 class Reaction(NamedTuple):
-    """What an axis does at a tick, with the bounds of the envelope of commanded motion."""
+    """Motion of an axis at a tick, with the bounds of the envelope of commanded motion."""
 
     turning: float  # angular acceleration, rad/s^2
     turning_bound: float  # rad/s^2

@@ -1,4 +1,4 @@
-"""What a controller of the attitude knows before lift-off: the commanded attitude of the ascent on every tick."""
+"""Commanded attitude of an ascent on every tick, stored before lift-off for the attitude controller."""
 
 import re
 from typing import NamedTuple
@@ -25,7 +25,13 @@ _CHANGE = re.compile(r"stage\d+_(ignition|cutoff|separation)")
 
 
 class Ascent(NamedTuple):
-    """A solved ascent: its vehicle, its truth, what guidance knows of it, and its legs with mass and thrust."""
+    """A solved ascent.
+
+    card : Vehicle and target.
+    trajectory : True flight.
+    plan : Guidance data.
+    legs : Legs with mass and thrust.
+    """
 
     card: VehicleAscent
     trajectory: Trajectory
@@ -34,7 +40,7 @@ class Ascent(NamedTuple):
 
 
 def ascend(card: VehicleAscent) -> Ascent:
-    """Return the solved ascent of a vehicle card; InputError where the orbit is out of its reach."""
+    """Return the solved ascent of a vehicle card; InputError if the orbit is out of reach."""
     vehicle, aim, flight = flown(card)
     return Ascent(vehicle, build_ascent(card), plan_along(card, aim, flight), flight.legs)
 
@@ -47,7 +53,7 @@ def changes(trajectory: Trajectory) -> Floats:
 def course_along(ascent: Ascent, controller: ControllerCard, envelope: EnvelopeCard, rate: float) -> Course:
     """Return the commanded attitude along an ascent, on ticks at `rate` (Hz) from lift-off to the end.
 
-    InputError where a turn starts at no event.
+    InputError if a turn starts at an unknown event.
     """
     trajectory = ascent.trajectory
     n_tick = int(np.floor(trajectory.end * rate + 1e-6))

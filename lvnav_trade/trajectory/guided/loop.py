@@ -1,7 +1,7 @@
 """The closed loop of a turning launcher, tick by tick: gusts, gyro, rate filter, controller, nozzle, body.
 
-Axis by axis (pitch, yaw) on the ticks of the inertial unit. A command holds for a tick; nozzle, gust and command lags
-are stepped exactly, the body by Runge-Kutta steps of half a tick. What the vehicle meets at a tick comes from the
+Both axes (pitch, yaw) are computed at the ticks of the IMU. A command is constant over a tick. Nozzle, gusts and
+command lags are stepped exactly, the body by Runge-Kutta steps of half a tick. Forces and air (`Met`) come from the
 flight, see `turning.py`.
 """
 
@@ -101,7 +101,7 @@ _ZERO = np.uint64(0)
 
 @jit
 def begin(control):
-    """Draw what a run starts with; its axes and counters are set."""
+    """Draw the initial state of a run; memory and counters of `control` are set."""
     memory, course, feed = control.memory, control.course, control.settings.feed
     k0, k1, run = control.draws
     memory[:] = 0.0
@@ -122,16 +122,16 @@ def begin(control):
 
 @jit
 def profile_draws(draws):
-    """Return two draws of a run, of the steady wind: along its profile and across."""
+    """Return a run's two draws of the steady wind: along its profile, and across."""
     w0, w1, _, _ = normals(draws.k0, draws.k1, _PROFILE, draws.run, _ZERO, _ZERO)
     return w0, w1
 
 
 @jit
 def ignite(control, motor, up, right):
-    """Let the nozzle of another stage take over, centred, with a misalignment of its own.
+    """Activate the nozzle of another stage, centred, with its own misalignment.
 
-    up, right : rad. What is misaligned beside that.
+    up, right : rad. Additional misalignment.
     """
     memory, plant = control.memory, control.settings.plant
     k0, k1, run = control.draws
@@ -153,9 +153,10 @@ def _seen(x, feed):
 
 @inlined
 def _capture(x, course, k, axis, feed):
-    """Let the command begin where the vehicle points, and how it turns, when a motor lights; x updated.
+    """Start the command at the vehicle's attitude and rate when a motor ignites; x updated.
 
-    While no motor burnt the ascent's attitude went on without it. A command that jumped would slam the nozzle.
+    In a coast the nominal attitude moves on without the vehicle. A jump of the command would drive the nozzle to its
+    limit.
     """
     x[_OFFSET] = _seen(x, feed) - course.turn[k, axis]
     x[_OFFSET_RATE] = x[_FED] - course.rate[k, axis] - course.turn_rate[k, axis]
@@ -164,7 +165,7 @@ def _capture(x, course, k, axis, feed):
 
 @inlined
 def _sense(x, course, k, axis, feed, noise, bound, first):
-    """Return the rate that is fed; attitude of the navigation, filter's estimate and variance updated in x."""
+    """Return the rate fed to the controller; navigated attitude, rate estimate and its variance are updated in x."""
     dt = course.t[1] - course.t[0]
     if first:
         mean = course.rate[0, axis] + x[RATE_NOW]
@@ -199,7 +200,7 @@ def _command(x, course, k, axis, settings, rate, dt, motor):
     gains = law.gains[motor - 1]
     asked = gains[0] * error + gains[1] * rate_error + gains[2] * x[_INTEGRAL]
     x[_COMMAND] = min(max(asked, -plant.limit), plant.limit)
-    if x[_COMMAND] == asked:  # what is limited is not integrated
+    if x[_COMMAND] == asked:  # no integration at the limit (anti-windup)
         x[_INTEGRAL] += dt * error
     return 0.0
 
@@ -278,7 +279,7 @@ def _account(row, found):
 
 @inlined
 def close(control):
-    """Account for the tick before the one that is due, whose angular acceleration is known at its end."""
+    """Add the previous tick to the sums; its angular acceleration is known only at its end."""
     course, before = control.course, control.counts[NEXT] - 1
     last = course.t.size - 1
     if before < 0 or before >= last:
@@ -295,7 +296,7 @@ def close(control):
 
 @inlined
 def tick(control, met, tilt):
-    """Let the axes sense, steer and command at the tick that is due.
+    """Sense, steer and command both axes at the next tick.
 
     tilt : rad. Attitude error of the run's navigation, truth less estimate, of pitch and yaw.
 
@@ -305,7 +306,7 @@ def tick(control, met, tilt):
     feed, model = settings.feed, settings.model
     k0, k1, run = control.draws
     due, motor = count[NEXT], count[MOTOR]
-    k = min(due, course.t.size - 1)  # a flight that goes on beyond the nominal one holds its last attitude
+    k = min(due, course.t.size - 1)  # a flight longer than the nominal flight keeps the last commanded attitude
     dt, epoch, changed = course.t[1] - course.t[0], np.uint64(due + 1), count[FRESH] == 1
     close(control)
     count[FRESH], count[NEXT] = 0, due + 1

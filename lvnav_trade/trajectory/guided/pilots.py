@@ -1,4 +1,4 @@
-"""Pilots of guided ascents, leg by leg: of a body that holds or follows its command, and of one that is controlled."""
+"""Pilots of guided ascents, leg by leg: attitude as commanded or with a lag, and attitude under control."""
 
 import math
 from typing import NamedTuple
@@ -30,17 +30,17 @@ from lvnav_trade.trajectory.guided.turning import NEVER, Turning, acceleration, 
 INJECTED, DEPLETED, LOST, ADRIFT = "injected", "depleted", "guidance diverged", "navigation failed"
 _OUTCOMES = {CUT_OFF: INJECTED, EMPTY: DEPLETED, DIVERGED: LOST}
 _CYCLE = 1.0  # s between two passes of explicit guidance
-_FREEZE = 10.0  # s to go, below which it keeps its law: what it divides by vanishes with them
-_LONGEST = 3.0  # whole burns, by which any propellant is gone
-_OF_A_LAG = 0.5  # longest step of integration, in time constants of the lag of the body
+_FREEZE = 10.0  # s to go, below which the steering law is frozen: its equations divide by the time to go
+_LONGEST = 3.0  # full burn times, after which any propellant is used up
+_OF_A_LAG = 0.5  # longest step of integration, in time constants of the attitude lag
 
 
 class GuidedPilot(Pilot):
     """Flies a dispersed vehicle by a plan.
 
-    plan : What guidance knows before lift-off.
-    differs : What differs beside the numbers of the vehicle.
-    around : What the present piece is flown with.
+    plan : Guidance data stored before lift-off.
+    differs : Deviations other than those of the vehicle's card.
+    around : Surroundings of the present piece.
     longest : s. Longest step of integration.
     """
 
@@ -64,12 +64,12 @@ class GuidedPilot(Pilot):
             self.t += duration
 
     def ignite_after(self, number: int) -> None:
-        """Coast to the ignition of a stage, whose thrust is misaligned in its own way."""
+        """Coast to the ignition of a stage; each stage has its own thrust misalignment."""
         super().ignite_after(number)
         self.around = self.around._replace(misalignment=self.differs.misalignment[number - 1].copy())
 
     def separate(self, number: int) -> None:
-        """Coast to the separation of a stage, which pushes."""
+        """Coast to the separation of a stage, and add its separation impulse."""
         super().separate(number)
         self.push(float(self.differs.separation[number - 1]))
 
@@ -111,7 +111,7 @@ class GuidedPilot(Pilot):
 
 
 class Stretch(NamedTuple):
-    """A stretch of a flown path without a jump, of which the ends are kept.
+    """Both ends of a stretch of a path without a jump.
 
     name : Name of its leg.
     t : (2,) s since lift-off.
@@ -126,10 +126,10 @@ class Stretch(NamedTuple):
 
 
 class TurningPilot(GuidedPilot):
-    """Flies a vehicle under attitude control, by a plan or as long as the nominal flight burns.
+    """Flies a vehicle under attitude control, by a plan or with the burn times of the nominal flight.
 
-    turning : What it is flown with, beside the surroundings.
-    stretches : What it has flown, where its path is recorded.
+    turning : Attitude control, body and gusts.
+    stretches : Stretches of the path so far, if the path is recorded.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class TurningPilot(GuidedPilot):
             return
         begin, first, end, start = self.t, self.y, self.t + duration, np.zeros(0)
         if self.turning.path.size:
-            self._turn(begin, engine)  # a nozzle that takes over does so before the first acceleration
+            self._turn(begin, engine)  # the next nozzle must be active before the first acceleration is evaluated
             start = acceleration(begin, first, engine, self.around, self.turning)
         self._turn(end, engine)
         self.t = end
@@ -172,7 +172,7 @@ class TurningPilot(GuidedPilot):
         return self._turn(end, push, cutoff)
 
     def fly_nominal(self) -> None:
-        """Fly from lift-off to the end of the final coast, every burn as long as that of the nominal flight."""
+        """Fly from lift-off to the end of the final coast, with the burn times of the nominal flight."""
         for number in range(1, self.card.inserting):
             self.stage(number)
         self.into_orbit()

@@ -1,4 +1,4 @@
-"""What guidance knows before lift-off: the attitude programme, the target of the last burn, when it should stop."""
+"""Guidance data stored before lift-off: attitude programme, target of the last burn, nominal cut-off."""
 
 from typing import NamedTuple
 
@@ -51,20 +51,21 @@ class Plan(NamedTuple):
 
 
 def steering_times(plan: Plan, t: Floats) -> slice:
-    """Return which of the times (n,) of a nominal flight guidance has navigation errors from: those to its cut-off.
+    """Return the part of the times (n,) of a nominal flight from which guidance takes navigation errors.
 
-    A flight that burns on after the nominal cut-off keeps the errors of it: those of the nominal flight are then of a
-    vehicle without thrust.
+    It ends at the nominal cut-off. A run that burns longer keeps the errors of that time, because the nominal vehicle
+    has no thrust afterwards and its navigation errors develop differently.
     """
     return slice(0, int(np.searchsorted(t, plan.cutoff + 1e-6, side="right")))
 
 
 def plan_of(card: VehicleAscent) -> Plan:
-    """Return what guidance knows of an ascent; InputError where its vehicle does not reach the target."""
+    """Return the guidance data of an ascent; InputError if its vehicle does not reach the target."""
     how, spreads = card.dispersion, card.vehicle.dispersions
     named = () if how is None or spreads is None else (*how.drawn, *how.sigmas)
-    beside = {"named_times", "guidance", "cutoff", "dispersion", "control", "attitude_lag"}
-    solved = _planned(card.model_dump_json(exclude=beside), card)
+    # Fields that do not change the solved nominal ascent
+    unused = {"named_times", "guidance", "cutoff", "dispersion", "control", "attitude_lag"}
+    solved = _planned(card.model_dump_json(exclude=unused), card)
     return solved._replace(
         card=card,
         explicit=card.guidance == "explicit",
@@ -81,7 +82,7 @@ def _planned(key: str, card: VehicleAscent) -> Plan:
 
 
 def plan_along(card: VehicleAscent, aim: Aim, flight: Flight) -> Plan:
-    """Return what guidance knows of an ascent that is solved and flown."""
+    """Return the guidance data of a solved ascent."""
     last = next(leg for leg in reversed(flight.legs) if leg.t[-1] <= flight.events["injection"] + 1e-9)
     y = last.y[-1]
     entry = entry_of(card)

@@ -21,7 +21,7 @@ class Injection(NamedTuple):
     """How a run ends.
 
     outcome : One of `records.OUTCOMES`.
-    t : s since lift-off. Time of the cut-off, or of what ended the flight before it.
+    t : s since lift-off. Time of the cut-off, or of an earlier end of the flight.
     y : (7,). True position (m), velocity (m/s), frame i, and mass (kg) at that time.
     left : kg. Propellant left in the last stage.
     error : (9,). Navigation errors at that time, as in `Navigation`.
@@ -35,7 +35,7 @@ class Injection(NamedTuple):
 
 
 def empty_mass(flown: VehicleAscent) -> float:
-    """Return the mass (kg) of the last stage without propellant, with what it carries."""
+    """Return the mass (kg) of the last stage without propellant, with its payload."""
     return flown.vehicle.stages[-1].dry + mass_above(flown, len(flown.vehicle.stages))
 
 
@@ -45,9 +45,9 @@ def inject(plan: Plan, sigmas: Sigmas, navigation: Navigation = PERFECT, draws: 
     Parameters
     ----------
     plan : Plan
-    sigmas : Draws in sigmas of the sources of the vehicle card, see `draws`.
-    navigation : Navigation errors over the flight, as the filter has them on the nominal flight.
-    draws : What the noises, gusts and misalignments of a vehicle under attitude control depend on; of none the first.
+    sigmas : Draws of the vehicle's error sources, in sigmas, see `draws`.
+    navigation : Navigation errors over the flight, from the filter on the nominal flight.
+    draws : Keys of the noises, gusts and misalignments of a vehicle under attitude control; keys of zero if absent.
     """
     if not np.all(np.isfinite(navigation.error)):
         return Injection(ADRIFT, np.nan, np.full(7, np.nan), np.nan, np.full(9, np.nan))
@@ -63,7 +63,7 @@ def inject(plan: Plan, sigmas: Sigmas, navigation: Navigation = PERFECT, draws: 
 def _pilot(
     plan: Plan, flown: VehicleAscent, sigmas: Sigmas, navigation: Navigation, draws: Draws | None
 ) -> GuidedPilot:
-    """Return the pilot of a vehicle by how its attitude answers to a command."""
+    """Return the pilot for the attitude response of a vehicle."""
     differs, control = deviations(plan.card, sigmas), plan.card.control
     if control is None:
         return GuidedPilot(plan, flown, differs, navigation)

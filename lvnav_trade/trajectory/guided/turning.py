@@ -37,7 +37,7 @@ NEVER = Cutoff(False, 0.0, math.inf, 0.0)
 
 
 class Craft(NamedTuple):
-    """The body that turns.
+    """Rotational properties of the vehicle.
 
     stacks : (n_stage, 4). Of the stack with each stage the lowest: square of the radius of gyration (m^2), arm of the
         nozzle (m), slope of the normal force (1/rad), arm of the pressure (m).
@@ -51,7 +51,7 @@ class Craft(NamedTuple):
 
 
 class Gusts(NamedTuple):
-    """Gusts over height, linear between the entries; those of the last one above it.
+    """Gusts over height, linear between the entries, constant above the last entry.
 
     step : m. Interval of height, from the ellipsoid on.
     sigma : (n,) m/s.
@@ -64,12 +64,12 @@ class Gusts(NamedTuple):
 
 
 class Turning(NamedTuple):
-    """What a run under attitude control is flown with, beside its surroundings.
+    """Attitude control, body and gusts of a run; its surroundings are separate.
 
     control : The controlled attitude.
     craft : The body.
     gusts : Gusts over height.
-    path : (n_record, 7). True state at every tick that is recorded, or without rows; set.
+    path : (n_record, 7). True state at every recorded tick; without rows if nothing is recorded; set.
     """
 
     control: Control
@@ -103,9 +103,9 @@ def _dot(a, b):
 
 @inlined
 def axes_at(t, course):
-    """Return the axis of the body ahead, the way of its nose up and right, as commanded before lift-off at a time (s).
+    """Return the commanded directions ahead, up and right of the body at a time (s), frame i.
 
-    Beyond the last tick those of the last one.
+    After the last tick, the directions of that tick are returned.
     """
     x = t / (course.t[1] - course.t[0])
     k = min(int(x + 1e-6), course.t.size - 2)
@@ -115,11 +115,11 @@ def axes_at(t, course):
 
 @inlined
 def meet(t, y, engine, around, turning):
-    """Return what the vehicle meets at a true state y (7,), and the time derivative of that.
+    """Return forces and air (`Met`) at a true state y (7,), and the time derivative of the state.
 
-    Thrust acts along the body, turned by the angle of the nozzle and what is misaligned. Drag acts along the body too,
-    and the normal force along the way of the nose. The last term of the acceleration is a drag against the velocity;
-    what of it is lateral to the body is taken off the lift.
+    Thrust acts along the body, turned by the nozzle angle and the misalignment. Drag acts along the body, and the
+    normal force along `up` and `right`. The drag term is written against the airspeed; its component lateral to the
+    body is subtracted from the lift, so that the sum acts along the body.
 
     Long because force, moment and derivative share every intermediate quantity.
     """
@@ -182,7 +182,7 @@ def meet(t, y, engine, around, turning):
 
 @making_arrays
 def _tilt(t, around, turning):
-    """Return the attitude error of the run's navigation in pitch and yaw (rad), where the controller has that."""
+    """Return the navigation's attitude error in pitch and yaw (rad); zero if the controller does not use it."""
     if turning.control.settings.feed.attitude != OF_THE_RUN:
         return 0.0, 0.0
     e = error_at(t, around.navigation)
@@ -197,7 +197,7 @@ def _tilt(t, around, turning):
 
 @making_arrays
 def _aim(t, around, turning):
-    """Let the axes turn to the direction that explicit guidance asks for, once it steers."""
+    """Set the targets of both axes to the direction of explicit guidance, after its first pass."""
     if around.law.kept[STARTED] == 0.0:
         return
     u, (ahead, up, right) = commanded(t, around), axes_at(t, turning.control.course)
@@ -210,7 +210,8 @@ def _aim(t, around, turning):
 def _advance(t, h, y, engine, around, turning, end):
     """Turn the body and move it over h seconds from y (7,); end (7,) is set.
 
-    The velocity takes the mean of the accelerations at both ends, the second one where the first alone leads.
+    The velocity changes by the mean of the accelerations at both ends (Heun). The second acceleration is evaluated at
+    the state predicted with the first.
     """
     met, before = meet(t, y, engine, around, turning)
     move(turning.control, met, h)
@@ -227,7 +228,7 @@ def _advance(t, h, y, engine, around, turning, end):
 
 @making_arrays
 def _short(t, y, around, cutoff, kind):
-    """Return how far a state is from what ends the burn; below zero beyond it."""
+    """Return the distance of a state to the end of the burn: mass, energy or time; negative after it."""
     if kind == EMPTY:
         return y[6] - cutoff.empty
     if cutoff.by_energy:
@@ -241,7 +242,8 @@ def turn_piece(
 ) -> tuple[float, Floats, int]:
     """Return time (s), state (7,) and how it ends, of a piece of flight that ends at `end` at the latest.
 
-    Ticks are counted on through the pieces; a command holds over the end of a piece, an engine does not.
+    The count of ticks continues from piece to piece. A command stays in force across the end of a piece; an engine does
+    not.
     """
     control, law = turning.control, around.law
     count, memory, dt = control.counts, control.memory, control.course.t[1] - control.course.t[0]

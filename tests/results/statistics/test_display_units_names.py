@@ -8,7 +8,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from lvnav_trade.results.statistics.display_units import case_names, named
+from lvnav_trade.imu.array import ImuSet
+from lvnav_trade.results.statistics.display_units import _NAMELESS, case_names, named
 from lvnav_trade.results.tables.read import Tables
 
 IMU = {"labels": ["fog", "mems"], "values": [{"name": "Fibre-optic gyro"}, {"name": "MEMS gyro"}]}
@@ -46,12 +47,17 @@ def test_numbers_stay_with_the_name_of_their_axis():
     assert list(case_names(found).values()) == ["Fibre-optic gyro · rate=1 Hz", "MEMS gyro · rate=2 Hz"]
 
 
+def test_an_array_of_imus_that_is_written_in_the_campaign_has_no_title():
+    assert ImuSet.model_fields["name"].default == _NAMELESS
+
+
 @pytest.mark.parametrize(
     "axis",
     [
         {"labels": ["fog", "mems"], "values": ["1.0 m", "2.0 m"]},
         {"labels": ["Our FOG", "Our MEMS"], "values": IMU["values"]},
         {"labels": ["fog", "mems"], "values": [{"name": "The same"}, {"name": "The same"}]},
+        {"labels": ["alone", "redundant"], "values": [{"name": "Fibre-optic gyro"}, {"name": "several units"}]},
         {"labels": ["fog", "mems"], "values": [{"name": "Fibre-optic gyro"}, {"name": "x" * 200}]},
     ],
 )

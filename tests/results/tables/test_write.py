@@ -119,6 +119,14 @@ def test_a_table_that_becomes_empty_is_removed(tmp_path):
     assert load(tmp_path).observability.empty
 
 
+def test_another_campaign_takes_a_folder_in_which_nothing_was_stored(tmp_path):
+    open_results(tmp_path, "synthetic", CAMPAIGN, {})
+    (tmp_path / "notes.txt").write_text("mine")
+    open_results(tmp_path, "synthetic", CAMPAIGN.replace("seed: 7", "seed: 8"), {})
+    assert "seed: 8" in (tmp_path / "campaign.resolved.yaml").read_text()
+    assert (tmp_path / "notes.txt").exists()
+
+
 def test_another_campaign_is_refused_and_fresh_starts_again(tmp_path):
     synthetic.results(tmp_path, n_run=8)
     other = CAMPAIGN.replace("seed: 7", "seed: 8")
