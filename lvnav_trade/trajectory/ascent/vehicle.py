@@ -339,11 +339,11 @@ class VehicleAscent(FlightCard):
 
     def _unguided(self) -> Iterator[str]:
         if self.dispersion is not None and (self.dispersion.sigmas or self.dispersion.drawn):
-            yield "dispersion.sigmas and dispersion.draw need guidance: open_loop or explicit"
+            yield "dispersion: sigmas and draw need guidance: open_loop or explicit"
         if self.cutoff != "energy":
-            yield "cutoff has no effect without guidance: give guidance: open_loop or explicit"
+            yield "cutoff: has no effect without guidance: give guidance: open_loop or explicit"
         if self.attitude_lag is not None:
-            yield "attitude_lag has no effect without guidance: give guidance: open_loop or explicit"
+            yield "attitude_lag: has no effect without guidance: give guidance: open_loop or explicit"
 
     def _misguided(self) -> Iterator[str]:
         if self.parking is not None:
@@ -352,15 +352,15 @@ class VehicleAscent(FlightCard):
                 "nominal, or leave parking out"
             )
         if self.oscillation:
-            yield f"guidance: {self.guidance} flies a body that does not oscillate: leave oscillation out"
+            yield f"oscillation: with guidance: {self.guidance} the body does not oscillate; leave it out"
         if self.control is not None:
             yield from self.control.misguided(self.guidance)
             if self.attitude_lag is not None:
-                yield "attitude_lag and control both say how the body follows its command; leave one of them out"
+                yield "attitude_lag: control also states how the body follows its command; leave one of them out"
         if self.dispersion is not None:
             yield from self.dispersion.misfits(self.vehicle.dispersions)
             if self.dispersion.pitch_program != 0.0:
-                yield "dispersion.pitch_program moves a programme that guidance flies as it is; leave it out"
+                yield "dispersion.pitch_program: has no effect with guidance; leave it out"
 
     @property
     def inserting(self) -> int:

@@ -28,8 +28,8 @@ def test_every_shipped_vehicle_has_all_spreads_and_says_that_they_are_assumed():
 @pytest.mark.parametrize(("changes", "message"), [
     ({"dispersion": {"draw": "all"}}, "need guidance"),
     ({"dispersion": {"sigmas": {"thrust": 1.0}}}, "need guidance"),
-    ({"cutoff": "time"}, "cutoff has no effect without guidance"),
-    ({"attitude_lag": "0.5 s"}, "attitude_lag has no effect without guidance"),
+    ({"cutoff": "time"}, "cutoff: has no effect without guidance"),
+    ({"attitude_lag": "0.5 s"}, "attitude_lag: has no effect without guidance"),
     ({"guidance": "explicit", "attitude_lag": "1 ms"}, "greater than or equal to 0.01"),
     ({"guidance": "explicit", "dispersion": {"pitch_program": "0.1 deg"}}, "pitch_program"),
     ({"guidance": "explicit", "dispersion": {"sigmas": {"thrust": 7.0}}}, "beyond six sigma"),
