@@ -1,154 +1,39 @@
 """Linear covariance of a case on its nominal flight: formal covariance, true covariance, and error budget by source."""
 
-from typing import Any, NamedTuple
-
 import numpy as np
 
 from lvnav_trade.covariance.adjoint import Backward, Entering, go_back
-from lvnav_trade.covariance.components import Components, components
-from lvnav_trade.covariance.forward import expected_nees, false_rejection, forward
+from lvnav_trade.covariance.components import components
+from lvnav_trade.covariance.forward import expected_nees, false_rejection
+from lvnav_trade.covariance.forward_pass import linear_case, run_pass
 from lvnav_trade.covariance.injection import injection_law, injection_rows
-from lvnav_trade.covariance.outputs import behind, last_epoch, sample_outputs, solution_outputs_of
+from lvnav_trade.covariance.outputs import behind, sample_outputs, solution_outputs_of
+from lvnav_trade.covariance.segments import case_at, has_uncorrected_outputs, with_outputs
 from lvnav_trade.covariance.sources import n_joint, source_labels
 from lvnav_trade.covariance.workspace import (
-    Axes,
     PassResults,
-    Reported,
     UpdateTape,
     new_backward_scratch,
-    new_flight,
-    new_joint,
-    new_nominal,
-    new_nominal_earlier,
     new_tape,
     row_width,
 )
-from lvnav_trade.filter.policies.delay import N_PAST
-from lvnav_trade.filter.policies.imu_samples import new_motion
-from lvnav_trade.filter.policies.integrity.state import Monitor, decisions_of, new_monitor
-from lvnav_trade.filter.policies.mode_logic import PREDICTED, Watch, new_watch
+from lvnav_trade.filter.policies.integrity.state import decisions_of
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.quantities.errors import InputError, Mistake
 from lvnav_trade.quantities.frames import matrices
 from lvnav_trade.quantities.records import (
-    AIDING,
-    PREDICTING,
-    STOPPED,
     AdjointBudget,
-    Bools,
     CovHistory,
     Floats,
     InjectionLaw,
     Ints,
 )
-from lvnav_trade.simulation.epoch.case import FilterCase, Parts, case_of
 from lvnav_trade.simulation.epoch.joint import NominalFlight
 from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.trajectory.guided.reference import Plan, steering_times
 from lvnav_trade.trajectory.guided.sensitivity import sensitivity
 
 N_MOTION = 9  # attitude, velocity and position
-_CORRECTING = (AIDING, PREDICTING)  # modes in which the outputs are corrected by the filter's error state
-
-
-class _Passed(NamedTuple):
-    """Results of a forward pass.
-
-    out : Covariances, means and budget at the history times.
-    monitor : Fault monitor; None without tests for faults.
-    watch : State of the mode logic; None without a mode logic.
-    """
-
-    out: PassResults
-    monitor: Monitor | None
-    watch: Watch | None
-
-
-def _pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool = True) -> _Passed:
-    """Run a forward pass and return its results; not aided: without processing measurements."""
-    parts, joint, flight = _new_parts(prepared), new_joint(prepared, true, tape), new_flight(prepared, true)
-    turned = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
-    forward(new_nominal(prepared), parts, _case(prepared, aided), joint, flight, Axes(turned, prepared.record.axes))
-    return _Passed(joint.out, parts.monitor, parts.watch)
-
-
-def _case(prepared: Prepared, aided: bool = True) -> FilterCase:
-    """Return the inputs of an epoch in linear covariance.
-
-    To first order, a direct, an iterated and an unscented filter equal the extended filter, and an open loop equals a
-    closed loop (`Parts` without its arrays). No measurement is rejected by the gate.
-    """
-    options = prepared.options._replace(direct=None, iterated=None, unscented=None, solver=None)
-    model = prepared.model._replace(aided=prepared.model.aided and aided, gate_squared=np.inf)
-    return case_of(prepared, options=options, model=model)
-
-
-def _new_parts(prepared: Prepared) -> Parts:
-    """Return the arrays of the optional features that a case has, for its nominal flight."""
-    options, parts = prepared.options, dict[str, Any]()
-    sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
-    if options.rules is not None:
-        parts["watch"] = new_watch(*sizes)
-    if options.integrity is not None:
-        parts["monitor"] = new_monitor(*sizes, options.integrity.window)
-    if options.late is not None:
-        parts["past"] = np.zeros((1 + options.late.buffered.size, N_PAST))
-    if options.vehicle is not None:
-        parts["motion"] = new_motion(prepared.layout.n_state, options.vehicle.columns.shape[1])
-    if options.solver is not None:
-        parts["rx"] = Reported(np.zeros((6, 6)))
-    return Parts(earlier=new_nominal_earlier(prepared), **parts)
-
-
-def has_uncorrected_outputs(prepared: Prepared) -> bool:
-    """Return whether a mode logic decides when the outputs of an open loop are corrected instead of the INS's own."""
-    return prepared.options.rules is not None and prepared.scenario.filter.feedback == "open"
-
-
-def uncorrected(prepared: Prepared) -> Prepared:
-    """Return the case with a filter that never starts: the outputs are those of the INS over the whole flight."""
-    rules = prepared.options.rules
-    return prepared._replace(options=prepared.options._replace(rules=rules._replace(good=np.zeros_like(rules.good))))
-
-
-def _unaided_after(prepared: Prepared, epoch: int) -> Prepared:
-    """Return the case whose filter gets no sample from an epoch on, so that it goes on by prediction alone."""
-    rules = prepared.options.rules
-    good = rules.good & (np.arange(rules.good.size) < epoch)
-    return prepared._replace(options=prepared.options._replace(rules=rules._replace(good=good)))
-
-
-def uncorrected_outputs(prepared: Prepared, mode: Floats) -> list[tuple[Prepared, Bools]]:
-    """Return the cases that describe the outputs where the filter does not correct them, each with the history times
-    (n_hist,) at which it does: the inertial system alone, or, after a stop, the prediction of the correction.
-
-    mode : (n_epoch,). Mode on the nominal flight, logged where the filter has an update.
-    """
-    every, logged = prepared.model.every, np.asarray(mode)
-    update = (last_epoch(prepared) + 1) // every * every - 1
-    own = (update < 0) | ~np.isin(logged[update], _CORRECTING)
-    if prepared.options.rules.after_stop != PREDICTED:
-        return [(uncorrected(prepared), own)]
-    updates = np.arange(every - 1, logged.size, every)
-    modes = logged[updates]
-    stops = updates[1:][np.isin(modes[:-1], _CORRECTING) & (modes[1:] == STOPPED)]
-    last = np.searchsorted(stops, update, side="right") - 1
-    cases = [uncorrected(prepared), *(_unaided_after(prepared, int(stop)) for stop in stops)]
-    return [(case, own & (last == k - 1)) for k, case in enumerate(cases)]
-
-
-def _with_outputs(prepared: Prepared, true: Components, tape: UpdateTape, passed: _Passed) -> PassResults:
-    """Return the record of a pass with the errors of the outputs where the filter does not correct them."""
-    if passed.watch is None or not has_uncorrected_outputs(prepared):
-        return passed.out
-    out = passed.out
-    for case, times in uncorrected_outputs(prepared, passed.watch.mode):
-        if times.any():
-            alone = _pass(case, true, tape).out
-            for to, source in zip(out[1:5], alone[1:5], strict=True):  # true, mean, budget, samples
-                if len(to):
-                    to[times] = source[times]
-    return out
 
 
 def covariance(prepared: Prepared) -> CovHistory:
@@ -172,9 +57,9 @@ def covariance(prepared: Prepared) -> CovHistory:
     """
     true, nothing = components(prepared), new_tape(0, 0, n_joint(prepared), row_width(prepared))
     tape = nothing if prepared.plan is None else _whole_tape(prepared)
-    passed = _pass(prepared, true, tape)
+    passed = run_pass(prepared, true, tape)
     _refuse_unbounded(prepared, passed.out.formal)
-    out, monitor = _with_outputs(prepared, true, nothing, passed), passed.monitor
+    out, monitor, _ = with_outputs(prepared, true, nothing, passed)
     history = solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
     if prepared.plan is not None:
         history = history._replace(injection=_injection(prepared, prepared.plan, tape, out))
@@ -184,7 +69,7 @@ def covariance(prepared: Prepared) -> CovHistory:
     if prepared.options.backup is None:
         return history
     # the backup strapdown does not depend on measurements, so its covariance is that of a pass without them
-    alone, motion = _pass(prepared, true, nothing, aided=False).out, slice(0, N_MOTION)
+    alone, motion = run_pass(prepared, true, nothing, aided=False).out, slice(0, N_MOTION)
     turn = turns(prepared)[:, motion, motion]
     formal, total = (turn @ P[:, motion, motion] @ np.swapaxes(turn, 1, 2) for P in (alone.formal, alone.true))
     mean = np.einsum("hij,hj->hi", turn, alone.mean[:, motion])
@@ -206,7 +91,7 @@ def forward_tape(prepared: Prepared, aided: bool = True) -> UpdateTape:
     aided : whether measurements are processed
     """
     tape = _whole_tape(prepared)
-    _pass(prepared, components(prepared), tape, aided)
+    run_pass(prepared, components(prepared), tape, aided)
     return tape
 
 
@@ -342,11 +227,8 @@ def _go_back(
     """
     true, schedule = components(prepared), prepared.schedule
     if has_uncorrected_outputs(prepared):
-        nothing = new_tape(0, 0, n_joint(prepared), row_width(prepared))
-        watch = _pass(prepared, true, nothing).watch
-        for case, times in uncorrected_outputs(prepared, watch.mode) if watch is not None else ():
-            if times[hist[-1]]:
-                tape = forward_tape(case)
+        described = case_at(prepared, true, int(hist[-1]))
+        tape = tape if described is prepared else forward_tape(described)
     tape = tape or forward_tape(prepared)
     last = int(np.flatnonzero(schedule.hist == hist[-1])[0])
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
@@ -362,7 +244,7 @@ def _go_back(
     place[hist] = np.arange(len(hist))
     entering = Entering(place, np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, 0), (0, n - rows.shape[2]))))
     flight = NominalFlight(prepared.unit, prepared.reference, prepared.chain, None)
-    go_back(back, new_backward_scratch(prepared, true), tape, true, _case(prepared), flight, entering, bins)
+    go_back(back, new_backward_scratch(prepared, true), tape, true, linear_case(prepared), flight, entering, bins)
     return edges, back.contribution
 
 

@@ -2,9 +2,9 @@
 
 Monte Carlo calls it for one run or eight lanes. Linear covariance calls it on the nominal flight, where the error state
 stays zero; the joint covariance (Joint, None in a run) follows every update with the gain of the filter
-(`follow_update`), and tests see the mean of an innovation (`innovation_of`). `covariance/history._case` has removed the
-features that linear covariance does not have: gate, direct, iterated and unscented filter, solver. An open loop is
-closed there.
+(`follow_update`), and tests see the mean of an innovation (`innovation_of`). `linear_case` in
+`covariance/forward_pass.py` has removed the features that linear covariance does not have: gate, direct, iterated and
+unscented filter, solver. An open loop is closed there.
 
 The order is defined here. Whether a measurement is processed depends on
 

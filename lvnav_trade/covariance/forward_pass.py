@@ -1,0 +1,76 @@
+"""One forward pass of linear covariance: a case made ready for it, and its results."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.covariance.components import Components
+from lvnav_trade.covariance.forward import forward
+from lvnav_trade.covariance.workspace import (
+    Axes,
+    PassResults,
+    Reported,
+    UpdateTape,
+    new_flight,
+    new_joint,
+    new_nominal,
+    new_nominal_earlier,
+)
+from lvnav_trade.filter.policies.delay import N_PAST
+from lvnav_trade.filter.policies.imu_samples import new_motion
+from lvnav_trade.filter.policies.integrity.state import Monitor, new_monitor
+from lvnav_trade.filter.policies.mode_logic import Watch, new_watch
+from lvnav_trade.quantities.frames import matrices
+from lvnav_trade.simulation.epoch.case import FilterCase, Parts, case_of
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+
+class PassOutcome(NamedTuple):
+    """Results of a forward pass.
+
+    out : Covariances, means and budget at the history times.
+    monitor : Fault monitor; None without tests for faults.
+    watch : State of the mode logic; None without a mode logic.
+    """
+
+    out: PassResults
+    monitor: Monitor | None
+    watch: Watch | None
+
+
+def run_pass(prepared: Prepared, true: Components, tape: UpdateTape, aided: bool = True) -> PassOutcome:
+    """Run a forward pass and return its results; not aided: without processing measurements."""
+    parts, joint, flight = _new_parts(prepared), new_joint(prepared, true, tape), new_flight(prepared, true)
+    turned = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
+    forward(
+        new_nominal(prepared), parts, linear_case(prepared, aided), joint, flight, Axes(turned, prepared.record.axes)
+    )
+    return PassOutcome(joint.out, parts.monitor, parts.watch)
+
+
+def linear_case(prepared: Prepared, aided: bool = True) -> FilterCase:
+    """Return the inputs of an epoch in linear covariance.
+
+    To first order, a direct, an iterated and an unscented filter equal the extended filter, and an open loop equals a
+    closed loop (`Parts` without its arrays). No measurement is rejected by the gate.
+    """
+    options = prepared.options._replace(direct=None, iterated=None, unscented=None, solver=None)
+    model = prepared.model._replace(aided=prepared.model.aided and aided, gate_squared=np.inf)
+    return case_of(prepared, options=options, model=model)
+
+
+def _new_parts(prepared: Prepared) -> Parts:
+    """Return the arrays of the optional features that a case has, for its nominal flight."""
+    options, parts = prepared.options, dict[str, Any]()
+    sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
+    if options.rules is not None:
+        parts["watch"] = new_watch(*sizes)
+    if options.integrity is not None:
+        parts["monitor"] = new_monitor(*sizes, options.integrity.window)
+    if options.late is not None:
+        parts["past"] = np.zeros((1 + options.late.buffered.size, N_PAST))
+    if options.vehicle is not None:
+        parts["motion"] = new_motion(prepared.layout.n_state, options.vehicle.columns.shape[1])
+    if options.solver is not None:
+        parts["rx"] = Reported(np.zeros((6, 6)))
+    return Parts(earlier=new_nominal_earlier(prepared), **parts)

@@ -1,0 +1,168 @@
+"""Open loop with a mode logic on its nominal flight: restarts of the filter, and outputs that it does not correct."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.covariance.components import Components
+from lvnav_trade.covariance.forward_pass import PassOutcome, run_pass
+from lvnav_trade.covariance.outputs import last_epoch
+from lvnav_trade.covariance.sources import n_joint
+from lvnav_trade.covariance.workspace import PassResults, UpdateTape, new_tape, row_width
+from lvnav_trade.filter.policies.mode_logic import PREDICTED
+from lvnav_trade.quantities.records import AIDING, CONVERGING, PREDICTING, STOPPED, WAITING, Bools, Floats, Ints
+from lvnav_trade.simulation.preparation.prepare import Prepared
+
+_RUNNING = (CONVERGING, AIDING, PREDICTING)  # modes in which the filter runs
+_CORRECTING = (AIDING, PREDICTING)  # modes in which the outputs are corrected by the filter's error state
+
+
+def has_uncorrected_outputs(prepared: Prepared) -> bool:
+    """Return whether a mode logic decides when the outputs of an open loop are corrected instead of the INS's own."""
+    return prepared.options.rules is not None and prepared.scenario.filter.feedback == "open"
+
+
+class Segment(NamedTuple):
+    """Part of a nominal flight from one start of the filter to the next.
+
+    case : Case whose filter gets no sample before those that start it here.
+    first : Epoch of the start.
+    passed : Results of a forward pass of this case; they describe the segment.
+    mode : (n_epoch,). Mode after each epoch, by the log of this pass.
+    """
+
+    case: Prepared
+    first: int
+    passed: PassOutcome
+    mode: Floats
+
+
+def segments_of(prepared: Prepared, true: Components, passed: PassOutcome) -> list[Segment]:
+    """Return the segments of a nominal flight; more than one if the mode logic restarts the filter of an open loop.
+
+    A restart discards all estimates. The error is then that of the inertial system, with all its correlations, as
+    before a first start. A restart is therefore computed as the first start of a filter that got no sample before.
+
+    passed : results of a pass of the case itself
+    """
+    mode = _mode_log(prepared, passed)
+    starts = _starts(prepared, mode)
+    segments = [Segment(prepared, int(starts[0]) if starts.size else 0, passed, mode)]
+    nothing = new_tape(0, 0, n_joint(prepared), row_width(prepared))
+    while (later := starts[starts > segments[-1].first]).size:
+        case = _started_at(prepared, int(later[0]))
+        passed = run_pass(case, true, nothing)
+        segments.append(Segment(case, int(later[0]), passed, _mode_log(case, passed)))
+        starts = _starts(case, segments[-1].mode)
+    return segments
+
+
+def _mode_log(prepared: Prepared, passed: PassOutcome) -> Floats:
+    """Return the mode of the filter after each epoch, (n_epoch,); waiting without a mode logic."""
+    return passed.watch.mode if passed.watch is not None else np.full(prepared.t_epoch.size, float(WAITING))
+
+
+def _updates(prepared: Prepared) -> Ints:
+    """Return the epochs at which the mode logic has a step."""
+    every = prepared.model.every
+    return np.arange(every - 1, prepared.t_epoch.size, every)
+
+
+def _last_update(prepared: Prepared) -> Ints:
+    """Return the last step of the mode logic up to each history time, (n_hist,); negative before the first."""
+    every = prepared.model.every
+    return (last_epoch(prepared) + 1) // every * every - 1
+
+
+def _starts(prepared: Prepared, mode: Floats) -> Ints:
+    """Return the epochs at which the filter starts; mode (n_epoch,) after each epoch."""
+    epochs = _updates(prepared)
+    running = np.isin(mode[epochs], _RUNNING)
+    return epochs[running & ~np.concatenate([[False], running[:-1]])]
+
+
+def _started_at(prepared: Prepared, epoch: int) -> Prepared:
+    """Return the case whose filter gets no sample before those that start it at an epoch."""
+    first = epoch - round(prepared.options.rules.start_after - 1) * prepared.model.every
+    return _with_samples(prepared, np.arange(prepared.t_epoch.size) >= first)
+
+
+def _unaided_after(prepared: Prepared, epoch: int) -> Prepared:
+    """Return the case whose filter gets no sample from an epoch on, so that it goes on by prediction alone."""
+    return _with_samples(prepared, np.arange(prepared.t_epoch.size) < epoch)
+
+
+def _with_samples(prepared: Prepared, permitted: Bools) -> Prepared:
+    """Return the case whose filter gets samples of the receiver at the permitted epochs (n_epoch,) only."""
+    rules = prepared.options.rules
+    rules = rules._replace(good=rules.good & permitted)
+    return prepared._replace(options=prepared.options._replace(rules=rules))
+
+
+def uncorrected(prepared: Prepared) -> Prepared:
+    """Return the case with a filter that never starts: the outputs are those of the INS over the whole flight."""
+    return _unaided_after(prepared, 0)
+
+
+def times_of(prepared: Prepared, segments: list[Segment]) -> list[Bools]:
+    """Return the history times (n_hist,) of each segment; the first begins with the flight."""
+    firsts = np.array([segment.first for segment in segments[1:]], dtype=np.int64)
+    number = np.searchsorted(firsts, _last_update(prepared), side="right")
+    return [number == k for k in range(len(segments))]
+
+
+def uncorrected_outputs(prepared: Prepared, segments: list[Segment]) -> list[tuple[Prepared, Bools]]:
+    """Return the cases that describe the outputs where the filter does not correct them, each with the history times
+    (n_hist,) at which it does: the inertial system alone, or, after a stop, the prediction of the correction.
+    """
+    update, updates = _last_update(prepared), _updates(prepared)
+    cases = [(uncorrected(prepared), np.zeros(update.size, dtype=bool))]
+    for segment, within in zip(segments, times_of(prepared, segments), strict=True):
+        mode = segment.mode
+        outside = within & ((update < 0) | ~np.isin(mode[update], _CORRECTING))
+        stops = updates[1:][np.isin(mode[updates[:-1]], _CORRECTING) & (mode[updates[1:]] == STOPPED)]
+        stop = stops[stops >= segment.first][:1] if prepared.options.rules.after_stop == PREDICTED else stops[:0]
+        before = outside & (update < stop[0]) if stop.size else outside
+        cases[-1] = (cases[-1][0], cases[-1][1] | before)
+        if stop.size:
+            cases.append((_unaided_after(segment.case, int(stop[0])), outside & ~before))
+    return cases
+
+
+def with_outputs(prepared: Prepared, true: Components, tape: UpdateTape, passed: PassOutcome) -> PassOutcome:
+    """Return the results of a pass with those of the segments after restarts, and with the errors of the outputs where
+    the filter does not correct them.
+    """
+    if not has_uncorrected_outputs(prepared):
+        return passed
+    out, segments = passed.out, segments_of(prepared, true, passed)
+    for segment, times in zip(segments[1:], times_of(prepared, segments)[1:], strict=True):
+        _copy_times(out, segment.passed.out, times)
+        out.formal[times] = segment.passed.out.formal[times]
+        for name in ("n_row", "expected_nis", "row_ratio"):
+            getattr(out, name)[segment.first :] = getattr(segment.passed.out, name)[segment.first :]
+        if passed.monitor is not None and segment.passed.monitor is not None:
+            for name in ("isolated", "excluded"):
+                getattr(passed.monitor, name)[segment.first :] = getattr(segment.passed.monitor, name)[segment.first :]
+    for case, times in uncorrected_outputs(prepared, segments):
+        if times.any():
+            _copy_times(out, run_pass(case, true, tape).out, times)
+    return passed
+
+
+def _copy_times(out: PassResults, source: PassResults, times: Bools) -> None:
+    """Copy the true covariance, the mean, the budget and the errors of samples at some history times (n_hist,)."""
+    for name in ("true", "mean", "budget", "samples"):
+        if len(getattr(out, name)):
+            getattr(out, name)[times] = getattr(source, name)[times]
+
+
+def case_at(prepared: Prepared, true: Components, hist: int) -> Prepared:
+    """Return the case whose pass describes the outputs of an open loop with a mode logic at a history time."""
+    nothing = new_tape(0, 0, n_joint(prepared), row_width(prepared))
+    segments = segments_of(prepared, true, run_pass(prepared, true, nothing))
+    after_restarts = zip((segment.case for segment in segments[1:]), times_of(prepared, segments)[1:], strict=True)
+    for case, times in (*uncorrected_outputs(prepared, segments), *after_restarts):
+        if times[hist]:
+            return case
+    return prepared
