@@ -18,10 +18,11 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.campaign.definition.axes import Case, cases
+from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.definition.schema import Campaign, Requirement
 from lvnav_trade.campaign.definition.searches import Indices
 from lvnav_trade.campaign.reading.spaced import points
+from lvnav_trade.campaign.running.case_arrays import CaseArrays
 from lvnav_trade.campaign.running.pool import each
 from lvnav_trade.campaign.search.point import HISTORY, look, not_described
 from lvnav_trade.covariance.diagnostics.diagnostics import flown_events, scaled
@@ -29,6 +30,7 @@ from lvnav_trade.covariance.history import covariance
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.records import CovHistory, Floats
 from lvnav_trade.results.metrics.errors import NORM, StateError
+from lvnav_trade.results.metrics.injection import InjectionError
 from lvnav_trade.results.registry import metric_of
 from lvnav_trade.results.statistics.probability import basis, fitted, fitted_indices, predicted
 from lvnav_trade.scenario.scenario import Scenario
@@ -88,16 +90,14 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
     case = cases(campaign)[0]
     prepared = prepare(case.scenario, campaign.keep.history)
     history = covariance(prepared)
-    at, columns = _place(prepared, history, requirement, case)
-    by_source = history.budget[at][:, columns].sum(axis=1)
-    total = float(by_source.sum() + np.sum(history.mean[at, columns] ** 2))
-    able = [k for k in np.argsort(-by_source) if _is_scaled(case.scenario, history.sources[k])][: asked.sources]
-    sources, s = [history.sources[k] for k in able], by_source[able]
-    d = len(sources)
+    parts = _mean_squares(prepared, history, requirement)
+    able = [k for k in np.argsort(-parts.by_source) if _is_scaled(case.scenario, parts.sources[k])][: asked.sources]
+    sources, s = [parts.sources[k] for k in able], parts.by_source[able]
+    d, total = len(sources), parts.total
     if asked.samples < 2 * (terms := len(basis(d))):
         raise InputError(f"indices.samples: {asked.samples} are too few for {terms} polynomials; give {2 * terms}")
     u = 2.0 * points("sobol", d, 1 << (asked.samples - 1).bit_length(), campaign.seed)[: asked.samples] - 1.0
-    items = [(case.scenario, sources, asked.factor**sample, float(history.t[at]), columns) for sample in u]
+    items = [(case.scenario, sources, asked.factor**sample, requirement) for sample in u]
     value = np.array(list(each(jobs, mean_square, items, ordered=True)))
     rng = np.random.default_rng(campaign.seed)
     picks = [np.arange(len(u)), *rng.integers(0, len(u), (RESAMPLED, len(u)))]
@@ -123,33 +123,66 @@ def _requirement(campaign: Campaign, name: str) -> Requirement:
     if (
         not candidates
         or candidates[0].during is not None
-        or not isinstance(metric_of(candidates[0].metric), StateError)
+        or not isinstance(metric_of(candidates[0].metric), StateError | InjectionError)
     ):
         raise InputError(
-            f"indices.requirement: no requirement {quoted(name)} on an error of the navigation at an event"
+            f"indices.requirement: no requirement {quoted(name)} on an error of navigation or injection at an event"
         )
     return candidates[0]
 
 
-def _place(prepared: Prepared, history: CovHistory, asked: Requirement, case: Case) -> tuple[int, list[int]]:
-    """Return the index in the history of a requirement's event, and the columns of its error."""
-    metric, events = metric_of(asked.metric), flown_events(prepared)
+class _MeanSquares(NamedTuple):
+    """Mean square of an error by linear covariance, SI.
+
+    sources : Names of the error sources.
+    by_source : (n_source,). Contribution of each source.
+    total : Sum of all contributions, and the square of the mean.
+    """
+
+    sources: tuple[str, ...]
+    by_source: Floats
+    total: float
+
+
+def _mean_squares(prepared: Prepared, history: CovHistory, requirement: Requirement) -> _MeanSquares:
+    """Return the mean square of a requirement's error, by source; InputError if linear covariance does not give it."""
+    metric = metric_of(requirement.metric)
+    if isinstance(metric, InjectionError):
+        return _of_injection(prepared, history, requirement)
+    events = flown_events(prepared)
     columns = [
         k
         for k, output in enumerate(prepared.outputs)
         if isinstance(metric, StateError) and output.quantity == metric.quantity and metric.axis in (NORM, output.axis)
     ]
-    if asked.at not in events or not columns:
-        raise InputError(f"{case.label}: linear covariance does not hold {asked.metric} at {asked.at}")
-    return int(np.argmin(np.abs(history.t - events[str(asked.at)]))), columns
+    if requirement.at not in events or not columns:
+        raise InputError(f"indices: linear covariance does not hold {requirement.metric} at {requirement.at}")
+    at = int(np.argmin(np.abs(history.t - events[str(requirement.at)])))
+    by_source = history.budget[at][:, columns].sum(axis=1)
+    return _MeanSquares(history.sources, by_source, float(by_source.sum() + np.sum(history.mean[at, columns] ** 2)))
+
+
+def _of_injection(prepared: Prepared, history: CovHistory, requirement: Requirement) -> _MeanSquares:
+    """As `_mean_squares`, for an error of the injection of a guided ascent."""
+    distribution = metric_of(requirement.metric).law(CaseArrays(prepared, history), requirement.model_dump(mode="json"))
+    if isinstance(distribution, str):
+        raise InputError(f"indices.requirement: {requirement.metric}: {distribution}")
+    law = distribution.law
+    if not law.sources:
+        raise InputError(
+            f"indices.requirement: near a circular orbit {requirement.metric} is no sum over error sources; "
+            "take the error of the semi-major axis or of the eccentricity"
+        )
+    by_source = np.array([np.trace(part) for part in law.sources.values()])
+    return _MeanSquares(tuple(law.sources), by_source, float(np.trace(law.covariance) + law.mean @ law.mean))
 
 
 def _is_scaled(scenario: Scenario, source: str) -> bool:
     return scaled(scenario, source, 2.0) != scenario
 
 
-def mean_square(scenario: Scenario, sources: list[str], factors: Floats, t: float, columns: list[int]) -> float:
-    """Return the true mean square of an error at a time, with the sigmas of its sources scaled.
+def mean_square(scenario: Scenario, sources: list[str], factors: Floats, requirement: Requirement) -> float:
+    """Return the true mean square of a requirement's error, with the sigmas of error sources scaled.
 
     Parameters
     ----------
@@ -159,10 +192,8 @@ def mean_square(scenario: Scenario, sources: list[str], factors: Floats, t: floa
         Names of the error sources.
     factors : (n_source,) array
         Factor of each sigma.
-    t : float
-        Time (s).
-    columns : list of int
-        Outputs whose mean squares are added.
+    requirement : Requirement
+        Requirement on an error at an event.
 
     Returns
     -------
@@ -171,6 +202,5 @@ def mean_square(scenario: Scenario, sources: list[str], factors: Floats, t: floa
     """
     for source, factor in zip(sources, factors, strict=True):
         scenario = scaled(scenario, source, float(factor))
-    history = covariance(prepare(scenario, HISTORY))
-    at = int(np.argmin(np.abs(history.t - t)))
-    return float(np.sum(history.true_sigma[at, columns] ** 2 + history.mean[at, columns] ** 2))
+    prepared = prepare(scenario, HISTORY)
+    return _mean_squares(prepared, covariance(prepared), requirement).total
