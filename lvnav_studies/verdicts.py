@@ -69,7 +69,7 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
     )
     only = {word: int((groups == frozenset([word])).sum()) for word in _HEADINGS}
     said = {
-        HOLDS: "hold in every reading",
+        HOLDS: "hold in every evaluation",
         FAILS: "do not hold here",
         UNDECIDED: "are undecided",
         NOT_SET_UP: "are not set up",

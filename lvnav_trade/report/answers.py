@@ -133,7 +133,7 @@ def _by_covariance(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[st
     differing = frame[(frame.verdict != frame.case.map(runs)) | (len(frame) <= _FEW)]
     applies = ~differing.verdict.isin(["not applicable", "not confirmed"])
     sentences = [
-        f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to keep it"
+        f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to meet it"
         for row in differing[applies].itertuples()
     ]
     for (verdict, reason), rows in differing[~applies].groupby(["verdict", "reason"], sort=False):
@@ -158,7 +158,7 @@ def _undecided(rows: pd.DataFrame) -> list[str]:
 def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.DataFrame) -> list[str]:
     """Return the largest error source by linear covariance for each case that violates a requirement.
 
-    The mean error, which is the same in every flight, counts as a source. For a phase, the budget is that of the event
+    The mean error, which is the same in every run, counts as a source. For a phase, the budget is that of the event
     with the smallest margin.
     """
     budget, quantity = METRICS["budget"](tables), split_metric(requirement["metric"])[0]

@@ -12,11 +12,11 @@ from lvnav_trade.results.tables.read import Tables
 
 _FEW = 4
 _RESOURCES = r"(?:^|\.)resources\."
-_ORDER = "The errors and the order of the cases are no better than these numbers."
-_COST_ALONE = "Only the section Cost and performance uses them; errors and margins do not."
+_ORDER = "Errors and ranking of the cases are only as reliable as these numbers."
+_COST_ALONE = "Only the section Cost and performance uses them. Errors and margins do not depend on them."
 _SPREADS = "vehicle.dispersions"
 _SOURCE = {"wind_length": "wind"}  # fields of the dispersions that belong to the source of another field
-_ALONG = "Navigation errors are those along the nominal flight. See Assumptions."
+_ALONG = "Navigation errors are those on the nominal trajectory. See Assumptions."
 _NAMES = {"imu": "IMU", "receiver": "Receiver"}
 
 
@@ -72,7 +72,7 @@ def placed_by_assumptions(tables: Tables) -> list[Block]:
         rows = rows[[_SOURCE.get(field, field.replace("_", " ")) in drawn for field in rows.field]]
     if rows.empty:
         return []
-    text = f"{_fields(list(rows.field))}. Errors of the achieved orbit are no better than these numbers. {_ALONG}"
+    text = f"{_fields(list(rows.field))}. Errors of the achieved orbit are only as reliable as these numbers. {_ALONG}"
     marks = " and ".join(mark.replace("_", " ") for mark in dict.fromkeys(rows.mark))
     return [Text(text[0].upper() + text[1:], f"The achieved orbit depends on {marks} dispersions of the vehicle.")]
 
@@ -123,5 +123,5 @@ def _table(tables: Tables, kind: str, frame: pd.DataFrame) -> Table:
         values = dict(zip(rows.term, rows.value_text, strict=True))
         lines.setdefault((str(rows["name"].iloc[0]), *(values.get(term, "–") for term in terms)), []).append(str(case))
     body = tuple((*line, cases_in_words(tables, dict.fromkeys(cases))) for line, cases in lines.items())
-    caption = f"{kind[0].upper()}{kind[1:]}: key numbers of the cards, one sigma where they are errors."
+    caption = f"{kind[0].upper()}{kind[1:]}: key numbers of the cards; errors are 1 sigma."
     return Table((kind, *terms, "cases"), body, (False,) * (len(terms) + 2), caption)

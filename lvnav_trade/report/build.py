@@ -38,7 +38,7 @@ def _requirements(tables: Tables) -> list[Block]:
 
 
 SECTIONS: dict[str, tuple[str, Blocks]] = {
-    "space": ("The designs together", together.space),
+    "space": ("All designs", together.space),
     "summary": ("Answer", summary),
     "requirements": ("Requirements", _requirements),
     "pareto": ("Cost and performance", space.pareto),
@@ -49,25 +49,25 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "agreement": ("Monte Carlo against linear covariance", _agreement),
     "satellites": ("Satellites", evidence.satellites),
     "tracking": ("Tracking", evidence.tracking),
-    "logic": ("The filter's logic", evidence.logic),
-    "integrity": ("Faults found", diagnostics.integrity),
+    "logic": ("Mode logic of the filter", evidence.logic),
+    "integrity": ("Fault detection", diagnostics.integrity),
     "delays": ("Delays and latency", evidence.delays),
     "outages": ("Outages", evidence.outages),
     "references": ("Published numbers", evidence.references),
-    "exclusions": ("Inertial units excluded", flight.exclusions),
+    "exclusions": ("Excluded IMUs", flight.exclusions),
     "protection": ("Protection levels", flight.protection),
     "injection": ("Injection accuracy", injection.injection),
     "orbit": ("Orbit at injection", flight.orbit),
     "impact": ("Point of impact", flight.impact),
     "budget": ("Error budget", explained.budget),
-    "grades": ("What a better sensor is worth", explained.grades),
+    "grades": ("Benefit of better sensors", explained.grades),
     "motion": ("Rate and acceleration", flight.motion),
-    "control": ("The vehicle under control", flight.control),
-    "allan": ("Inertial units", flight.allan),
+    "control": ("Vehicle under attitude control", flight.control),
+    "allan": ("Allan deviation of the IMUs", flight.allan),
     "observability": ("Observability", explained.observability),
     "configuration": ("Configuration", configured.configuration),
     "assumptions": ("Assumptions", assumed.assumptions),
-    "models": ("What checks these models", registered.models),
+    "models": ("Validation of the models", registered.models),
     "reproduce": ("How to reproduce", evidence.reproduce),
 }
 """All sections by name, in their default order. An empty section is shown only if the campaign names it."""
@@ -155,7 +155,7 @@ def _made(tables: Tables, sections: Sequence[str] | None, step: Callable[[], Non
 
 def _without_cases(tables: Tables) -> list[Block]:
     """Return the blocks of results in which every case failed, with the reasons."""
-    lead = Text("None could be computed, so there are no results. The same lvnav-trade run tries them again.", "Cases.")
+    lead = Text("No case could be computed, so there are no results. Repeat lvnav-trade run to try again.", "Cases.")
     return [lead, *(Text(f"{line}.", "Lost:") for line in tables.manifest.get("lost", []))]
 
 

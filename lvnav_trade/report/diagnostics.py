@@ -54,7 +54,8 @@ def budget(tables: Tables, frame: pd.DataFrame) -> list[Block]:
                 further.append(_by_event(tables, case, quantity, rows))
             if len(rows) and quantity != "attitude" and (tables.adjoint.case == case).any():
                 further.append(figure(tables, "heatmap", case, quantity, name="when"))
-    return [*blocks, More("Budgets at every event, of other cases and quantities, and when errors were made", further)]
+    title = "Budgets at every event, other cases and quantities, and the times at which errors enter"
+    return [*blocks, More(title, further)]
 
 
 def _by_event(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> Table:
@@ -90,7 +91,7 @@ def _with_mean(tables: Tables, case: str, quantity: str, square: pd.Series[float
         return ()
     rms = np.hypot(mean, np.sqrt(square))
     significant_mean = np.where(mean >= _LEAST_SHARE * rms, mean, np.nan)
-    return ("mean, the same in every flight", *map(number, significant_mean)), ("root mean square", *map(number, rms))
+    return ("mean, the same in every run", *map(number, significant_mean)), ("root mean square", *map(number, rms))
 
 
 def _part(sigma: float, share: float) -> str:

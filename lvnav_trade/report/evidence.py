@@ -107,7 +107,7 @@ def trajectory(tables: Tables) -> list[Block]:
         facts = json.loads(tables.cases.set_index("case").facts[case])
         if facts:
             rows = tuple(fact(name, value) for name, value in facts.items())
-            blocks.append(Table(("what the flight achieves", "value"), rows, (False, True)))
+            blocks.append(Table(("result of the ascent", "value"), rows, (False, True)))
     return blocks
 
 
@@ -225,7 +225,7 @@ def agreement(tables: Tables) -> list[Block]:
     bad = rows[rows.agree == "disagree"].drop(columns="agree")
     if len(bad):
         bad = bad.assign(distance=(bad.ratio - 1.0).abs()).nlargest(12, "distance").drop(columns="distance")
-        blocks.append(table(bad.rename(columns=words), "Furthest from agreement (at most 12)."))
+        blocks.append(table(bad.rename(columns=words), "Largest disagreements (at most 12)."))
     return blocks + _controlled(tables)
 
 
@@ -245,7 +245,7 @@ def outages(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 def references(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return published numbers next to the computed numbers."""
     inside = int(frame.in_band.sum())
-    return [Text(f"{inside} of {len(frame)} numbers lie in their band."), stated("references", frame)]
+    return [Text(f"{inside} of {len(frame)} numbers are within their band."), stated("references", frame)]
 
 
 def reproduce(tables: Tables) -> list[Block]:
@@ -271,7 +271,7 @@ def reproduce(tables: Tables) -> list[Block]:
     return [
         Text(note("reproduce")),
         Text("lvnav-trade run campaign.resolved.yaml --out again\nlvnav-trade report .", kind="code"),
-        Table(("what", "value"), rows, (False, False), "What computed these results."),
+        Table(("item", "value"), rows, (False, False), "Origin of these results."),
         stated("cases", tables.cases),
     ]
 

@@ -7,6 +7,7 @@ import pandas as pd
 
 from lvnav_trade.report.blocks import Block, Text, stated
 from lvnav_trade.report.printed import short_cases
+from lvnav_trade.report.sentences import plural
 from lvnav_trade.results.evaluation.published import EDGES, at_an_edge, evidence, fitted, held, most_important
 from lvnav_trade.results.evaluation.verdicts import FAILS, HOLDS
 
@@ -17,7 +18,7 @@ _KINDS = {"number": "numbers", "order": "orders and statements on innovations"}
 _NOT_COUNTED = {
     "repeats": "results fixed by our inputs",
     "own": "results whose statement or bound is ours",
-    "again": "second readings of a published number",
+    "again": "second comparisons with a published number",
     "verification": "results that cannot fail here and verify the tool",
 }
 
@@ -63,7 +64,8 @@ def said(rows: pd.DataFrame, kinds: Mapping[str, Counted]) -> str:
     for row_kind, words in _KINDS.items():
         if row_kind in kinds:
             count = kinds[row_kind]
-            open_count = f", {count.undecided} are undecided" if count.undecided else ""
+            verb = plural(count.undecided, "is", "are")
+            open_count = f", {count.undecided} {verb} undecided" if count.undecided else ""
             each.append(f"{count.hold} of {count.total} {words} are reproduced, {count.fail} are not{open_count}")
     return f"Of {len(rows)} published results that count, {int(held(rows).sum())} are reproduced: {'; '.join(each)}"
 

@@ -21,7 +21,7 @@ from lvnav_trade.results.tables.read import Tables
 _FEW = 4  # up to this number of cases, each is named with its verdict
 _MULTIPLE = 2.0  # error over limit from which it is written as a multiple, not as a margin
 SIGNS = {"met": "✓", "undecided": "?", "not applicable": "–", "not confirmed": "!", "violated": "✗"}
-_ROLES = {"worst": "worst", "binding": "smallest margin of those within their limits", "best": "best"}
+_ROLES = {"worst": "worst design", "binding": "smallest positive margin", "best": "best design"}
 
 
 def summary(tables: Tables) -> list[Block]:
@@ -191,7 +191,7 @@ def _required(tables: Tables, frame: pd.DataFrame) -> str:
 def _beyond(tables: Tables) -> list[Block]:
     """Return a warning if cards allow flights outside validated limits, which a reader should not overlook."""
     lines = tables.manifest.get("beyond_limits", [])
-    return [Text(f"{'; '.join(lines)}. All results below rest on that.", "Beyond usual limits:")] if lines else []
+    return [Text(f"{'; '.join(lines)}. All results below depend on it.", "Outside validated limits:")] if lines else []
 
 
 def _scale(tables: Tables) -> str:
@@ -211,7 +211,7 @@ def _scale(tables: Tables) -> str:
 def _ranking(tables: Tables) -> Block:
     frame = METRICS["ranking"](tables)
     frame = frame.assign(failed=frame.case.map(tables.cases.set_index("label").failed_count))
-    left_out = " Runs that failed before are left out of it." if frame.failed.any() else ""
+    left_out = " Runs that failed before this event are excluded." if frame.failed.any() else ""
     columns = ["case | runs = run_count", *(["failed"] if left_out else [])]
     for quantity in (name for name in ("velocity", "position", "attitude") if name in frame):
         # Headings of a frame are unique: blanks of different length

@@ -139,10 +139,10 @@ def _not_evaluated(tables: Tables) -> list[Block]:
         parts.append(f"{listed(names, 2 * _FEW, ', ')}{scope}, around {words(event)}: {reason}")
     if not parts:
         return []
-    return [Text(f"How long the verdict holds is not known for {listed(parts, 2 * _FEW)}.", "Note:")]
+    return [Text(f"The duration of the verdict is unknown for {listed(parts, 2 * _FEW)}.", "Note:")]
 
 
-def when(row: Any, event: str = "it") -> str:
+def when(row: Any, event: str = "the event") -> str:
     """Return the time of the worst error in a window, relative to its event."""
     return say("when", offset=row.worst_s - row.t_s, event=event)
 

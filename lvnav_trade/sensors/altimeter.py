@@ -119,7 +119,7 @@ SENSORS = (
                     "::test_both_engines_agree_on_what_an_altimeter_does_bias_and_all",
                 ),
             ),
-            omits="Terrain and sea state: the ground is the ellipsoid. It points down whatever the attitude.",
+            omits="Terrain and sea state: the ground is the ellipsoid. The beam points down for any attitude.",
         ),
         fill=fill,
         order=0,

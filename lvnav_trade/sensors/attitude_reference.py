@@ -80,7 +80,7 @@ SENSORS = (
                     "::test_both_engines_take_an_attitude_reference_only_when_it_measures_and_agree",
                 ),
             ),
-            omits="How it finds the attitude: white noise, alike on all axes, without misalignment.",
+            omits="The measurement principle: the noise is white and equal on all axes, without misalignment.",
         ),
         fill=fill,
         measure=measure,

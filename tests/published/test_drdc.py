@@ -119,7 +119,7 @@ def test_the_nozzle_moves_less_with_the_filtered_rate(tmp_path):
     rows = publication("drdc").table(tables).set_index("item")
     assert rows.loc["jerk along z stays in its envelope", "ours"] > 99.0
     assert "last burn, pitch" in set(rows["id"])
-    assert "The vehicle under control" in build(tables.folder).read_text(encoding="utf-8")
+    assert "Vehicle under attitude control" in build(tables.folder).read_text(encoding="utf-8")
 
 
 def test_a_narrower_envelope_moves_the_nozzle_less_where_the_air_is_thin(tmp_path):

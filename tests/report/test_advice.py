@@ -38,9 +38,9 @@ def said(tables: Tables, source: str, factor: float, share: float, remark: str =
 
 def test_a_shipped_filter_that_models_the_source_comes_before_a_better_sensor(tables):
     assert said(tables, "accelerometer scale factor", 0.6727, 0.9555) == (
-        "imu=fine: use the filter card filters/tight_extended, which models the accelerometer scale-factor error; this "
-        "filter does not; it contributes 96 % of the mean-square velocity error at injection. Otherwise reduce the "
-        "accelerometer scale-factor error from 1500 to 1010 ppm (1 sigma), estimated with frozen gains."
+        "imu=fine: use the filter card filters/tight_extended, which models the accelerometer scale-factor error (this "
+        "filter does not), or reduce this error from 1500 to 1010 ppm (1 sigma), estimated with frozen gains. This "
+        "error contributes 96 % of the mean-square velocity error at injection."
     )
 
 
@@ -73,7 +73,7 @@ def test_the_share_is_of_the_error_that_the_requirement_is_on(tables):
 def test_several_sources_are_improved_together(tables):
     assert said(tables, "gyro bias, range noise", 0.5, 0.9, "together") == (
         "imu=fine: reduce the gyro bias, range noise together to 50 % of the present size (1 sigma), estimated "
-        "with frozen gains; they contribute 90 % of the mean-square velocity error at injection."
+        "with frozen gains. These errors contribute 90 % of the mean-square velocity error at injection."
     )
     assert said(tables, "", float("nan"), float("nan"), "nothing would do") == "imu=fine: nothing would do."
 

@@ -16,7 +16,7 @@ def test_each_requirement_is_answered_in_words(text):
     assert "further runs each without a failure would decide" in said
     assert (
         "<strong>To comply:</strong> imu=coarse: reduce the gyro bias to 82.6 % of the present size (1 sigma), "
-        "estimated with frozen gains; it contributes 72 % of the mean-square velocity error at injection."
+        "estimated with frozen gains. This error contributes 72 % of the mean-square velocity error at injection."
     ) in said
     assert "<strong>Linear covariance alone:</strong> imu=fine: met, more than 99.9 % of flights" in said
 

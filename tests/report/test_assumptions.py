@@ -39,9 +39,9 @@ def test_every_mark_stands_once_with_the_cases_that_it_affects(tables) -> None:
 def test_the_first_screen_says_by_which_assumed_numbers_products_are_ranked(tables) -> None:
     (warning,) = ranked_by_assumptions(tables)
     assert warning.text == (
-        "IMU: gyro bias repeatability (second hand in 1 of 2 cases). The errors and the order of the cases are no "
-        "better than these numbers. IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance uses "
-        "them; errors and margins do not. See Assumptions."
+        "IMU: gyro bias repeatability (second hand in 1 of 2 cases). Errors and ranking of the cases are only as "
+        "reliable as these numbers. IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance uses "
+        "them. Errors and margins do not depend on them. See Assumptions."
     )
     assert warning.lead == "The comparison of the cases uses numbers that are not from the manufacturer's datasheet."
     assert warning in summary(tables)
@@ -55,8 +55,8 @@ def test_assumed_costs_are_said_to_decide_no_error(tables, monkeypatch) -> None:
     )
     (warning,) = ranked_by_assumptions(tables)
     assert warning == Text(
-        "IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance uses them; errors and margins do "
-        "not. See Assumptions.",
+        "IMU: cost (assumed in 1 of 2 cases). Only the section Cost and performance uses them. Errors and margins do "
+        "not depend on them. See Assumptions.",
         "The comparison of cost and performance uses numbers that are not from the manufacturer's datasheet.",
     )
 
@@ -81,6 +81,6 @@ def test_the_first_screen_names_the_assumed_spreads_that_are_drawn_and_no_others
     frame = pd.DataFrame({"case": case, "place": place, "field": fields, "mark": "assumed"})
     monkeypatch.setitem(METRICS, "assumptions", lambda _: frame)
     (warning,) = placed_by_assumptions(with_injections(tables))
-    assert warning.text.startswith("Thrust, dry mass. Errors of the achieved orbit are no better")
+    assert warning.text.startswith("Thrust, dry mass. Errors of the achieved orbit are only as")
     assert warning.lead == "The achieved orbit depends on assumed dispersions of the vehicle."
     assert placed_by_assumptions(tables) == []

@@ -34,7 +34,7 @@ def test_the_budget_table_has_every_event_and_every_quantity(tables):
 
 def test_a_mean_error_that_counts_stands_below_the_sources_and_in_the_root_mean_square(tables):
     position, velocity, attitude = budget_tables(tables)[3:]  # the worst case stands first
-    assert [row[0] for row in position.rows[3:]] == ["mean, the same in every flight", "root mean square"]
+    assert [row[0] for row in position.rows[3:]] == ["mean, the same in every run", "root mean square"]
     at_liftoff = [float(row[1]) for row in position.rows[2:]]
     assert at_liftoff == [pytest.approx(float(np.hypot.reduce(part)), rel=5e-3) for part in (
         synthetic.SIGMA[6:9], synthetic.MEAN[6:9], [*synthetic.SIGMA[6:9], *synthetic.MEAN[6:9]])]  # fmt: skip

@@ -109,7 +109,8 @@ def test_margins_are_compared_with_the_policy_of_the_phase(results):
     frame = pd.DataFrame({"case": ["a", "b", "b", "c"], "margin_ratio": [0.25, 0.3, 0.12, float("nan")]})
     (said,) = margin_policy(stating(results, margin_policy=policy), frame)
     assert (said.lead, said.text) == (
-        "Margin policy.", "PDR requires 20 %: 1 of 3 designs keeps it at injection; not b (+12 %); c (no margin)."
+        "Margin policy.", "PDR requires a margin of 20 %. 1 of 3 designs has it at injection. Designs without it: b "
+        "(+12 %); c (no margin)."
     )  # fmt: skip
     assert margin_policy(results, frame) == []
     found = summary(stating(results, margin_policy=policy))
@@ -118,13 +119,13 @@ def test_margins_are_compared_with_the_policy_of_the_phase(results):
 
 @pytest.mark.parametrize(("worst", "by", "said"), [
     ([0.9, 1.1, 0.5], ["LinCov", "LinCov", "LinCov"],
-     " Both designs that keep it have a smaller margin around injection, by linear covariance: a (+10 % in v, 3.0 s "
+     " Around injection, both designs with this margin have less, by linear covariance: a (+10 % in v, 3.0 s "
      "after injection); b (-10 % in v, 3.0 s after injection)."),
     ([0.9, 0.7, 0.5], ["runs", "LinCov", "LinCov"],
-     " 1 of the 2 that keep it has a smaller margin around injection, by the runs: a (+10 % in v, 3.0 s after "
+     " Around injection, 1 of the 2 designs with this margin has less, by the runs: a (+10 % in v, 3.0 s after "
      "injection)."),
     ([0.9, 1.1, 0.5], ["runs", "LinCov", "LinCov"],
-     " Both designs that keep it have a smaller margin around injection: a (+10 % in v, 3.0 s after injection), "
+     " Around injection, both designs with this margin have less: a (+10 % in v, 3.0 s after injection), "
      "by the runs; b (-10 % in v, 3.0 s after injection), by linear covariance."),
     ([0.75, 0.7, 3.0], ["LinCov", "LinCov", "LinCov"], "")])  # fmt: skip
 def test_designs_that_keep_the_policy_at_an_event_and_not_around_it_are_named(results, worst, by, said):
@@ -137,7 +138,9 @@ def test_designs_that_keep_the_policy_at_an_event_and_not_around_it_are_named(re
     found.cache[windows.__module__, "windows"] = pd.concat([milder, rows], ignore_index=True)
     margins = pd.DataFrame({"case": ["a", "b", "c"], "margin_ratio": [0.25, 0.3, 0.1]})
     (block,) = margin_policy(found, margins)
-    assert block.text == f"PDR requires 20 %: 2 of 3 designs keep it at injection; not c (+10 %).{said}"
+    assert block.text == (
+        f"PDR requires a margin of 20 %. 2 of 3 designs have it at injection. Design without it: c (+10 %).{said}"
+    )
 
 
 def test_the_sentence_on_agreement_says_what_is_compared(results):

@@ -112,7 +112,7 @@ def test_second_readings_and_verifications_have_tables_of_their_own() -> None:
     text = headline(rows, ())[0]
     assert isinstance(text, Text)
     assert text.text.startswith(
-        "Not counted: 1 second readings of a published number (0 hold); 1 results that cannot fail"
+        "Not counted: 1 second comparisons with a published number (0 hold); 1 results that cannot fail"
     )
 
 

@@ -51,7 +51,7 @@ def again(folder: Path) -> Path:
 
 def test_the_answer_is_counted_and_the_rest_of_the_page_stays(tmp_path: Path) -> None:
     text = again(kept(tmp_path)).read_text()
-    assert "0 of 1 numbers are reproduced, 0 are not, 1 are undecided" in text
+    assert "0 of 1 numbers are reproduced, 0 are not, 1 is undecided" in text
     assert "| polar | 2 | 40 | 0 | 0 of 1 | 1 of 1 cases |" in text
     assert text.endswith("\n## Assumptions\n\n1. None.\n")
     assert (tmp_path / "figures/ratios.png").is_file()

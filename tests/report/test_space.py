@@ -57,7 +57,7 @@ def test_the_best_designs_are_the_cheapest_with_the_command_of_their_full_analys
     assert "filter loose" in best.rows[0][0]
     assert "deg/h" in best.rows[0][0]
     titles = [block.title for block in space(tables) if isinstance(block, More)]
-    assert titles[:2] == ["The nearest misses", "Pareto front of the designs that meet all requirements"]
+    assert titles[:2] == ["Nearest misses", "Pareto front of the designs that meet all requirements"]
 
 
 def test_the_page_has_the_numbers_of_every_possible_design(tables) -> None:

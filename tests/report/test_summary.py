@@ -27,12 +27,12 @@ def test_the_first_section_answers_in_a_few_lines(text):
         "<strong>All 3 requirements together.</strong> None of 2 designs meets all 3 requirements; 2 violate at least "
         "one (loose bound: 1, tight bound: 2)."
     ) in lines[0]
-    assert "<strong>Margins.</strong> worst: imu=coarse (" in lines[1]
+    assert "<strong>Margins.</strong> worst design: imu=coarse (" in lines[1]
     assert (
         "2 of 160 runs failed and count against every requirement, the first at 50 s. After its failure, a run is"
         in first
     )
-    assert "best velocity first. Runs that failed before are left out of it." in first
+    assert "best velocity first. Runs that failed before this event are excluded." in first
 
 
 def test_the_matrix_has_all_cases_the_smallest_margin_first(page):
@@ -111,14 +111,14 @@ def test_what_is_beyond_usual_limits_leads_the_first_section_and_notes_follow_wa
     (folder / "manifest.json").write_text(json.dumps({**manifest, **said, "warnings": ["a: a warning"]}))
     first, *others = summary(load(folder))
     assert first == Text(
-        "a: specific force 33.7 g at 268 s; b: roll rate 3000 deg/s. All results below rest on that.",
-        "Beyond usual limits:",
+        "a: specific force 33.7 g at 268 s; b: roll rate 3000 deg/s. All results below depend on it.",
+        "Outside validated limits:",
     )
     leads = [getattr(block, "lead", "") for block in others]
     assert leads.index("Note:") == leads.index("Warning:") + 1
-    assert "Beyond usual limits:" not in leads
+    assert "Outside validated limits:" not in leads
     plain = [getattr(block, "lead", "") for block in summary(load(page.parent))]
-    assert not {"Beyond usual limits:", "Note:"} & set(plain)
+    assert not {"Outside validated limits:", "Note:"} & set(plain)
 
 
 def test_cases_that_linear_covariance_does_not_describe_name_no_source_by_it_and_one_reason(tmp_path):

@@ -72,7 +72,7 @@ def test_a_requirement_that_is_met_at_its_event_and_not_after_it_is_a_warning(al
     (warning,) = leads(short_lived(found), "Warning:")
     assert warning == (
         "Velocity is met at stage1 cutoff only. The design that meets it exceeds 0.65 m/s between 5 s before and 20 s "
-        "after it (95 % quantile by linear covariance): imu=fine: 0.698 m/s 20.0 s after it."
+        "after the event (95 % quantile by linear covariance): imu=fine: 0.698 m/s 20.0 s after the event."
     )
     (column,) = window_cells(found).items()
     assert column == (
@@ -95,9 +95,9 @@ def test_a_warning_says_how_many_designs_stay_below_the_limit_and_which_do_not(a
     """The 95 % quantile of the fine case is 0.70 m/s at most, of the coarse one 2.09 m/s after the event."""
     (warning,) = leads(short_lived(of_two(alone)), "Warning:")
     assert warning == (
-        "Velocity around stage1 cutoff: of the 2 designs that meet it at stage1 cutoff, 1 stays below 2 m/s between 5 "
-        "s before and 20 s after it and 1 does not (95 % quantile by linear covariance): imu=coarse: 2.09 m/s 20.0 s "
-        "after it."
+        "Velocity around stage1 cutoff: 2 designs meet the requirement at the event. Between 5 s before and 20 s after "
+        "the event, 1 stays below the limit of 2 m/s and 1 exceeds it (95 % quantile by linear covariance): "
+        "imu=coarse: 2.09 m/s 20.0 s after the event."
     )
     both = of_two(alone, worst=3.0, changes=True)
     (warning,) = leads(short_lived(both), "Warning:")
@@ -107,8 +107,8 @@ def test_a_warning_says_how_many_designs_stay_below_the_limit_and_which_do_not(a
     missing = of_two(alone)
     missing.cache[windows.__module__, "windows"] = windows(missing).iloc[1:]
     (warning,) = leads(short_lived(missing), "Warning:")
-    assert "at stage1 cutoff, none stays below 2 m/s between" in warning
-    assert "20 s after it, 1 is not evaluated and 1 does not (95 %" in warning
+    assert "after the event, none stays below the limit of 2 m/s, 1 is not" in warning
+    assert "1 is not evaluated and 1 exceeds it (95 %" in warning
 
 
 def test_window_columns_are_marked_as_the_verdicts_are(alone):
@@ -137,7 +137,7 @@ def test_one_reason_is_said_once_for_several_requirements(alone):
     found.__dict__["campaign"] = {**alone.campaign, "requirements": both}
     (note,) = leads(short_lived(found), "Note:")
     assert note == (
-        "How long the verdict holds is not known for realism, realism twice, around stage1 cutoff: the covariance "
+        "The duration of the verdict is unknown for realism, realism twice, around stage1 cutoff: the covariance "
         "between the axes of attitude is stored at events only."
     )
 
@@ -148,8 +148,8 @@ def test_what_the_extent_of_a_window_rests_on_is_said_case_by_case_where_it_diff
     frame = windows(found).assign(changes=True, by=["LinCov", "runs, extrapolated"])
     found.cache[windows.__module__, "windows"] = frame
     (warning,) = leads(short_lived(found), "Warning:")
-    assert "(95 % quantile): imu=fine: 0.698 m/s 20.0 s after it, by linear covariance; imu=coarse: " in warning
-    assert warning.endswith(" 20.0 s after it, extrapolated from few runs.")
+    assert "(95 % quantile): imu=fine: 0.698 m/s 20.0 s after the event, by linear covariance; imu=coarse: " in warning
+    assert warning.endswith(" 20.0 s after the event, extrapolated from few runs.")
 
 
 def test_the_first_screen_says_of_what_no_window_could_be_evaluated(alone):
@@ -158,7 +158,7 @@ def test_the_first_screen_says_of_what_no_window_could_be_evaluated(alone):
     found.__dict__["campaign"] = {**alone.campaign, "requirements": [BRIEF, realism]}
     (note,) = leads(summary(found), "Note:")
     assert note == (
-        "How long the verdict holds is not known for realism, around stage1 cutoff: the covariance between the axes of "
+        "The duration of the verdict is unknown for realism, around stage1 cutoff: the covariance between the axes of "
         "attitude is stored at events only."
     )
     assert leads(short_lived(alone), "Note:") == []

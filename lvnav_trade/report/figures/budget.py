@@ -45,7 +45,7 @@ def budget(tables: Tables, case: str, quantity: str) -> Figure:
     pile.plot(formal.index, formal, color="white", lw=1.1, ls="--", label="filter's own sigma (white on black)")
     biased = bool((mean >= _BIASED * (mean + true)).any())
     if biased:
-        pile.plot(mean.index, mean, color="black", lw=1.0, ls="-.", label="mean, the same in every flight")
+        pile.plot(mean.index, mean, color="black", lw=1.0, ls="-.", label="mean, the same in every run")
     _root_axis(pile, float(max(variance.sum(axis=1).max(), formal.max(), mean.max() if biased else 0.0)))
     pile.set(ylabel=f"{quantity} error, 3D\n({unit}, 1 sigma)")
     _stack(parts, layers, colours)

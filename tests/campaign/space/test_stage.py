@@ -31,7 +31,7 @@ def test_every_design_has_a_row_and_the_best_is_whole(written, tmp_path, parts_o
     assert whole == best.case
     assert found.tables.manifest["space"]["designs"] == 12
     page = (tmp_path / "out/report.html").read_text()
-    assert "The designs together" in page
+    assert "All designs" in page
     assert not (tmp_path / "out/.scratch").exists()
 
 

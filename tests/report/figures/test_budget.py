@@ -64,7 +64,7 @@ def test_of_many_sources_the_smallest_are_summed(many):
     reported = [text.get_text() for text in figure.legends[0].get_texts()]
     assert reported == [
         "gyro bias 00", "gyro bias 01", "range noise 00", "gyro bias 02", "range noise 01", "gyro bias 03",
-        "range noise 02", "all others", "filter's own sigma (white on black)", "mean, the same in every flight",
+        "range noise 02", "all others", "filter's own sigma (white on black)", "mean, the same in every run",
     ]  # fmt: skip
     start, axes = drawn(PLOTS["heatmap"](many, CASE, "velocity")).axes[:2]
     names = [label.get_text() for label in start.get_yticklabels()]
