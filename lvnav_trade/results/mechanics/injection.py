@@ -63,6 +63,12 @@ def is_curved(law: InjectionLaw, quantity: str) -> bool:
     return not second <= _CURVED * first  # `not <=` is also true for NaN, the first order at a circular orbit
 
 
+def scaled_law(law: InjectionLaw, sources: Sequence[str], factor: float) -> InjectionLaw:
+    """Return the law with the sigmas of error sources multiplied by a factor, the gains of the filter unchanged."""
+    scale = np.where(np.isin(law.sources, list(sources)), factor**2, 1.0)
+    return law._replace(covariance=law.covariance * scale[:, None, None])
+
+
 def apsis_errors(law: InjectionLaw, quantity: str, count: int = QUANTILE_DRAWS) -> Floats:
     """Return errors of perigee or apogee, from draws of semi-major axis and eccentricity vector through the exact
     relation.

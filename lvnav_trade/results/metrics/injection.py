@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -10,9 +10,16 @@ import numpy as np
 from scipy import special
 
 from lvnav_trade.quantities.records import INJECTION, OUTCOMES, Floats, InjectionLaw
-from lvnav_trade.results.mechanics.injection import APSIDES, apsis_errors, is_curved, share_depleted, why_no_law
+from lvnav_trade.results.mechanics.injection import (
+    APSIDES,
+    apsis_errors,
+    is_curved,
+    scaled_law,
+    share_depleted,
+    why_no_law,
+)
 from lvnav_trade.results.metric import BOTH, LENGTH, MEAN, ONE_SIDED, TWO_SIDED, Metric, MetricValue, no_fit, scale_of
-from lvnav_trade.results.statistics.case import Distribution, Errors, Gaussian, Injections
+from lvnav_trade.results.statistics.case import Distribution, Errors, Gaussian, Injections, Redraw
 
 if TYPE_CHECKING:
     from lvnav_trade.results.statistics.case import CaseResults
@@ -105,8 +112,12 @@ class InjectionError(_OfInjection):
         Near a circular orbit, perigee and apogee are distributed as draws through the exact relation.
         """
         if self._is_drawn(law):
-            size = np.abs(apsis_errors(law, self.quantities[0]))
-            return self.single_law(size, self.unit, self.label_unit, self.label_factor)
+
+            def sample(sources: Sequence[str], factor: float) -> Floats:
+                return np.sort(np.abs(apsis_errors(scaled_law(law, sources, factor), self.quantities[0])))
+
+            drawn = self.single_law(sample((), 1.0), self.unit, self.label_unit, self.label_factor)
+            return drawn._replace(redraw=Redraw(law.sources, sample))
         at = np.array([INJECTION.index(name) for name in self.quantities])
         parts = law.covariance[:, at][:, :, at]
         gaussian = Gaussian(law.mean[at], parts.sum(axis=0), dict(zip(law.sources, parts, strict=True)))

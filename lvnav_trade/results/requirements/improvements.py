@@ -56,6 +56,11 @@ class Asked(NamedTuple):
         """Factor from SI to the display unit."""
         return self.distribution.label_factor
 
+    @property
+    def has_sources(self) -> bool:
+        """Whether the effect of the error sources on the metric is known."""
+        return bool(self.distribution.law.sources) or self.distribution.redraw is not None
+
     def quantile(self, probability: float) -> float:
         """Return the quantile (SI) of the magnitude of the metric at a probability."""
         if self.distribution.drawn is not None:
@@ -67,11 +72,26 @@ class Asked(NamedTuple):
 
         The covariance is linear in the variances of the sources: P + (factor^2 - 1) sum_s P_s.
         """
-        drawn, law = self.distribution.drawn, self.distribution.law
+        drawn, law, redraw = self.distribution.drawn, self.distribution.law, self.distribution.redraw
         if drawn is not None:
-            return float(np.searchsorted(drawn, self.bound) / drawn.size)
+            sample = redraw.sample(sources, factor) if redraw is not None and sources else drawn
+            return float(np.searchsorted(sample, self.bound) / sample.size)
         part = np.sum([law.sources[name] for name in sources], axis=0)
         return norm_probability(law.mean, law.covariance + (factor**2 - 1.0) * part, self.bound)
+
+    def shares(self) -> dict[str, float]:
+        """Return the share of each error source in the mean square; empty if it is not known.
+
+        For a metric that is not Gaussian it is the part of the mean square that disappears without the source.
+        """
+        drawn, law, redraw = self.distribution.drawn, self.distribution.law, self.distribution.redraw
+        if drawn is None:
+            total = float(np.trace(law.covariance) + law.mean @ law.mean)
+            return {name: float(np.trace(part)) / total for name, part in law.sources.items()}
+        if redraw is None:
+            return {}
+        total = float(np.mean(drawn**2))
+        return {name: 1.0 - float(np.mean(redraw.sample((name,), 0.0) ** 2)) / total for name in redraw.sources}
 
 
 def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Asked | str:
@@ -139,7 +159,7 @@ def improvements(tables: Tables) -> pd.DataFrame:
         name, label = requirement["name"], tables.labels[case]
         verdict = str(by_runs[name, label])
         undone = verdict in ("violated", "undecided") and not why_not_applicable(tables, case)
-        if undone and not isinstance(found, str) and found.distribution.law.sources:
+        if undone and not isinstance(found, str) and found.has_sources:
             rows.append((name, label, verdict, *_improvement(found)))
     return pd.DataFrame(rows, columns=IMPROVEMENTS)
 
@@ -182,10 +202,7 @@ def _improvement(found: Asked) -> tuple[str, float, float, str]:
 
 def _turning(found: Asked) -> tuple[str, float, float, str]:
     """Return `_improvement` for a violated requirement: a single source, or the fewest of the largest sources."""
-    total = float(
-        np.trace(found.distribution.law.covariance) + found.distribution.law.mean @ found.distribution.law.mean
-    )
-    share = {name: float(np.trace(part)) / total for name, part in found.distribution.law.sources.items()}
+    share = found.shares()
     order = sorted(share, key=lambda name: -share[name])
     able = [(factor, name) for name in order if not np.isnan(factor := _factor(found, (name,)))]
     if able:

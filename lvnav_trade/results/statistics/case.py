@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -47,6 +47,18 @@ class Gaussian(NamedTuple):
     sources: dict[str, Floats]
 
 
+class Redraw(NamedTuple):
+    """Dependence of a random sample on the error sources.
+
+    sources : Names of the error sources.
+    sample : Function of names and a factor, which returns the sample (n,), ascending, with the sigmas of these sources
+        multiplied by the factor.
+    """
+
+    sources: tuple[str, ...]
+    sample: Callable[[Sequence[str], float], Floats]
+
+
 class Distribution(NamedTuple):
     """Distribution of a metric by linear covariance.
 
@@ -58,6 +70,7 @@ class Distribution(NamedTuple):
     above_only : Whether it is the distribution at the worst time of a phase. The probability of keeping a bound at this
         time is an upper limit of the probability of keeping it throughout the phase.
     drawn : (n,), ascending. Random sample of the magnitude, for a metric that is not Gaussian; None otherwise.
+    redraw : How error sources affect this sample; None if it is not known, or if the metric is Gaussian.
     """
 
     law: Gaussian
@@ -67,6 +80,7 @@ class Distribution(NamedTuple):
     moment: str
     above_only: bool = False
     drawn: Floats | None = None
+    redraw: Redraw | None = None
 
 
 class History(NamedTuple):

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from lvnav_trade.quantities.records import INJECTION
 from lvnav_trade.results.evaluation.covariances import why_not_applicable
 from lvnav_trade.results.metric import NO_LAW
-from lvnav_trade.results.requirements.improvements import ABOVE_ONLY, asked, expected, improvements
+from lvnav_trade.results.registry import metric_of
+from lvnav_trade.results.requirements.improvements import ABOVE_ONLY, Asked, _improvement, asked, expected, improvements
 from lvnav_trade.results.statistics.probability import norm_probability, norm_quantile
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
+from tests.injections import law
 
 AT_END = 1.0 + 0.01 * 99.5  # growth of the sigmas of the fine unit at injection
 
@@ -142,3 +145,50 @@ def test_one_component_is_the_normal_law(good):
     assert norm_probability(found.distribution.law.mean, found.distribution.law.covariance, 4.0) == pytest.approx(
         expected_kept, abs=1e-12
     )
+
+
+CIRCULAR = {"eccentricity_along_node": 0.0, "eccentricity_ahead_of_node": 0.0}
+
+
+def perigee(below):
+    """A requirement on the perigee of a circular orbit, whose error is not Gaussian, and the law it follows."""
+    injection = law()
+    target = injection.target.copy()
+    for name, value in CIRCULAR.items():
+        target[INJECTION.index(name)] = value
+    injection = injection._replace(target=target)
+    distribution = metric_of("injection_perigee_error").of_law(injection)
+    assert distribution.redraw is not None
+    return Asked(distribution, below, 0.9), injection
+
+
+def test_the_improvement_of_a_perigee_near_a_circular_orbit_is_that_of_independent_draws():
+    wide, injection = perigee(np.inf)
+    found = wide._replace(bound=0.8 * wide.quantile(0.9))
+    source, factor, share, remark = _improvement(found)
+    assert remark == ""
+    assert 0.05 < factor < 1.0
+    assert found.kept((source,), factor) == pytest.approx(0.9, abs=2e-3)
+
+    def kept(factor_of):
+        at = [INJECTION.index(name) for name in ("semi_major_axis", *CIRCULAR)]
+        covariance = sum(
+            factor_of.get(name, 1.0) ** 2 * part[np.ix_(at, at)]
+            for name, part in zip(injection.sources, injection.covariance, strict=True)
+        )
+        rng = np.random.default_rng(4)
+        a, h, k = (injection.target[at] + rng.multivariate_normal(injection.mean[at], covariance, 400_000)).T
+        error = a * (1.0 - np.hypot(h, k)) - injection.target[at[0]]
+        return float(np.mean(np.abs(error) < found.bound)), float(np.mean(error**2))
+
+    assert kept({source: factor})[0] == pytest.approx(0.9, abs=4e-3)
+    assert share == pytest.approx(1.0 - kept({source: 0.0})[1] / kept({})[1], abs=0.02)
+
+
+def test_shares_of_a_gaussian_add_up_to_the_part_of_its_covariance(good):
+    found = asked(good, good.campaign["requirements"][0], next(iter(good.labels)))
+    if isinstance(found, str):
+        pytest.fail(found)
+    law_of = found.distribution.law
+    total = np.trace(law_of.covariance) + law_of.mean @ law_of.mean
+    assert sum(found.shares().values()) == pytest.approx(np.trace(law_of.covariance) / total)
