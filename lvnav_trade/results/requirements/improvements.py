@@ -79,19 +79,22 @@ class Asked(NamedTuple):
         part = np.sum([law.sources[name] for name in sources], axis=0)
         return norm_probability(law.mean, law.covariance + (factor**2 - 1.0) * part, self.bound)
 
-    def shares(self) -> dict[str, float]:
-        """Return the share of each error source in the mean square; empty if it is not known.
+    def share(self, sources: tuple[str, ...]) -> float:
+        """Return the share of error sources in the mean square.
 
-        For a metric that is not Gaussian it is the part of the mean square that disappears without the source.
+        For a metric that is not Gaussian it is the part of the mean square that disappears without these sources.
         """
         drawn, law, redraw = self.distribution.drawn, self.distribution.law, self.distribution.redraw
-        if drawn is None:
-            total = float(np.trace(law.covariance) + law.mean @ law.mean)
-            return {name: float(np.trace(part)) / total for name, part in law.sources.items()}
-        if redraw is None:
-            return {}
-        total = float(np.mean(drawn**2))
-        return {name: 1.0 - float(np.mean(redraw.sample((name,), 0.0) ** 2)) / total for name in redraw.sources}
+        if drawn is not None and redraw is not None:
+            return 1.0 - float(np.mean(redraw.sample(sources, 0.0) ** 2) / np.mean(drawn**2))
+        part = sum(float(np.trace(law.sources[name])) for name in sources)
+        return part / float(np.trace(law.covariance) + law.mean @ law.mean)
+
+    def shares(self) -> dict[str, float]:
+        """Return the share of each error source in the mean square."""
+        redraw = self.distribution.redraw
+        names = tuple(self.distribution.law.sources) if redraw is None else redraw.sources
+        return {name: self.share((name,)) for name in names}
 
 
 def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Asked | str:
@@ -211,5 +214,5 @@ def _turning(found: Asked) -> tuple[str, float, float, str]:
     for names in accumulate((name,) for name in order):
         factor = _factor(found, names)
         if not np.isnan(factor):
-            return ", ".join(names), factor, sum(share[name] for name in names), "together"
+            return ", ".join(names), factor, found.share(names), "together"
     return "", float("nan"), float("nan"), f"not even all error sources together, each times {LEAST:g}, would do"
