@@ -39,7 +39,7 @@ def with_injections(tables: Tables) -> Tables:
     summary = summarise(block, synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)
     case = synthetic.CASES[0][0].id
     columns = run_columns(synthetic.OUTPUTS, summary)
-    frames = {name: pd.DataFrame({"case": case, **columns[name]}) for name in ("injections", "lost_vehicles")}
+    frames = {name: pd.DataFrame({"case": case, **columns[name]}) for name in ("injections", "failed_injection_draws")}
     expected = injection_rows(law())
     frames |= {name: pd.DataFrame([{"case": case, **row} for row in rows]) for name, rows in expected.items()}
     return tables.with_frames(**frames)

@@ -48,7 +48,7 @@ def frame(count: int = COUNT, seed: int = 1) -> pd.DataFrame:
             "label": [", ".join(f"{k}={v}" for k, v in one.items()) for one in levels],
             "axes": [json.dumps(one) for one in levels],
             "reason": "",
-            "binding": "fast",
+            "limiting_requirement": "fast",
             "verdict": verdict,
             "verdicts": [json.dumps({"fast": str(word)}) for word in verdict],
             "axis_bias_repeatability_rad_per_s": np.radians(bias) / 3600.0,
@@ -66,7 +66,7 @@ def frame(count: int = COUNT, seed: int = 1) -> pd.DataFrame:
     impossible = [3, 5]
     numbers = list(found.select_dtypes("number").columns.drop(["design_number"]))
     found.loc[impossible, numbers] = np.nan
-    found.loc[impossible, ["case", "binding", "verdict", "verdicts"]] = ""
+    found.loc[impossible, ["case", "limiting_requirement", "verdict", "verdicts"]] = ""
     found.loc[impossible, "reason"] = "filter: the update rate is above … Hz"
     return found
 
@@ -106,7 +106,7 @@ def grid(folder: Path) -> Tables:
             for b, h, one in zip(bias, heading, loose, strict=True)
         ],
         reason="",
-        binding="fast",
+        limiting_requirement="fast",
         verdict=verdict,
         verdicts=[json.dumps({"fast": str(word)}) for word in verdict],
         axis_bias_repeatability_rad_per_s=np.radians(bias) / 3600.0,

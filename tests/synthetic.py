@@ -355,8 +355,9 @@ def with_allan_curves(tables: Any) -> tuple[str, Any]:
     white, walk = 1e-6 / np.sqrt(tau), 1e-8 * np.sqrt(tau / 3.0)
     rows = [
         pd.DataFrame({
-            "case": case, "sensor": sensor, "unit": unit, "tau_s": tau, "stream_si": 1.1 * np.hypot(white, walk),
-            "card_si": np.hypot(white, walk), "white_si": white, "instability_si": 0.0 * tau, "walk_si": walk,
+            "case": case, "sensor": sensor, "unit": unit, "tau_s": tau, "simulated_si": 1.1 * np.hypot(white, walk),
+            "card_si": np.hypot(white, walk), "white_noise_si": white, "bias_instability_si": 0.0 * tau,
+            "random_walk_si": walk,
         })
         for sensor, unit in (("gyro", "rad/s"), ("accelerometer", "m/s^2"))
     ]  # fmt: skip

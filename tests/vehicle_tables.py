@@ -72,22 +72,24 @@ def _nozzle(case: str) -> list[dict[str, Any]]:
         wind = 1.0 + 0.1 * run
         for axis, less in (("pitch", LESS), ("yaw", 0.5 * LESS)):
             for feed, part in (("raw", 1.0), ("filtered", 1.0 - less), ("true", 0.1)):
-                rows += [{"case": case, "feed": feed, "run_number": run, "burn": burn, "axis": axis,
-                          "moved_rad": share * wind * part}
+                rows += [{"case": case, "controller_rate": feed, "run_number": run, "burn": burn, "axis": axis,
+                          "travel_rad": share * wind * part}
                          for burn, share in (("flight", 1.0), ("burn 1", 0.6))]  # fmt: skip
     return rows
 
 
 def _movement(case: str) -> list[dict[str, Any]]:
-    return [{"case": case, "t_s": t, "feed": feed, "axis": axis, "mean_rad": part * t, "low_rad": 0.9 * part * t,
-             "high_rad": 1.1 * part * t} for feed, part in (("raw", 0.01), ("filtered", 0.003))
+    return [{"case": case, "t_s": t, "controller_rate": feed, "axis": axis, "mean_rad": part * t,
+             "minimum_rad": 0.9 * part * t, "maximum_rad": 1.1 * part * t}
+            for feed, part in (("raw", 0.01), ("filtered", 0.003))
             for axis in ("pitch", "yaw") for t in T]  # fmt: skip
 
 
 def _turning(case: str) -> list[dict[str, Any]]:
-    return [{"case": case, "feed": feed, "axis": axis, "phase": "burn", "tick_count": 1000,
-             "inside_turning_ratio": 0.99, "inside_jerk_ratio": 1.0, "furthest_turning_ratio": 2.0,
-             "furthest_jerk_ratio": 0.5, "attitude_error_rad": 1e-3, "rate_error_rad_per_s": 1e-4,
+    return [{"case": case, "controller_rate": feed, "axis": axis, "phase": "burn", "tick_count": 1000,
+             "angular_acceleration_inside_ratio": 0.99, "jerk_inside_ratio": 1.0,
+             "angular_acceleration_peak_ratio": 2.0, "jerk_peak_ratio": 0.5, "attitude_error_rad": 1e-3,
+             "rate_error_rad_per_s": 1e-4,
              "rate_sigma_rad_per_s": 1.2e-4}
             for feed in ("raw", "filtered", "true") for axis in ("pitch", "yaw")]  # fmt: skip
 
@@ -97,8 +99,9 @@ def _consistency(case: str) -> list[dict[str, Any]]:
 
 
 def _motion(case: str) -> list[dict[str, Any]]:
-    return [{"case": case, "t_s": t, "axis": axis, "turning_rad_per_s2": 0.01, "turning_bound_rad_per_s2": 0.02,
-             "jerk_m_per_s3": -5.0, "jerk_bound_m_per_s3": 10.0} for axis in ("pitch", "yaw") for t in T]  # fmt: skip
+    return [{"case": case, "t_s": t, "axis": axis, "angular_acceleration_rad_per_s2": 0.01,
+             "angular_acceleration_envelope_rad_per_s2": 0.02, "jerk_m_per_s3": -5.0,
+             "jerk_envelope_m_per_s3": 10.0} for axis in ("pitch", "yaw") for t in T]  # fmt: skip
 
 
 def _observability(case: str) -> list[dict[str, Any]]:
@@ -108,15 +111,16 @@ def _observability(case: str) -> list[dict[str, Any]]:
         (2e-3, "+1.00 gyro bias x"),
     )
     return [{"case": case, "phase": f"{start:g} s to {start + 50:g} s", "t_s": start, "t_end_s": start + 50.0,
-             "row_count": 9, "state_count": 3, "rank_count": 2, "tolerance_ratio": 1e-2, "singular_number": k,
-             "singular_ratio": value, "weakest": reported[-1][1], "direction": text}
+             "measurement_count": 9, "state_count": 3, "rank_count": 2, "tolerance_ratio": 1e-2, "singular_number": k,
+             "singular_ratio": value, "weakest_direction": reported[-1][1], "direction": text}
             for start in (0.0, 50.0) for k, (value, text) in enumerate(reported, 1)]  # fmt: skip
 
 
 def tables() -> Tables:
     """Return the tables of two cases."""
-    makers = {"outputs": _outputs, "history": _history, "nozzle": _nozzle, "movement": _movement, "turning": _turning,
-              "motion": _motion, "observability": _observability, "consistency": _consistency}  # fmt: skip
+    makers = {"outputs": _outputs, "history": _history, "nozzle_travel": _nozzle, "nozzle_travel_history": _movement,
+              "motion_statistics": _turning, "motion_history": _motion, "observability": _observability,
+              "consistency": _consistency}  # fmt: skip
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in ("cases", "events", *makers)}
     for case, axes in CASES.items():
         label = ", ".join(axes.values())

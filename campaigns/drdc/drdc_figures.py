@@ -65,7 +65,7 @@ def interpretations_table(tables: Tables) -> list[Block]:
     """Return improvements of all cases that references hold against raw samples, side by side; nothing without any, or
     of more cases than a page has room for; nothing without runs, or where the vehicle is under control.
     """
-    if len(tables.nozzle) or not tables.cases.run_count.any():
+    if len(tables.nozzle_travel) or not tables.cases.run_count.any():
         return []
     frame = interpretation_frame(tables)
     if frame.empty or frame.case.nunique() > _SIDE_BY_SIDE:

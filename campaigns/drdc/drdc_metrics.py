@@ -28,8 +28,8 @@ class NozzleMovement(Metric):
             FRAMES["nozzle"](tables), case=tables.labels[case], axis=self.axis, burn=self.burn
         ).itertuples():
             interval = f"{row.low_percent:.1f} to {row.high_percent:.1f} %"
-            rows = pick(tables.nozzle, case=case, axis=self.axis, burn=self.burn)
-            moved = rows.pivot(index="run_number", columns="feed", values="moved_rad")
+            rows = pick(tables.nozzle_travel, case=case, axis=self.axis, burn=self.burn)
+            moved = rows.pivot(index="run_number", columns="controller_rate", values="travel_rad")
             each = 100.0 * (1.0 - moved.filtered / moved.raw).to_numpy()
             remark = f"{row.runs} paired runs, 95 %: {interval}"
             return SingleValue(float(row.less_percent), remark, np.sort(each))
@@ -72,14 +72,14 @@ def inside_envelope(tables: Tables, case: str, what: str, axis: str, part: str |
     """Return the part (%) of ticks of all runs with the motion in its envelope, and what is to be said of it: that of
     the rate that it is worse with, of the raw and the filtered one. NaN where there is none.
     """
-    rows = pick(tables.turning, case=case, axis=axis)
-    rows = rows[rows.feed.isin(("raw", "filtered"))]
+    rows = pick(tables.motion_statistics, case=case, axis=axis)
+    rows = rows[rows.controller_rate.isin(("raw", "filtered"))]
     rows = rows if part is None else pick(rows, phase=part)
     if rows.empty or not rows.tick_count.sum():
         return np.nan, "no vehicle under control"
-    column = {"turning_inside": "inside_turning_ratio", "jerk_inside": "inside_jerk_ratio"}[what]
+    column = {"turning_inside": "angular_acceleration_inside_ratio", "jerk_inside": "jerk_inside_ratio"}[what]
     inside = rows.tick_count * rows[column].fillna(1.0)
-    shares = inside.groupby(rows.feed).sum() / rows.tick_count.groupby(rows.feed).sum()
+    shares = inside.groupby(rows.controller_rate).sum() / rows.tick_count.groupby(rows.controller_rate).sum()
     return 100.0 * float(shares.min()), f"fed with the {shares.idxmin()} rate"
 
 

@@ -17,23 +17,23 @@ class Frames:
     runs: pd.DataFrame  # errors of every run at every event
     spot_runs: pd.DataFrame  # errors of the runs of the spot check
     traces: pd.DataFrame  # errors over time of the runs with the largest error of a requirement
-    worst: pd.DataFrame  # largest error and RMS of every run over each phase
-    logic: pd.DataFrame  # changes of a filter's mode, run by run
+    interval_errors: pd.DataFrame  # largest error and RMS error of every run between events
+    mode_transitions: pd.DataFrame  # mode transitions of the filter in every run
     integrity: pd.DataFrame  # decisions of tests for faults, run by run
     nominal_integrity: pd.DataFrame  # decisions of tests for faults by linear covariance
     injections: pd.DataFrame  # orbit that every guided run achieves
-    lost_vehicles: pd.DataFrame  # vehicle dispersions drawn by the runs that do not reach their cut-off
+    failed_injection_draws: pd.DataFrame  # vehicle dispersions of the runs that do not reach their cut-off
     injection_expected: pd.DataFrame  # achieved orbit by linear covariance: mean, sigma, knowledge and execution error
-    injection_joint: pd.DataFrame  # covariance of the orbital elements by source: navigation and vehicle
-    starts: pd.DataFrame  # draws at the start of every run
+    injection_covariances: pd.DataFrame  # covariance of the achieved orbit by error source
+    initial_draws: pd.DataFrame  # turn-on and initial-error draws of every run
     history: pd.DataFrame  # RMS, formal and true sigma of every error over time
-    consistency: pd.DataFrame  # normalised estimation errors and innovations squared over time
-    innovations: pd.DataFrame  # mean and sigma of innovations over time
+    consistency: pd.DataFrame  # normalised estimation error squared over time
+    innovations: pd.DataFrame  # normalised innovations squared over time, and rejected measurements
     whiteness: pd.DataFrame  # autocorrelation of innovations
     budget: pd.DataFrame  # error variance by source over time
     covariances: pd.DataFrame  # covariance of the navigation errors at the events
-    states: pd.DataFrame  # states of the filter at the events
-    joint: pd.DataFrame  # joint covariance of true and estimated states at the events
+    states: pd.DataFrame  # true position, velocity and axes, at events and over time
+    joint_covariances: pd.DataFrame  # covariance of velocity and position together, at events and over time
     adjoint: pd.DataFrame  # when each source causes the error at an event
     sensitivity: pd.DataFrame  # error with each source's sigma multiplied, filter re-tuned
     observability: pd.DataFrame  # singular values of the measurements by phase
@@ -44,10 +44,10 @@ class Frames:
     satellites: pd.DataFrame  # satellites over time: azimuth, elevation, C/N0, tracking state
     transitions: pd.DataFrame  # changes of state of the tracking channels
     reference: pd.DataFrame  # true flight over time
-    nozzle: pd.DataFrame  # movement of the nozzle, run by run
-    movement: pd.DataFrame  # movement of the nozzle over time
-    turning: pd.DataFrame  # angular acceleration and jerk of the vehicle
-    motion: pd.DataFrame  # errors of rate and acceleration over time
+    nozzle_travel: pd.DataFrame  # travel of the nozzle in every run, by burn
+    nozzle_travel_history: pd.DataFrame  # travel of the nozzle over time
+    motion_statistics: pd.DataFrame  # angular acceleration and jerk against their envelopes
+    motion_history: pd.DataFrame  # angular acceleration and jerk of one run over time
     events: pd.DataFrame  # events of the flight: name, time
     # Computed tables
     requirements: pd.DataFrame  # verdict on every requirement in every case
@@ -67,6 +67,7 @@ class Frames:
     nis: pd.DataFrame  # normalised innovation squared with its bounds
     autocorrelation: pd.DataFrame  # autocorrelation of each channel
     modes: pd.DataFrame  # share of runs in each mode over time
+    logic: pd.DataFrame  # mode transitions by type
     stops: pd.DataFrame  # starts and stops of a filter with a mode logic
     decisions: pd.DataFrame  # what tests for faults decide, and when
     tested_errors: pd.DataFrame  # errors with and without tests for faults
@@ -97,5 +98,8 @@ class Frames:
     lost: pd.DataFrame  # guided runs that do not reach their cut-off, with their largest vehicle dispersions
     impact: pd.DataFrame  # point of impact over the flight with its error
     exclusions: pd.DataFrame  # IMUs that are excluded by their test
+    motion: pd.DataFrame  # errors of rate and acceleration by phase
+    nozzle: pd.DataFrame  # travel of the nozzle and its reduction
+    turning: pd.DataFrame  # motion of the vehicle against the envelopes
     worth: pd.DataFrame  # benefit of the filtered angular rate for a controller
     references: pd.DataFrame  # published numbers next to the results

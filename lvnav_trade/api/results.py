@@ -14,7 +14,7 @@ from lvnav_trade.api.plotting import Plots
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.tables import remote
 from lvnav_trade.results.tables.read import load as read
-from lvnav_trade.results.tables.schema import SI_SUFFIX, TABLES, unit_suffix
+from lvnav_trade.results.tables.schema import SI_SUFFIX, TABLES, TABLES_OF_VERSION_2, unit_suffix
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -130,7 +130,9 @@ class Results(Frames, Displayed):
         from lvnav_trade.results.evaluation import METRICS
 
         if name not in METRICS:
-            raise error(f"no table {name!r}{hint(name, [*TABLES, *METRICS])}")
+            present = {earlier: now for now, earlier in TABLES_OF_VERSION_2.items()}
+            renamed = f"; its name is {present[name]}" if name in present else ""
+            raise error(f"no table {name!r}{renamed or hint(name, [*TABLES, *METRICS])}")
         return with_units(METRICS[name](self.tables).copy(deep=False))
 
     def errors(self, quantity: str | None = None, axis: str = "3d", at: str = "injection") -> pd.DataFrame:

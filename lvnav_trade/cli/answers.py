@@ -58,7 +58,18 @@ def with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer:
         return answer._replace(text=f"{answer.text}\n--prefer: no card states resources, or there is no requirement")
     order = ranked(frame, prefer)
     shown = order[
-        ["case", "meets", "verdict", "error_ratio", "binding", "cost", "mass_kg", "power_w", "volume_l", "front"]
+        [
+            "case",
+            "meets",
+            "verdict",
+            "error_ratio",
+            "limiting_requirement",
+            "cost",
+            "mass_kg",
+            "power_w",
+            "volume_l",
+            "front",
+        ]
     ]
     shown = shown.assign(cost=shown.cost.map("{:g}".format))
     text = f"{answer.text}\n{table(list(shown.columns), list(shown.itertuples(index=False)))}"

@@ -11,7 +11,7 @@ from lvnav_trade.cli.console import Answer, file_option, verb
 from lvnav_trade.quantities.errors import InputError
 
 _ROWS = 20
-_WIDE = ("label", "binding")  # texts too wide for a terminal
+_WIDE = ("label", "limiting_requirement")  # texts too wide for a terminal
 
 
 @verb('results/demo --where "velocity < 0.5 m/s" --sort position')

@@ -67,7 +67,7 @@ def placed_by_assumptions(tables: Tables) -> list[Block]:
     """Return a warning if guided ascents draw vehicle dispersions that are assumed or second hand."""
     frame, guided = METRICS["assumptions"](tables), set(METRICS["injection"](tables).case)
     rows = frame[frame.place.str.endswith(_SPREADS) & frame.case.isin(guided)]
-    drawn = set(tables.injection_joint.source[tables.injection_joint.part == "vehicle"])
+    drawn = set(tables.injection_covariances.source[tables.injection_covariances.source_group == "vehicle"])
     if drawn and drawn != {"vehicle"}:  # without an error budget they are one source
         rows = rows[[_SOURCE.get(field, field.replace("_", " ")) in drawn for field in rows.field]]
     if rows.empty:

@@ -15,15 +15,16 @@ from lvnav_trade.report.blocks import number, percent
 from lvnav_trade.report.escape import render, xml_text
 from lvnav_trade.report.sentences import say
 from lvnav_trade.results.comparison.comparison import Comparison
-from lvnav_trade.results.tables.contents import DIGESTS, MANIFEST, RESOLVED, damaged, digest, is_without_rows, owned
-from lvnav_trade.results.tables.read import Tables, load, stored_table
+from lvnav_trade.results.tables.contents import DIGESTS, MANIFEST, RESOLVED, damaged, digest, owned
+from lvnav_trade.results.tables.read import Tables, has_table, load, stored_table
+from lvnav_trade.results.tables.versions import RESULTS_VERSION, across_machines
 
 EXIT = {"not worse": 0, "worse": 1, "undecided": 3}
 """Exit codes of the verdicts."""
 ORDER = ("worse", "undecided", "not worse")
 HEAD = ("verdict", "case", "metric", "base", "candidate", "change", "bounds", "effect", "runs", "effective runs")
-KEPT = ("cases", "outputs", "runs", "worst", "events", "states", "reference")
-KEPT_WITHOUT_RUNS = ("history", "consistency", "covariances", "joint", "innovations")
+KEPT = ("cases", "outputs", "runs", "interval_errors", "events", "states", "reference")
+KEPT_WITHOUT_RUNS = ("history", "consistency", "covariances", "joint_covariances", "innovations")
 """Tables that a comparison reads; of `reference` only few times, which identify the trajectory."""
 _KEPT_EVERY = 20
 _OF_ONE_MACHINE = ("command", "cpu", "folder", "host", "system", "timings_s", "created", "finished")
@@ -190,13 +191,13 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
         raise damaged(tables.folder / RESOLVED, "it states nothing")
     names = KEPT if int(tables.cases.run_count.sum()) else (*KEPT, *KEPT_WITHOUT_RUNS)
     manifest = {name: value for name, value in tables.manifest.items() if name not in _OF_ONE_MACHINE}
+    manifest |= {"results_version": RESULTS_VERSION, "across_machines": across_machines()}  # of the tables as kept
     with writing(folder, "the base cannot be kept there"):
         files = {RESOLVED: (tables.folder / RESOLVED).read_bytes()}
         for name in names:
-            file = f"{name}.parquet"
             # results of an older version may lack a table; a comparison that needs it reports this
-            if is_without_rows(tables.folder, name) or (tables.folder / file).exists():
-                files[file] = _kept(tables.folder, name)
+            if has_table(tables.folder, name):
+                files[f"{name}.parquet"] = _kept(tables.folder, name)
         manifest[DIGESTS] = {name: digest(content) for name, content in files.items()}
         files[MANIFEST] = (json.dumps(manifest, indent=2, sort_keys=True) + "\n").encode()
         target.publish("base", files)

@@ -186,9 +186,15 @@ def error_bound(tables: Tables) -> list[Block]:
     rows = []
     for case, group in tables.error_bound.groupby("case", sort=False):
         first_row, noise = group.iloc[0], group[group.matrix == "R"]
-        holds = first_row.rank_count == first_row.state_count and (noise.low_si > 0.0).all()
-        noises = [f"{number(r.low_si)} to {number(r.high_si)} {r.unit}" for r in noise.itertuples()]
-        bounds = (first_row.low_si, first_row.high_si, first_row.weakest, "; ".join(noises), "yes" if holds else "no")
+        holds = first_row.rank_count == first_row.state_count and (noise.lower_bound_si > 0.0).all()
+        noises = [f"{number(r.lower_bound_si)} to {number(r.upper_bound_si)} {r.unit}" for r in noise.itertuples()]
+        bounds = (
+            first_row.lower_bound_si,
+            first_row.upper_bound_si,
+            first_row.weakest_direction,
+            "; ".join(noises),
+            "yes" if holds else "no",
+        )
         rows.append((tables.labels[case], f"{first_row.rank_count} / {first_row.state_count}", *bounds))
     return [Text(note("error_bound")), stated("error_bound", pd.DataFrame(rows))] if rows else []
 
@@ -214,8 +220,9 @@ def spot_check(tables: Tables) -> list[Block]:
 def nonlinearity(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the nonlinearity index of each case at its worst event."""
     cases = frame.groupby("case", sort=False)
-    worst = frame.loc[cases.motion_ratio.idxmax()].assign(
-        transition_ratio=cases.transition_ratio.max().to_numpy(), row_ratio=cases.row_ratio.max().to_numpy()
+    worst = frame.loc[cases.propagation_ratio.idxmax()].assign(
+        transition_ratio=cases.transition_ratio.max().to_numpy(),
+        measurement_ratio=cases.measurement_ratio.max().to_numpy(),
     )
     return [Text(note("nonlinearity")), stated("nonlinearity", worst)]
 
@@ -266,7 +273,7 @@ def worth(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 @of("decisions")
 def _decided(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the most frequent exclusions of each case, with their times."""
-    keys = ["case", "isolated", "satellites"]
+    keys = ["case", "isolated_element", "satellites"]
     times = frame.loc[frame.index.repeat(frame.run_count)].groupby(keys, sort=False).t_s
     decisions = pd.DataFrame(
         {"times": times.size(), "first_s": times.min(), "median_s": times.median(), "last_s": times.max()}

@@ -379,6 +379,6 @@ def _changes(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 def logic(tables: Tables) -> list[Block]:
     """Return the mode logic of the filters in tables, and figures of the modes over time."""
     cases = tables.cases.case[tables.cases.logic.eq(True)]
-    columns = [name for name in tables.logic.columns if name != "case"]
-    group, more = few(distinct(tables, "logic", columns, cases))
+    columns = [name for name in tables.mode_transitions.columns if name != "case"]
+    group, more = few(distinct(tables, "mode_transitions", columns, cases))
     return [*logic_tables(tables), *figures(tables, "logic", group), *more]

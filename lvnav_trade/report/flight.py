@@ -93,7 +93,7 @@ def motion_summary(tables: Tables) -> list[Block]:
     The result is empty without runs, and for a vehicle under control, for which the nozzle movement decides.
     """
     frame = METRICS["motion"](tables)
-    if len(tables.nozzle) or not tables.cases.run_count.any():
+    if len(tables.nozzle_travel) or not tables.cases.run_count.any():
         return []
     outputs = tables.outputs
     estimated = set(outputs.case[outputs.quantity == "rate"].map(tables.labels))
@@ -188,7 +188,7 @@ def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
         gains = {case: float(levels.get("rate_gain", 1.0)) for case, levels in tables.levels.items()}
         scaled = [tables.labels[case] for case, gain in gains.items() if gain != 1.0]
         moved, turned = moved[~moved.case.isin(scaled)], turned[~turned.case.isin(scaled)]
-    filtered = turned[turned.feed == "filtered"].drop(columns="feed")
+    filtered = turned[turned.controller_rate == "filtered"].drop(columns="controller_rate")
     tabled = (("nozzle", moved), ("worth", METRICS["worth"](tables)), ("turning", filtered))
     return [Text(note("nozzle")), *(stated(name, frame) for name, frame in tabled)]
 

@@ -99,7 +99,7 @@ def _answer(row: Any, names: Sequence[str]) -> str:
         field=names[0],
         value=f"{row.answer:.4g} {row.unit}" if row.answer == row.answer else "",
         remark=row.remark,
-        binding=row.binding,
+        limiting_requirement=row.limiting_requirement,
         is_monotone=row.monotone,
         outside=f"{NOT_APPLICABLE.capitalize()}{why}" if is_outside else "",
     )
@@ -113,9 +113,8 @@ def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[B
     best, name = answers[answers.chosen], least.split("_")[0]
     if len(best):
         top = best.iloc[0]
-        sentence = (
-            f"{top.case}: {name} {top[least]:g}, error over limit {top.error_ratio:.3g} (largest: {top.binding})."
-        )
+        ratio = f"error over limit {top.error_ratio:.3g} (largest: {top.limiting_requirement})"
+        sentence = f"{top.case}: {name} {top[least]:g}, {ratio}."
         lead = f"Least {name} that meets the requirements:"
     else:
         sentence, lead = "", "No case meets the requirements."

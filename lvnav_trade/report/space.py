@@ -176,7 +176,7 @@ def _shown(tables: Tables, frame: pd.DataFrame) -> pd.DataFrame:
     rows["design"] = [_levels(tables, row) for _, row in frame[axes_of(frame)].iterrows()]
     for name in _SUMMED:
         rows[name] = frame[name] * people_of(tables, name)[1] if name in frame else np.nan
-    rows["binding"] = frame.binding
+    rows["limiting_requirement"] = frame.limiting_requirement
     rows["command"] = [f"{_command(tables)} --case {case}" for case in frame.case]
     return rows
 
@@ -218,7 +218,7 @@ def _explorer(tables: Tables, frame: pd.DataFrame) -> dict[str, Any]:
     )
     n_axis = len(axes_of(frame))
     effects = METRICS["effects"](tables).dropna(subset="rank_correlation")
-    deciding = next(iter(frame.binding.mode()), "") if "binding" in frame else ""
+    deciding = next(iter(frame.limiting_requirement.mode()), "") if "limiting_requirement" in frame else ""
     effects = effects[effects.requirement == deciding] if deciding else effects
     strongest = str(effects.axis[effects.first_order.idxmax()]) if len(effects) else ""
     return {

@@ -81,6 +81,6 @@ def test_a_campaign_that_holds_nothing_against_raw_samples_has_no_readings():
 def test_readings_stand_side_by_side_where_a_campaign_has_runs_and_no_vehicle_under_control():
     assert figures.interpretations_table(tables()) == []  # under control
     navigated = tables()
-    navigated.__dict__["nozzle"] = navigated.nozzle.iloc[:0]
+    navigated.__dict__["nozzle_travel"] = navigated.nozzle_travel.iloc[:0]
     _, side_by_side = figures.interpretations_table(navigated)
     assert side_by_side.rows[0][2:6] == ("88.0", "57.0", "88.6", "88.6")

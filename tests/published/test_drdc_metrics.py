@@ -18,11 +18,11 @@ def _script(_clean):
 
 def test_the_part_of_ticks_in_an_envelope_is_that_of_the_worse_rate():
     tables = vehicle_tables.tables()
-    rows = tables.turning.copy()
-    rows.loc[(rows.feed == "raw") & (rows.axis == "pitch"), "inside_turning_ratio"] = 0.9
-    rows.loc[(rows.feed == "true"), "inside_turning_ratio"] = 0.1  # is not flown
-    coast = rows.assign(phase="coast", tick_count=3000, inside_turning_ratio=1.0)
-    tables.__dict__["turning"] = pd.concat([rows, coast], ignore_index=True)
+    rows = tables.motion_statistics.copy()
+    rows.loc[(rows.controller_rate == "raw") & (rows.axis == "pitch"), "angular_acceleration_inside_ratio"] = 0.9
+    rows.loc[(rows.controller_rate == "true"), "angular_acceleration_inside_ratio"] = 0.1  # is not flown
+    coast = rows.assign(phase="coast", tick_count=3000, angular_acceleration_inside_ratio=1.0)
+    tables.__dict__["motion_statistics"] = pd.concat([rows, coast], ignore_index=True)
     whole, burn, yaw, jerk = (
         evaluate_single(tables, "aaaaaaaaaaaa", {"metric": name}, "%").value
         for name in ("turning_inside_pitch", "turning_inside_pitch_burn", "turning_inside_yaw_burn", "jerk_inside_yaw")

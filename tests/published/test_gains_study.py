@@ -143,7 +143,7 @@ def test_what_is_stated_holds_with_a_few_runs(name: str, tmp_path: Path) -> None
 
 def _every_rule_does_its_work(results: api.Results) -> None:
     tables = results.tables
-    rows = {tables.labels[case]: group for case, group in tables.logic.groupby("case")}
+    rows = {tables.labels[case]: group for case, group in tables.mode_transitions.groupby("case")}
     for label, wanted in DONE.items():
         runs = rows[label].sort_values("t_s", kind="stable").groupby("run_number")
         reported = [list(zip(run.from_mode, run.to_mode, strict=True)) for _, run in runs]

@@ -93,7 +93,7 @@ def test_what_the_filtered_rate_is_worth_stands_beside_the_true_rate():
 def test_in_short_phases_are_a_range_and_verdicts_are_counted():
     assert motion_summary(tables()) == []  # under control
     navigated = tables()
-    navigated.__dict__["nozzle"] = navigated.nozzle.iloc[:0]
+    navigated.__dict__["nozzle_travel"] = navigated.nozzle_travel.iloc[:0]
     (short,) = (block for block in motion_summary(navigated) if isinstance(block, Table))
     assert len(short.rows) == 2 * 6
     assert short.rows[0][1:4] == ("rate roll", "91.4 to 91.4", "88.6 to 88.6")

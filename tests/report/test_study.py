@@ -147,13 +147,16 @@ def test_a_bounded_noise_is_reported_by_case_with_its_weakest_direction():
         "case": "a",
         "rank_count": 15,
         "state_count": 15,
-        "low_si": 1e-9,
-        "high_si": 3.0,
-        "weakest": "+1.00 gyro bias x",
+        "lower_bound_si": 1e-9,
+        "upper_bound_si": 3.0,
+        "weakest_direction": "+1.00 gyro bias x",
     }
-    rows = [{**row, "matrix": "Q", "unit": "initial sigma^2"}, {**row, "matrix": "R", "unit": "m", "low_si": 2.0}]
+    rows = [
+        {**row, "matrix": "Q", "unit": "initial sigma^2"},
+        {**row, "matrix": "R", "unit": "m", "lower_bound_si": 2.0},
+    ]
     short = [{**one, "case": "b", "rank_count": 12} for one in rows]
-    silent = [rows[0] | {"case": "c"}, {**rows[1], "case": "c", "low_si": 0.0}]
+    silent = [rows[0] | {"case": "c"}, {**rows[1], "case": "c", "lower_bound_si": 0.0}]
     shown = SimpleNamespace(
         error_bound=pd.DataFrame(rows + short + silent), labels={"a": "one", "b": "two", "c": "three"}
     )

@@ -16,7 +16,18 @@ from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
 FINE, COARSE = {"imu": "fine"}, {"imu": "coarse"}
-NAMES = ("history", "runs", "events", "outputs", "labels", "people", "worst", "consistency", "campaign", "cases")
+NAMES = (
+    "history",
+    "runs",
+    "events",
+    "outputs",
+    "labels",
+    "people",
+    "interval_errors",
+    "consistency",
+    "campaign",
+    "cases",
+)
 SPEED = {"metric": "velocity_error_3d", "at": "injection"}
 
 

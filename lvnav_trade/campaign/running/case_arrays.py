@@ -168,7 +168,7 @@ class CaseArrays(CaseResults):
         from lvnav_trade.results.tables.flight_tables import state_columns
 
         stored = state_columns(self.prepared, self.covariance)
-        rows, joint = stored["states"], stored["joint"]
+        rows, joint = stored["states"], stored["joint_covariances"]
         if not rows:
             return [], []
         turns = frames.matrices(np.stack([rows[f"axes_q{k}_ratio"] for k in range(4)], axis=1))

@@ -14,7 +14,7 @@ from lvnav_trade.campaign.search.point import check_names, confirm, look, not_de
 from lvnav_trade.quantities.errors import InputError
 from lvnav_trade.results.evaluation.resources import PREFERRED, TOTALLED, total_of
 
-COLUMNS = ["case", "chosen", *TOTALLED, "error_ratio", "binding", "meets", "remark"]
+COLUMNS = ["case", "chosen", *TOTALLED, "error_ratio", "limiting_requirement", "meets", "remark"]
 CONFIRMED = ["case", "requirement", "runs", "beyond", "expected", "verdict", "agree"]
 
 
@@ -66,7 +66,7 @@ def least(campaign: Campaign, asked: Solve, jobs: int = 1) -> Chosen:
             "chosen": False,
             **total,
             "error_ratio": ratio,
-            "binding": name,
+            "limiting_requirement": name,
             "meets": ratio <= 1.0,
             "remark": why,
         }

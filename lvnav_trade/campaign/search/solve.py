@@ -38,7 +38,7 @@ ANSWERS = [
     "along_unit",
     "answer",
     "unit",
-    "binding",
+    "limiting_requirement",
     "monotone",
     "base_value",
     "evaluations",
@@ -67,7 +67,7 @@ class Found(NamedTuple):
 
     intervals: tuple[tuple[float, float], ...]  # intervals in which it is
     answer: float  # largest value in the intervals; NaN if there is none
-    binding: str  # name of the limiting ratio at the upper end; empty if there is no limit up to the last value
+    limiting_requirement: str  # at the upper end; empty if there is no limit up to the last value
     monotone: bool  # whether the function is at most 1 for all values below the answer
 
 
@@ -128,8 +128,8 @@ def search(ratio: Callable[[float], Mapping[str, float]], grid: Floats, log: boo
     if not intervals:
         return Found((), math.nan, _largest(at(marks[0][0])) if marks else "", True)
     monotone = len(intervals) == 1 and intervals[0][0] == marks[0][0]
-    binding = "" if math.isnan(beyond) else _largest(at(beyond if not refine else _nearest(cache, intervals[-1][1])))
-    return Found(tuple(intervals), intervals[-1][1], binding, monotone)
+    limiting = "" if math.isnan(beyond) else _largest(at(beyond if not refine else _nearest(cache, intervals[-1][1])))
+    return Found(tuple(intervals), intervals[-1][1], limiting, monotone)
 
 
 def _nearest(evaluated: Mapping[float, Any], value: float) -> float:
@@ -195,7 +195,7 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
         (campaign, asked, case, row.tuning, value, runs)
         for row in answers.itertuples()
         for case in all_cases
-        if case.label == row.case and runs and np.isfinite(row.answer) and row.binding
+        if case.label == row.case and runs and np.isfinite(row.answer) and row.limiting_requirement
         for value in _sides(row.answer, asked)
     ]
     confirmed = [row for rows in each(jobs, _confirm, flights, ordered=True) for row in rows]
@@ -288,7 +288,7 @@ def _solve_case(
     remark = "; ".join([*unknown, *(impossible[:1])])
     if not unknown and not solution.intervals:
         remark = "met by no value; " + remark
-    elif solution.intervals and not solution.binding:
+    elif solution.intervals and not solution.limiting_requirement:
         remark = "met up to the largest value; " + remark
     outside = not_described(result.outside for looked in evaluated.values() for result in looked.values())
     remark = "; ".join(text for text in (remark.removesuffix("; "), outside) if text)
@@ -297,7 +297,7 @@ def _solve_case(
         *place,
         solution.answer,
         ends.unit,
-        solution.binding,
+        solution.limiting_requirement,
         solution.monotone,
         base,
         len(evaluated),

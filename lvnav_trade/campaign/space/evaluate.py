@@ -28,7 +28,7 @@ from lvnav_trade.results.statistics.case import Gaussian
 from lvnav_trade.results.tables.schema import unit_suffix
 from lvnav_trade.simulation.preparation.prepare import Prepared, prepare
 
-TEXTS = ("case", "label", "axes", "reason", "binding", "verdict", "verdicts")
+TEXTS = ("case", "label", "axes", "reason", "limiting_requirement", "verdict", "verdicts")
 _LITRE = 1e-3
 
 
@@ -208,10 +208,10 @@ def _together(ratios: Mapping[str, float], words: Mapping[str, str]) -> dict[str
     if not words:
         return {}
     known = not any(np.isnan(ratio) for ratio in ratios.values())
-    binding = max(ratios, key=lambda name: ratios[name]) if known else ""
+    limiting = max(ratios, key=lambda name: ratios[name]) if known else ""
     return {
-        "error_ratio": ratios[binding] if binding else np.nan,
-        "binding": binding,
+        "error_ratio": ratios[limiting] if limiting else np.nan,
+        "limiting_requirement": limiting,
         "verdict": min(words.values(), key=ORDER.index),
         "verdicts": json.dumps(words),
     }

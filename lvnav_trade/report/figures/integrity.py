@@ -18,7 +18,11 @@ _COLOURS = dict(zip(ISOLATED[1:], (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5
 def _of_case(tables: Tables, case: str) -> pd.DataFrame:
     """Return the share of runs, and whether linear covariance, isolates a channel, by epoch and channel."""
     rows = pick(METRICS["decisions"](tables), case=tables.labels[case])
-    return rows.groupby(["isolated", "t_s"]).agg(run_ratio=("run_ratio", "sum"), lincov=("lincov", "any")).reset_index()
+    return (
+        rows.groupby(["isolated_element", "t_s"])
+        .agg(run_ratio=("run_ratio", "sum"), lincov=("lincov", "any"))
+        .reset_index()
+    )
 
 
 @drawing
@@ -28,7 +32,7 @@ def decisions(tables: Tables, case: str) -> Figure:
     if rows.empty:
         return message("nothing is isolated", "time since lift-off (s)", "runs (%)")
     for isolated, colour in _COLOURS.items():
-        channel_rows = rows[rows.isolated == isolated]
+        channel_rows = rows[rows.isolated_element == isolated]
         if len(channel_rows):
             ax.plot(
                 channel_rows.t_s,
@@ -52,7 +56,7 @@ def mark_decisions(ax: Panel, tables: Tables, case: str) -> None:
         return
     rows = _of_case(tables, case)
     for isolated, colour in _COLOURS.items():
-        channel_rows = rows[(rows.isolated == isolated) & (rows.run_ratio > 0.0)]
+        channel_rows = rows[(rows.isolated_element == isolated) & (rows.run_ratio > 0.0)]
         if len(channel_rows):
             label = f"decisions: {isolated}"
             ax.plot(

@@ -83,12 +83,12 @@ def singular(tables: Tables, case: str) -> Figure:
 @drawing
 def movement(tables: Tables, case: str) -> Figure:
     """Draw the accumulated nozzle movement by input of the controller: mean of the runs, and their range as a band."""
-    rows = pick(tables.movement, case=case)
+    rows = pick(tables.nozzle_travel_history, case=case)
     figure, grid = canvas(1, 2, 2.9, sharey=True)
     for axes, axis in zip(grid[0], _AXES, strict=True):
-        for number, feed in enumerate(dict.fromkeys(rows.feed)):
-            axis_rows, style = pick(rows, feed=feed, axis=axis), line_of(number)
-            low, high = np.degrees(axis_rows.low_rad), np.degrees(axis_rows.high_rad)
+        for number, feed in enumerate(dict.fromkeys(rows.controller_rate)):
+            axis_rows, style = pick(rows, controller_rate=feed, axis=axis), line_of(number)
+            low, high = np.degrees(axis_rows.minimum_rad), np.degrees(axis_rows.maximum_rad)
             axes.fill_between(axis_rows.t_s, low, high, color=style["color"], alpha=0.25)
             axes.plot(axis_rows.t_s, np.degrees(axis_rows.mean_rad), lw=1.4, label=f"{feed} rate", **style)
         axes.boxes([], [], [], [], color=GREY, alpha=0.25, label="shaded: all runs, from the least to the largest")
@@ -133,11 +133,16 @@ def sweep(tables: Tables, band: tuple[float, float] | None = None) -> Figure:
 @drawing
 def turning(tables: Tables, case: str) -> Figure:
     """Draw angular acceleration and lateral jerk of one run in pitch, with their envelopes, over the first seconds."""
-    rows = pick(tables.motion, case=case, axis="pitch")
+    rows = pick(tables.motion_history, case=case, axis="pitch")
     figure, grid = canvas(2, 1, 2.4, sharex=True)
     for axes, value, bound, label in (
-        (grid[0, 0], "turning_rad_per_s2", "turning_bound_rad_per_s2", "angular acceleration\nin pitch (rad/s²)"),
-        (grid[1, 0], "jerk_m_per_s3", "jerk_bound_m_per_s3", "jerk along z (m/s³)"),
+        (
+            grid[0, 0],
+            "angular_acceleration_rad_per_s2",
+            "angular_acceleration_envelope_rad_per_s2",
+            "angular acceleration\nin pitch (rad/s²)",
+        ),
+        (grid[1, 0], "jerk_m_per_s3", "jerk_envelope_m_per_s3", "jerk along z (m/s³)"),
     ):
         axes.plot(rows.t_s, rows[value], lw=0.5, color=PALETTE[0], label="true")
         axes.plot(rows.t_s, rows[bound], lw=1.2, color=PALETTE[1], label="envelope, 1 sigma of what the filter expects")
@@ -148,7 +153,11 @@ def turning(tables: Tables, case: str) -> Figure:
 
 
 _DEG_H, _MG = math.degrees(3600.0), 1e3 / 9.80665  # factors from rad/s and m/s^2
-_PARTS = (("white", "white noise", ":"), ("instability", "bias instability", "--"), ("walk", "random walk", "-."))
+_PARTS = (
+    ("white_noise", "white noise", ":"),
+    ("bias_instability", "bias instability", "--"),
+    ("random_walk", "random walk", "-."),
+)
 
 
 @drawing
@@ -169,14 +178,14 @@ def allan(tables: Tables, case: str) -> Figure:
                 axes.plot(sensor_rows.tau_s, sensor_rows[name], color=GREY, lw=0.8, ls=dashes, label=label)
         axes.plot(
             sensor_rows.tau_s,
-            sensor_rows.stream,
+            sensor_rows.simulated,
             ls="none",
             marker="o",
             ms=3,
             color=PALETTE[1],
-            label="simulated stream",
+            label="simulated",
         )
-        least = sensor_rows[["card", "stream"]].to_numpy().min()
+        least = sensor_rows[["card", "simulated"]].to_numpy().min()
         axes.set(ylabel=f"{sensor}\n({sensor_rows.unit.iloc[0]})", ylim=(0.3 * max(least, 1e-30), None))
     return figure
 

@@ -42,7 +42,7 @@ OBSERVED = [
     "least_rank_with_information",
     "smallest_ratio",
     "position_against_bias_ratio",
-    "weakest",
+    "weakest_direction",
 ]
 
 
@@ -294,19 +294,21 @@ def sensitivity(tables: Tables) -> pd.DataFrame:
 def observability(tables: Tables) -> pd.DataFrame:
     """Return the observability of the filter's states from the measurements, by case and phase.
 
-    row_count: number of scalar measurements. rank_count, state_count: rank of the observability matrix and number of
-    states; tolerance_ratio: relative tolerance of the rank. smallest_ratio, second_ratio, third_ratio: relative
-    singular values, from the smallest. weakest: direction of the smallest.
+    measurement_count: number of scalar measurements. rank_count, state_count: rank of the observability matrix and
+    number of states; tolerance_ratio: relative tolerance of the rank. smallest_ratio, second_ratio, third_ratio:
+    relative singular values, from the smallest. weakest_direction: direction of the smallest.
     """
-    counts = ["row_count", "rank_count", "state_count", "tolerance_ratio"]
+    counts = ["measurement_count", "rank_count", "state_count", "tolerance_ratio"]
     smallest = ["smallest_ratio", "second_ratio", "third_ratio"]
     found = []
     for _, group in tables.observability.groupby(["case", "phase", "t_s"], sort=False):
         first = group.iloc[0]
         values = dict(zip(smallest, np.sort(group.singular_ratio.to_numpy()), strict=False))
         head = {"case": tables.labels[first.case], "t_start_s": first.t_s}
-        found.append({**head, **first[["phase", "t_end_s", *counts, "weakest"]], **values})
-    return pd.DataFrame(found, columns=["case", "phase", "t_start_s", "t_end_s", *counts, *smallest, "weakest"])
+        found.append({**head, **first[["phase", "t_end_s", *counts, "weakest_direction"]], **values})
+    return pd.DataFrame(
+        found, columns=["case", "phase", "t_start_s", "t_end_s", *counts, *smallest, "weakest_direction"]
+    )
 
 
 def nonlinearity(tables: Tables) -> pd.DataFrame:
@@ -325,7 +327,7 @@ def observed(tables: Tables) -> pd.DataFrame:
     """Return the smallest rank of the observability matrix over all phases, with its smallest singular values.
 
     least_rank: number of singular values above 1e-10 of the largest; least_rank_with_information: above the tolerance
-    of the results. smallest_ratio: smallest singular value; weakest: its direction in words.
+    of the results. smallest_ratio: smallest singular value; weakest_direction: its direction in words.
     position_against_bias_ratio: smallest singular value of a direction in which position and its bias cannot be
     separated; NaN if there is none.
     """

@@ -39,7 +39,7 @@ MEANINGS = {
     },
     "nees_per_state_ratio": "expected NEES there over the number of its components: 1 for a consistent filter",
     "error_ratio": "largest error of a requirement over its limit: at most 1 where all are met",
-    "binding": "requirement that has it",
+    "limiting_requirement": "requirement with the largest error over its limit",
     "verdict": "worst verdict on the requirements",
     "reason": "why there are no numbers, or why linear covariance does not describe the case",
     "cost": "cost of the devices",
@@ -85,7 +85,7 @@ def _of_many(tables: Tables) -> pd.DataFrame:
     for requirement in tables.campaign.get("requirements") or ():
         name = requirement["name"]
         frame[requirement_columns(requirement)[2]] = words[name].fillna("") if name in words else ""
-    return frame.assign(binding=stored.binding, verdict=stored.verdict, reason=stored.reason)
+    return frame.assign(limiting_requirement=stored.limiting_requirement, verdict=stored.verdict, reason=stored.reason)
 
 
 def _is_of(name: str, column: str) -> bool:
@@ -213,7 +213,7 @@ def _requirements(tables: Tables) -> list[pd.DataFrame]:
 
 
 def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
-    """Return `error_ratio`, `binding` and `verdict` of designs.
+    """Return `error_ratio`, `limiting_requirement` and `verdict` of designs.
 
     ratios : error over limit, one row per design, one column per requirement; NaN if not known
     verdicts : verdicts, with the same rows and columns
@@ -223,7 +223,7 @@ def together(ratios: pd.DataFrame, verdicts: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "error_ratio": whole.max(axis=1).where(known),
-            "binding": whole.idxmax(axis=1).where(known, ""),
+            "limiting_requirement": whole.idxmax(axis=1).where(known, ""),
             "verdict": [worst(pd.Series(row)) for row in verdicts.itertuples(index=False)],
         }
     )

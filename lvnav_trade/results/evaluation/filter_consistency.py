@@ -54,27 +54,27 @@ def nees(tables: Tables) -> pd.DataFrame:
 def nis(tables: Tables) -> pd.DataFrame:
     """Return the mean normalised innovation squared of accepted rows over time, with 95 % bounds for that many rows.
 
-    Columns: case, t_s, row_count, reject_count, raw_ratio (mean of the accepted rows), anis_ratio (the same over what a
-    gate leaves of a matched filter's rows: 1 for a matched filter), low_ratio, high_ratio, expected_ratio (LinCov, with
-    the same gate and correction), rejected_ratio (part of rows that the gate rejected), false_rejection_ratio (LinCov),
-    inside. Epochs without a row are left out.
+    Columns: case, t_s, measurement_count, rejected_count, raw_ratio (mean of the accepted), anis_ratio (the same over
+    its expectation for a matched filter with this gate), low_ratio, high_ratio, expected_ratio (LinCov, with the same
+    gate and correction), rejected_ratio (fraction that the gate rejects), false_rejection_ratio (LinCov), inside.
+    Epochs without a measurement are omitted.
     """
     rows = tables.innovations
-    rows = rows[(rows.row_count > 0) | (rows.lincov_row_count > 0)]
+    rows = rows[(rows.measurement_count > 0) | (rows.lincov_measurement_count > 0)]
     gate = rows.case.map(tables.cases.set_index("case").gate_ratio).to_numpy(dtype=float)
     mean, variance = accepted_moments(gate)
-    low, high = mean_square_interval(rows.row_count * 2.0 * mean**2 / variance, ALPHA)
-    raw = rows.nis_sum_ratio / rows.row_count.where(rows.row_count > 0)
-    spread = rows.expected_nis_ratio / rows.lincov_row_count.where(rows.lincov_row_count > 0)
-    offered = rows.row_count + rows.reject_count
-    return rows[["case", "t_s", "row_count", "reject_count"]].assign(
+    low, high = mean_square_interval(rows.measurement_count * 2.0 * mean**2 / variance, ALPHA)
+    raw = rows.nis_sum_ratio / rows.measurement_count.where(rows.measurement_count > 0)
+    spread = rows.expected_nis_ratio / rows.lincov_measurement_count.where(rows.lincov_measurement_count > 0)
+    offered = rows.measurement_count + rows.rejected_count
+    return rows[["case", "t_s", "measurement_count", "rejected_count"]].assign(
         case=rows.case.map(tables.labels),
         raw_ratio=raw,
         anis_ratio=raw / mean,
         low_ratio=low,
         high_ratio=high,
         expected_ratio=spread * accepted_moments(gate / np.sqrt(spread))[0] / mean,
-        rejected_ratio=rows.reject_count / offered.where(offered > 0),
+        rejected_ratio=rows.rejected_count / offered.where(offered > 0),
         false_rejection_ratio=rows.false_rejection_ratio,
         inside=(raw / mean).between(low, high),
     )
@@ -215,7 +215,7 @@ def logic(tables: Tables) -> pd.DataFrame:
     median_s, last_s: first, median and last time. The table is empty without a mode logic.
     """
     found = (
-        tables.logic.groupby(["case", "from_mode", "to_mode", "reason"], sort=False)
+        tables.mode_transitions.groupby(["case", "from_mode", "to_mode", "reason"], sort=False)
         .agg(
             change_count=("t_s", "size"),
             run_count=("run_number", "nunique"),
@@ -238,7 +238,7 @@ def modes(tables: Tables) -> pd.DataFrame:
     """Return the fraction of runs in each mode over time, for cases with a mode logic."""
     found = [pd.DataFrame(columns=["case", "t_s", "filter_mode", "run_ratio"])]
     for case in _with_logic(tables).itertuples():
-        rows, ends = pick(tables.logic, case=case.case), pick(tables.history, case=case.case).t_s
+        rows, ends = pick(tables.mode_transitions, case=case.case), pick(tables.history, case=case.case).t_s
         t = np.linspace(float(ends.min()), float(ends.max()), STEPS)
         for mode in MODES:
             entered = np.searchsorted(np.sort(rows.t_s[rows.to_mode == mode]), t, side="right")
@@ -259,7 +259,7 @@ def stops(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     for case in _with_logic(tables).itertuples():
-        changes, runs = pick(tables.logic, case=case.case), max(1, int(case.run_count))
+        changes, runs = pick(tables.mode_transitions, case=case.case), max(1, int(case.run_count))
         last = changes.sort_values("t_s", kind="stable").groupby("run_number").to_mode.last()
         starts, aided = pick(changes, to_mode="converging"), pick(changes, to_mode="aiding")
         started, corrected = (into_mode.run_number.nunique() / runs for into_mode in (starts, aided))

@@ -7,23 +7,37 @@ from lvnav_trade.results.statistics.probability import success_bounds
 from lvnav_trade.results.statistics.select import faults, pick
 from lvnav_trade.results.tables.read import Tables
 
-COLUMNS = ["case", "sensor", "unit", "tau_s", "stream", "card", "ratio", "white", "instability", "walk"]
+COLUMNS = [
+    "case",
+    "sensor",
+    "unit",
+    "tau_s",
+    "simulated",
+    "card",
+    "ratio",
+    "white_noise",
+    "bias_instability",
+    "random_walk",
+]
 _PEOPLE = {"rad/s": ("deg/h", 206264.80624709636), "m/s^2": ("mg", 1e3 / 9.80665)}
 
 
 def allan(tables: Tables) -> pd.DataFrame:
-    """Return Allan deviations over the averaging time, of the simulated stream and of the card, in deg/h and mg.
+    """Return Allan deviations over the averaging time, simulated and of the card, in deg/h and mg.
 
-    ratio: stream over card. white, instability, walk: contributions of the card's white noise with quantisation, bias
-    instability and random walk.
+    ratio: simulated over card. white_noise, bias_instability, random_walk: contributions to that of the card.
+    white_noise includes quantisation.
     """
     rows = tables.allan
     factor = rows.unit.map(lambda unit: _PEOPLE[unit][1]).astype(float)
     deviations = rows.assign(
         case=rows.case.map(tables.labels),
         unit=rows.unit.map(lambda unit: _PEOPLE[unit][0]),
-        ratio=rows.stream_si / rows.card_si,
-        **{name: rows[f"{name}_si"] * factor for name in ("stream", "card", "white", "instability", "walk")},
+        ratio=rows.simulated_si / rows.card_si,
+        **{
+            name: rows[f"{name}_si"] * factor
+            for name in ("simulated", "card", "white_noise", "bias_instability", "random_walk")
+        },
     )
     return deviations[COLUMNS].reset_index(drop=True)
 
@@ -49,7 +63,7 @@ def exclusions(tables: Tables) -> pd.DataFrame:
     t_s: median time of the exclusion. after_s: this time minus that of the first fault of the case; NaN if there is no
     fault before.
     """
-    rows = tables.integrity[tables.integrity.isolated == "unit"]
+    rows = tables.integrity[tables.integrity.isolated_element == "unit"]
     excluded = []
     for (case, unit), chosen in rows.groupby(["case", "channel"], sort=False):
         of_case, runs = faults(tables, str(case)), int(pick(tables.cases, case=str(case)).run_count.iloc[0])

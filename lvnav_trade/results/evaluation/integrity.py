@@ -75,8 +75,8 @@ def outcomes(decisions: pd.DataFrame, faults: AppliedFaults) -> pd.Series:
 
 def _outcome(rows: pd.DataFrame, faults: AppliedFaults) -> str:
     # excluding one of several IMUs isolates the inertial fault; an alarm of solution separation names a satellite
-    kinds = set(rows.isolated.replace({"unit": "inertial", "separation": "channel"}))
-    satellites = {name.split()[0] for name in rows.channel[rows.isolated != "unit"].dropna() if name}
+    kinds = set(rows.isolated_element.replace({"unit": "inertial", "separation": "channel"}))
+    satellites = {name.split()[0] for name in rows.channel[rows.isolated_element != "unit"].dropna() if name}
     any_may_be = "channel" in faults.kinds and not faults.satellites
     if kinds - faults.kinds or (satellites - faults.satellites and not any_may_be):
         return WRONG
@@ -222,11 +222,11 @@ def without_fault(tables: Tables, case: str) -> str:
 def decisions(tables: Tables) -> pd.DataFrame:
     """Return the decisions of the tests for faults over time, with the number of runs that make each decision.
 
-    isolated: channel, clock, inertial, unit (one of several IMUs) or separation. satellites: satellites that are
-    excluded or named by an alarm of solution separation, or the IMU. run_count, run_ratio: number and fraction of runs
-    with this decision at the epoch. lincov: whether linear covariance makes it too.
+    isolated_element: channel, clock, inertial, unit (one of several IMUs) or separation. satellites: satellites that
+    are excluded or named by an alarm of solution separation, or the IMU. run_count, run_ratio: number and fraction of
+    runs with this decision at the epoch. lincov: whether linear covariance makes it too.
     """
-    keys = ["case", "t_s", "isolated", "satellites"]
+    keys = ["case", "t_s", "isolated_element", "satellites"]
     if tables.integrity.empty and tables.nominal_integrity.empty:
         return pd.DataFrame(columns=[*keys, "run_count", "run_ratio", "lincov"])
     counted, nominal = (
@@ -234,7 +234,7 @@ def decisions(tables: Tables) -> pd.DataFrame:
     )
     frame = pd.DataFrame({"run_count": counted, "lincov": nominal}).fillna(0)
     frame = frame.assign(lincov=frame.lincov > 0)
-    frame = frame.reset_index().sort_values(["t_s", "isolated", "satellites"], kind="stable")
+    frame = frame.reset_index().sort_values(["t_s", "isolated_element", "satellites"], kind="stable")
     runs = frame.case.map(tables.cases.set_index("case").run_count)
     frame = frame.assign(run_count=frame.run_count.astype(int), run_ratio=frame.run_count / runs.where(runs > 0))
     order = {case: place for place, case in enumerate(tables.labels)}
@@ -245,10 +245,10 @@ def decisions(tables: Tables) -> pd.DataFrame:
 def _by_epoch(rows: pd.DataFrame) -> pd.DataFrame:
     """Return one row per run and epoch with a decision, with its satellites as one text."""
     names = rows.channel.fillna("")
-    named = rows.assign(satellites=names.where(rows.isolated == "unit", names.str.split(" ").str[0].fillna("")))
-    named = named.drop_duplicates(["case", "run_number", "t_s", "isolated", "satellites"])
+    named = rows.assign(satellites=names.where(rows.isolated_element == "unit", names.str.split(" ").str[0].fillna("")))
+    named = named.drop_duplicates(["case", "run_number", "t_s", "isolated_element", "satellites"])
     named = named.sort_values(["case", "run_number", "t_s", "satellites"], kind="stable")
-    keys = ["case", "run_number", "t_s", "isolated"]
+    keys = ["case", "run_number", "t_s", "isolated_element"]
     return named.groupby(keys, sort=False).satellites.agg(lambda names: " ".join(filter(None, names))).reset_index()
 
 

@@ -44,7 +44,7 @@ def beyond(tables: Tables, case: str, quantity: str) -> tuple[int, int]:
         Number of errors beyond their level, number of all errors.
     """
     rows, count, total = pick(tables.protection, case=case, quantity=quantity), 0, 0
-    alarm = pick(tables.integrity, case=case, isolated="separation").groupby("run_number").t_s.min()
+    alarm = pick(tables.integrity, case=case, isolated_element="separation").groupby("run_number").t_s.min()
     for event in flight_events(tables, case).itertuples():
         errors = errors_by_axis(tables, case, str(event.event), quantity)
         if errors.empty or not len(rows):

@@ -142,9 +142,9 @@ def _ratios(tables: Tables) -> pd.DataFrame:
             chosen = chosen if chosen.verdict in ("met", "violated") else runs.loc[name, label]
             by_name[str(name)] = float(chosen.estimate) / float(chosen.limit)
         finite = {name: ratio for name, ratio in by_name.items() if ratio == ratio}
-        binding = max(finite, key=lambda name: finite[name]) if len(finite) == len(by_name) else ""
-        rows.append((label, finite.get(binding, math.inf), binding, verdict[label]))
-    return pd.DataFrame(rows, columns=["case", "error_ratio", "binding", "verdict"])
+        limiting = max(finite, key=lambda name: finite[name]) if len(finite) == len(by_name) else ""
+        rows.append((label, finite.get(limiting, math.inf), limiting, verdict[label]))
+    return pd.DataFrame(rows, columns=["case", "error_ratio", "limiting_requirement", "verdict"])
 
 
 def dominating(values: Floats, k: int) -> int:

@@ -247,7 +247,7 @@ def controlled(tables: Tables) -> pd.DataFrame:
     rows = []
     for case, label in tables.labels.items():
         event = final_event(tables, case)
-        starts = pick(tables.starts, case=case)
+        starts = pick(tables.initial_draws, case=case)
         if starts.empty:
             continue
         draws = starts.pivot(index="run_number", columns=["source", "axis"], values="draw_ratio")

@@ -157,8 +157,8 @@ def nozzle(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
     whole flight. It is NaN for a single run, and for a burn in which the nozzle does not move in some run.
     """
     rows = []
-    for (case, burn, axis), group in tables.nozzle.groupby(["case", "burn", "axis"], sort=False):
-        moved = group.pivot(index="run_number", columns="feed", values="moved_rad")
+    for (case, burn, axis), group in tables.nozzle_travel.groupby(["case", "burn", "axis"], sort=False):
+        moved = group.pivot(index="run_number", columns="controller_rate", values="travel_rad")
         less: tuple[float, ...] = (np.nan, np.nan, np.nan)
         if len(moved) > 1 and bool((moved > 0.0).all(axis=None)):
             less = tuple(
@@ -179,7 +179,7 @@ def worth(tables: Tables) -> pd.DataFrame:
     moved, errors = pick(nozzle(tables), burn="flight"), pick(turning(tables), phase="burn")
     moved = moved.drop(columns=["burn", "runs"]).reset_index(drop=True)
     moved["possible_percent"] = 100.0 * (1.0 - moved.true_deg / moved.raw_deg.where(moved.raw_deg > 0.0))
-    wide = errors.pivot_table(index=["case", "axis"], columns="feed", values="attitude_error_mrad")
+    wide = errors.pivot_table(index=["case", "axis"], columns="controller_rate", values="attitude_error_mrad")
     wide = wide.reindex(columns=["raw", "filtered", "true"]).add_suffix("_error_mrad")
     return moved.join(wide, on=["case", "axis"])
 
@@ -190,13 +190,13 @@ def turning(tables: Tables) -> pd.DataFrame:
     The rows are by case, axis, phase and rate that feeds the controller. *_inside_percent: percentage of the time steps
     inside the envelope; *_furthest_times: largest value as a multiple of the envelope.
     """
-    rows = tables.turning
-    return rows[["case", "feed", "axis", "phase"]].assign(
+    rows = tables.motion_statistics
+    return rows[["case", "controller_rate", "axis", "phase"]].assign(
         case=rows.case.map(tables.labels),
-        turning_inside_percent=100.0 * rows.inside_turning_ratio,
-        turning_furthest_times=rows.furthest_turning_ratio,
-        jerk_inside_percent=100.0 * rows.inside_jerk_ratio,
-        jerk_furthest_times=rows.furthest_jerk_ratio,
+        turning_inside_percent=100.0 * rows.angular_acceleration_inside_ratio,
+        turning_furthest_times=rows.angular_acceleration_peak_ratio,
+        jerk_inside_percent=100.0 * rows.jerk_inside_ratio,
+        jerk_furthest_times=rows.jerk_peak_ratio,
         attitude_error_mrad=1e3 * rows.attitude_error_rad,
         rate_error_deg_per_h=_DEG_H * rows.rate_error_rad_per_s,
         rate_sigma_deg_per_h=_DEG_H * rows.rate_sigma_rad_per_s,

@@ -102,7 +102,7 @@ def state_at(tables: Tables, case: str, event: str) -> State | None:
 @once
 def laws(tables: Tables, case: str) -> list[Law]:
     """Return the Gaussian of velocity and position by linear covariance at each of `states`."""
-    rows = pick(tables.joint, case=case)
+    rows = pick(tables.joint_covariances, case=case)
     return laws_in(*(rows[name].to_numpy(dtype=float) for name in ("mean_si", "true_si2", "formal_si2")))
 
 

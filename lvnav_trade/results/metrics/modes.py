@@ -82,7 +82,7 @@ def of_modes(tables: Tables, case: str, stated: Mapping[str, Any]) -> Floats:
     from lvnav_trade.results.statistics.select import SAME_TIME, phase, pick
 
     first, last = phase(tables, case, str(stated["during"]))
-    changes = pick(tables.logic, case=case).sort_values(["run_number", "t_s"], kind="stable")
+    changes = pick(tables.mode_transitions, case=case).sort_values(["run_number", "t_s"], kind="stable")
     runs = np.sort(pick(tables.runs, case=case).run_number.unique())
     mode, metric = str(stated["mode"]), str(stated["metric"])
     if metric == DURATION:

@@ -32,8 +32,9 @@ class Rank(Metric):
                 above = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
                 return MetricValue(true=float(row.least_rank), remark=above)
             tolerance = float(pick(tables.observability, case=case).tolerance_ratio.iloc[0])
-            above = f"{row.stretches} stretches, singular values above {tolerance:g}; least informed: {row.weakest}"
-            return MetricValue(true=float(row.least_rank_with_information), remark=above)
+            above = f"{row.stretches} stretches, singular values above {tolerance:g}"
+            remark = f"{above}; least informed: {row.weakest_direction}"
+            return MetricValue(true=float(row.least_rank_with_information), remark=remark)
         return MetricValue(remark=MISSING)
 
     def label(self, stated: Mapping[str, Any]) -> str:

@@ -207,7 +207,7 @@ def lost(tables: Tables) -> pd.DataFrame:
     rows = []
     for case, label in tables.labels.items():
         ends = pick(tables.injections, case=case, quantity=ORBIT[0])
-        drawn = pick(tables.lost_vehicles, case=case)
+        drawn = pick(tables.failed_injection_draws, case=case)
         for run in ends[ends.outcome != OUTCOMES[0]].itertuples():
             draws = drawn[drawn.run_number == run.run_number]
             largest = draws.iloc[np.argsort(-draws.draw_ratio.abs(), kind="stable")[:_SHOWN_DRAWS]]

@@ -32,13 +32,13 @@ def _read(tables: Tables, case: str) -> InjectionLaw | None:
     numbers = pick(tables.injection_expected, case=case)
     if numbers.empty:
         return None
-    if str(numbers.why.iloc[0]):
-        return InjectionLaw(str(numbers.why.iloc[0]))
+    if str(numbers.reason.iloc[0]):
+        return InjectionLaw(str(numbers.reason.iloc[0]))
     reference, target, mean, second_order, knowledge, execution = (
         numbers[f"{name}_si"].to_numpy(dtype=float)
         for name in ("reference", "target", "mean", "second_order", "knowledge", "execution")
     )
-    rows = pick(tables.injection_joint, case=case)
+    rows = pick(tables.injection_covariances, case=case)
     sources = list(dict.fromkeys(rows.source))
     covariance = np.zeros((len(sources), _N, _N))
     source = rows.source.map({name: k for k, name in enumerate(sources)}).to_numpy(dtype=int)
@@ -47,7 +47,7 @@ def _read(tables: Tables, case: str) -> InjectionLaw | None:
     covariance[source, i, j] = covariance[source, j, i] = rows.covariance_si2.to_numpy(dtype=float)
     of_sources = np.zeros((2, len(sources), len(ORBIT)))
     of_sources[:, 0] = np.square([knowledge[: len(ORBIT)], execution[: len(ORBIT)]])
-    of_navigation = set(rows.source[rows.part == "navigation"])
+    of_navigation = set(rows.source[rows.source_group == "navigation"])
     return InjectionLaw(
         reference=reference,
         target=target[: len(ORBIT)],
@@ -89,7 +89,7 @@ class CaseTables(CaseResults):
 
     def phase(self, text: str) -> tuple[float, float]:
         """Return first and last time (s) of a phase."""
-        worst = pick(self.tables.worst, case=self.case)
+        worst = pick(self.tables.interval_errors, case=self.case)
         spans = (float(worst.t_s.min()), float(worst.t_end_s.max())) if len(worst) else None
         return phase(self.tables, self.case, text, spans or ends_of(self.tables, self.case))
 
@@ -121,7 +121,7 @@ class CaseTables(CaseResults):
 
     def largest(self, quantity: str, axis: str, first: float, last: float) -> Floats:
         """Return the largest |error| (n_run,) of a phase."""
-        inside = rows_between(pick(self.tables.worst, case=self.case), first, last, "t_end_s")
+        inside = rows_between(pick(self.tables.interval_errors, case=self.case), first, last, "t_end_s")
         output = self.output(quantity, axis)
         if inside.empty or output is None:
             return np.empty(0)

@@ -57,7 +57,7 @@ def per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) -
         Errors in the order of the runs, SI, infinite for a failed run; empty if the results do not have them.
     """
     first, last = phase(tables, case, str(stated["during"]))
-    within = rows_between(pick(tables.worst, case=case), first, last, end="t_end_s")
+    within = rows_between(pick(tables.interval_errors, case=case), first, last, end="t_end_s")
     lacks = within.empty or column not in within.columns or within[column].isna().all()
     if lacks or abs(within.t_s.min() - first) > SAME_TIME or abs(within.t_end_s.max() - last) > SAME_TIME:
         return np.empty(0)

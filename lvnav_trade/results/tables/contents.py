@@ -16,11 +16,13 @@ from lvnav_trade.quantities.input_files import read_bytes
 from lvnav_trade.results.tables import parts as part_files
 from lvnav_trade.results.tables import scratch
 from lvnav_trade.results.tables.files import CASE_TABLE, replace_file
-from lvnav_trade.results.tables.schema import FEATURES, REPORTED, TABLES
+from lvnav_trade.results.tables.schema import FEATURES, REPORTED, TABLES, TABLES_OF_VERSION_2
 
 CONTENTS, RESOLVED, MANIFEST = "contents.json", "campaign.resolved.yaml", "manifest.json"
 _BYTES = 2**26  # limit, far above the size of the list for the largest campaign
 RUN_FILES = (MANIFEST, RESOLVED, *(f"{table}.parquet" for table in TABLES))
+_EARLIER = {earlier: FEATURES[name] for name, earlier in TABLES_OF_VERSION_2.items()}  # tables with another name before
+_STORED = FEATURES | _EARLIER
 _MARK, _VERSION = "lvnav_trade_contents", 1
 _CASE_TABLES = (CASE_TABLE, ".parquet")  # the second is the extension in earlier versions
 _CASE = re.compile(r"\w[\w.-]*")
@@ -135,7 +137,7 @@ class OwnedFolder:
         """Remove the tables of single cases; blocks of runs remain."""
         for case in self.cases:
             folder = self._place_case(case) / "tables"
-            for path in [folder / f"{table}{end}" for table in TABLES for end in _CASE_TABLES]:
+            for path in [folder / f"{table}{end}" for table in _STORED for end in _CASE_TABLES]:
                 self._remove(path)
 
     def remove_blocks(self) -> None:
@@ -151,7 +153,7 @@ class OwnedFolder:
         for place in cases | {path.parent for path in own}:
             for path in place.glob(".*.*"):
                 name = _TEMPORARY.sub(r"\1", path.name)
-                of_case = place in cases and (part_files.is_name(name) or PurePosixPath(name).stem in TABLES)
+                of_case = place in cases and (part_files.is_name(name) or PurePosixPath(name).stem in _STORED)
                 if name != path.name and (of_case or place / name in own):
                     path.unlink(missing_ok=True)
 
@@ -187,7 +189,7 @@ class OwnedFolder:
         content: dict[str, Any] = {_MARK: _VERSION, "kind": self.kind, "files": files, "cases": self.cases}
         if self.kind == "results":
             stored, shown = files.get("run", ()), files.get("report", ())
-            content["tables"] = {name: FEATURES[name] for name in TABLES if f"{name}.parquet" in stored}
+            content["tables"] = {name: feature for name, feature in _STORED.items() if f"{name}.parquet" in stored}
             content["tables"] |= {f"{name}.csv": of for name, of in REPORTED.items() if f"{name}.csv" in shown}
         replace_file(self.folder / CONTENTS, json.dumps(content, indent=1) + "\n")
 
@@ -231,7 +233,7 @@ def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
 
 
 def is_without_rows(folder: Path, table: str) -> bool:
-    """Whether results do not have a table because it has no rows: it is missing in their list of tables."""
+    """Whether results lack a table because it has no rows: its stored name is missing in their list of tables."""
     tables = _json(folder / CONTENTS).get("tables")
     return isinstance(tables, dict) and table not in tables
 
@@ -254,7 +256,11 @@ def _of_manifest(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
     if not all(isinstance(manifest.get(key), str) for key in ("campaign_digest", "tool", "code_digest")):
         raise InputError(f"{folder}: holds files that lvnav-trade did not write (no {CONTENTS}); {_GIVE_ANOTHER}")
     cases = [str(case) for key in ("asked_cases", "cases") for case in manifest.get(key) or ()]
-    return {"run": [*RUN_FILES]}, cases, "results" if "created" in manifest else "base"
+    return (
+        {"run": [*RUN_FILES, *(f"{table}.parquet" for table in _EARLIER)]},
+        cases,
+        "results" if "created" in manifest else "base",
+    )
 
 
 def _json(path: Path) -> dict[str, Any]:
@@ -352,7 +358,7 @@ _KINDS_OF_FIELDS: dict[Callable[[object], bool], tuple[str, ...]] = {
     _is_text: ("campaign", "campaign_digest", "tool", "code_digest", "created", "finished", "cpu", "system"),
     _is_list_of_texts: ("cases", "lost", "warnings", "notes", "beyond_limits"),
     _is_mapping_to_texts: ("asked_cases", DIGESTS),
-    _is_count: ("asked_runs", "workers_died"),
+    _is_count: ("asked_runs", "workers_died", "results_version"),
     _is_above_zero: ("asked_block",),
 }
 """Type checks of the content of a manifest, with the keys to which they apply."""

@@ -126,13 +126,13 @@ def _observability(found: Explanation) -> Rows:
             "phase": phase.name,
             "t_s": phase.start,
             "t_end_s": phase.end,
-            "row_count": phase.rows,
+            "measurement_count": phase.rows,
             "state_count": len(phase.singular),
             "rank_count": phase.rank,
             "tolerance_ratio": phase.tolerance,
             "singular_number": k + 1,
             "singular_ratio": float(value),
-            "weakest": phase.weakest,
+            "weakest_direction": phase.weakest,
             "direction": phase.directions[k] if phase.directions else phase.weakest,
         }
         for phase in found.phases
@@ -145,7 +145,7 @@ def injection_rows(law: InjectionLaw | None) -> dict[str, Rows]:
     if law is None:
         return {}
     if law.why:
-        return {"injection_expected": [{"why": law.why, "quantity": "", "unit": ""}]}
+        return {"injection_expected": [{"reason": law.why, "quantity": "", "unit": ""}]}
     total = law.covariance.sum(axis=0)
     n_other = len(INJECTION) - len(ORBIT)
     columns = {
@@ -159,7 +159,7 @@ def injection_rows(law: InjectionLaw | None) -> dict[str, Rows]:
     }
     expected = [
         {
-            "why": "",
+            "reason": "",
             "quantity": quantity,
             "unit": INJECTION_UNITS[quantity],
             **{name: float(values[k]) for name, values in columns.items()},
@@ -169,7 +169,7 @@ def injection_rows(law: InjectionLaw | None) -> dict[str, Rows]:
     joint = [
         {
             "source": source,
-            "part": "navigation" if number < law.n_navigation else "vehicle",
+            "source_group": "navigation" if number < law.n_navigation else "vehicle",
             "quantity": quantity,
             "other_quantity": INJECTION[j],
             "unit": INJECTION_UNITS[quantity],
@@ -180,7 +180,7 @@ def injection_rows(law: InjectionLaw | None) -> dict[str, Rows]:
         for i, quantity in enumerate(INJECTION)
         for j in range(i, len(INJECTION))
     ]
-    return {"injection_expected": expected, "injection_joint": joint}
+    return {"injection_expected": expected, "injection_covariances": joint}
 
 
 def _nonlinearity(found: Explanation) -> Rows:
@@ -189,17 +189,17 @@ def _nonlinearity(found: Explanation) -> Rows:
         {
             "event": event,
             "t_s": part.time,
-            "motion_ratio": part.motion,
+            "propagation_ratio": part.motion,
             "state": names[part.state],
             "transition_ratio": part.transition,
-            "row_ratio": part.rows,
+            "measurement_ratio": part.rows,
         }
         for event, part in found.nonlinear
     ]
 
 
 def _allan(found: Explanation) -> Rows:
-    names = ("stream_si", "card_si", "white_si", "instability_si", "walk_si")
+    names = ("simulated_si", "card_si", "white_noise_si", "bias_instability_si", "random_walk_si")
     return [
         {"sensor": one.sensor, "unit": one.unit, "tau_s": float(tau), **dict(zip(names, map(float, row), strict=True))}
         for one in found.allan
@@ -240,9 +240,9 @@ def _error_bound(found: Explanation) -> Rows:
     bound = found.bound
     if bound is None:
         return []
-    ranks = {"rank_count": bound.rank, "state_count": bound.states, "weakest": found.unbounded}
+    ranks = {"rank_count": bound.rank, "state_count": bound.states, "weakest_direction": found.unbounded}
     matrices = [("Q", "initial sigma^2", bound.low, bound.high), *(("R", *row) for row in bound.rows)]
     return [
-        {"matrix": matrix, "unit": unit, "low_si": low, "high_si": high, **ranks}
+        {"matrix": matrix, "unit": unit, "lower_bound_si": low, "upper_bound_si": high, **ranks}
         for matrix, unit, low, high in matrices
     ]

@@ -100,11 +100,11 @@ def _satellites(prepared: Prepared) -> dict[str, Any]:
 
 
 def state_columns(prepared: Prepared, cov: CovHistory) -> dict[str, dict[str, Any]]:
-    """Return the columns of `states` and `joint`; empty if the outputs have no velocity and position."""
+    """Return the columns of `states` and `joint_covariances`; empty if the outputs have no velocity and position."""
     outputs = list(enumerate(prepared.outputs))
     index = [k for quantity in ("velocity", "position") for k, output in outputs if output.quantity == quantity]
     if len(index) != 6:
-        return {"states": {}, "joint": {}}
+        return {"states": {}, "joint_covariances": {}}
     rows = _rows(prepared, cov)
     at = [k for _, k in rows]
     # the true state is at the time of the event, its errors at the first sample at or after it, in the axes there
@@ -112,7 +112,7 @@ def state_columns(prepared: Prepared, cov: CovHistory) -> dict[str, dict[str, An
     theta = frames.earth_angle(prepared.trajectory.theta0, t)
     return {
         "states": _states([event for event, _ in rows], t, r_i, v_i, theta, axes),
-        "joint": _joint(rows, t, cov, index, axes),
+        "joint_covariances": _joint(rows, t, cov, index, axes),
     }
 
 

@@ -18,6 +18,7 @@ from ruamel.yaml.error import YAMLError
 from lvnav_trade.quantities.errors import InputError, quoted
 from lvnav_trade.quantities.input_files import read_bytes, refuse_irregular
 from lvnav_trade.results.tables.contents import damaged, is_without_rows, read_manifest, refuse_changed
+from lvnav_trade.results.tables.earlier_names import names_of, stored_names
 from lvnav_trade.results.tables.schema import OF_OUTPUTS, TABLES, arrow_schema
 from lvnav_trade.results.tables.versions import parsed
 
@@ -156,7 +157,7 @@ def load(results: Path | str | Tables) -> Tables:
     Raises
     ------
     InputError
-        The folder has no results, or the campaign has not finished.
+        The folder has no results, or of a version that cannot be read, or the campaign has not finished.
     """
     if isinstance(results, Tables):
         return results
@@ -165,6 +166,7 @@ def load(results: Path | str | Tables) -> Tables:
         raise InputError(f"{folder}: no results here (no manifest.json)")
     refuse_irregular(folder)
     tables = Tables(folder)
+    names_of(tables.manifest, folder / "manifest.json")
     if "created" in tables.manifest and "finished" not in tables.manifest:  # a kept base has neither
         raise InputError(f"{folder}: the campaign has not finished; the same lvnav-trade run goes on with it")
     return tables
@@ -173,20 +175,30 @@ def load(results: Path | str | Tables) -> Tables:
 def stored_table(folder: Path, name: str) -> pa.Table:
     """Read a table of a folder of results; a table without rows is not on disk and returned empty.
 
+    The columns of results of the previous version are renamed to the present ones.
+
     Raises an InputError if the table is missing or damaged, or a column has values of another type.
     """
-    if not is_without_rows(folder, name):
-        path = folder / f"{name}.parquet"
-        table = read_table(path)
+    names = stored_names(folder)
+    if not is_without_rows(folder, names.table(name)):
+        path = folder / f"{names.table(name)}.parquet"
+        table = names.with_present_names(name, read_table(path))
         for field in arrow_schema(name):
             stored = table.schema.field(field.name).type if field.name in table.column_names else field.type
             if not _is_of_kind(stored, field.type):
-                raise damaged(path, f"the column {quoted(field.name)} has values of type {stored}, not {field.type}")
+                column = quoted(names.column(name, field.name))
+                raise damaged(path, f"the column {column} has values of type {stored}, not {field.type}")
         return table
     kinds = OF_OUTPUTS.get(name, ())
     outputs = stored_table(folder, "outputs").to_pylist() if kinds else []  # empty as well if every case failed
     columns = {kind(row["quantity"], row["axis"], row["unit"]): None for kind in kinds for row in outputs}
     return arrow_schema(name, tuple(columns)).empty_table()
+
+
+def has_table(folder: Path, name: str) -> bool:
+    """Whether `stored_table` finds a table, with or without rows."""
+    stored = stored_names(folder).table(name)
+    return is_without_rows(folder, stored) or (folder / f"{stored}.parquet").exists()
 
 
 def read_table(path: Path) -> pa.Table:

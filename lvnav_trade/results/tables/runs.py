@@ -39,13 +39,13 @@ FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 def run_columns(
     outputs: tuple[Output, ...], summary: BlockSummary | None, channels: tuple[str, ...] = ()
 ) -> dict[str, dict[str, Any]]:
-    """Return the columns of `runs`, `worst`, `logic`, `integrity`, `injections` and `lost_vehicles`, by table.
+    """Return the columns of the tables of single runs, by table.
 
     outputs : reported errors of the case
     summary : statistics of some runs; None for empty columns
     channels : names of the filter's measurement channels
 
-    `worst` has one row per run and interval between events.
+    `interval_errors` has one row per run and interval between events.
     """
     every = columns(outputs)
     errors, means = (
@@ -54,11 +54,11 @@ def run_columns(
     if summary is None:
         return {
             "runs": {name: [] for name in errors},
-            "worst": {name: [] for name in (*errors, *means)},
-            "logic": {},
+            "interval_errors": {name: [] for name in (*errors, *means)},
+            "mode_transitions": {},
             "integrity": {},
             "injections": {},
-            "lost_vehicles": {},
+            "failed_injection_draws": {},
         }
     n_event, n_span = len(summary.events), summary.worst.shape[1]
     failures = np.array([FAILURES.get(int(code), f"code {code}") for code in summary.failed])
@@ -88,11 +88,11 @@ def run_columns(
     worst |= _named(errors, summary.worst) | _named(means, np.sqrt(summary.mean_square))
     return {
         "runs": runs,
-        "worst": worst,
-        "logic": logic,
+        "interval_errors": worst,
+        "mode_transitions": logic,
         "integrity": integrity_columns(summary.decisions, channels),
         "injections": _injection_columns(summary),
-        "lost_vehicles": _lost_columns(summary),
+        "failed_injection_draws": _lost_columns(summary),
     }
 
 
@@ -115,7 +115,7 @@ def _injection_columns(summary: BlockSummary) -> dict[str, Any]:
 
 
 def _lost_columns(summary: BlockSummary) -> dict[str, Any]:
-    """Return the columns of `lost_vehicles`: one row per random draw of a run that does not reach its cut-off."""
+    """Return the columns of `failed_injection_draws`: one row per draw of a run that does not reach its cut-off."""
     run, source, number, value = summary.lost.T
     return {
         "run_number": run.astype(np.int64),
@@ -139,7 +139,7 @@ def integrity_columns(decisions: Floats, channels: tuple[str, ...]) -> dict[str,
     return {
         "run_number": run.astype(np.int64),
         "t_s": t,
-        "isolated": np.array(ISOLATED)[isolated.astype(int)],
+        "isolated_element": np.array(ISOLATED)[isolated.astype(int)],
         "channel": names[number],
     }
 
@@ -150,7 +150,7 @@ def _named(names: list[str], values: Any) -> dict[str, Any]:
 
 
 def start_columns(starts: StartDraws | None) -> dict[str, Any]:
-    """Return the columns of `starts`: initial and turn-on draws of the runs."""
+    """Return the columns of `initial_draws`: initial and turn-on draws of the runs."""
     if starts is None:
         return {}
     n_run, n_draw = starts.values.shape

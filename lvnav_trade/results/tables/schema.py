@@ -21,6 +21,9 @@ TABLES: dict[str, dict[str, str]] = {
 FEATURES: dict[str, str] = {table: _STATED["features"][table] for table in TABLES}
 # The same of the CSV tables beside a report
 REPORTED: dict[str, str] = _STATED["reported"]
+# Names in results of version 2 by the present ones: of tables, and of columns by table
+TABLES_OF_VERSION_2: dict[str, str] = _STATED["version_2"]["tables"]
+COLUMNS_OF_VERSION_2: dict[str, dict[str, str]] = _STATED["version_2"]["columns"]
 # Suffix of a column of errors in the table `runs`, by the SI unit of the output
 SI_SUFFIX = {
     "m": "m",
@@ -71,12 +74,12 @@ def error_column(quantity: str, axis: str, unit: str) -> str:
 
 
 def rms_column(quantity: str, axis: str, unit: str) -> str:
-    """Return the column of the table `worst` with one error's root mean square over a span."""
+    """Return the column of the table `interval_errors` with one error's root mean square over a span."""
     return f"{quantity}_{axis}_rms_{SI_SUFFIX[unit]}"
 
 
 # Columns of errors that tables have further, one for each output
-OF_OUTPUTS = {"runs": (error_column,), "spot_runs": (error_column,), "worst": (error_column, rms_column)}
+OF_OUTPUTS = {"runs": (error_column,), "spot_runs": (error_column,), "interval_errors": (error_column, rms_column)}
 
 
 def kind_of(column: str) -> pa.DataType:

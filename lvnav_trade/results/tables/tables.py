@@ -21,7 +21,15 @@ from lvnav_trade.simulation.preparation.prepare import Prepared
 from lvnav_trade.simulation.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
 
 _NAME = ("quantity", "axis", "unit")
-_OF_RUNS = ("runs", "worst", "logic", "integrity", "injections", "lost_vehicles", "starts")
+_OF_RUNS = (
+    "runs",
+    "interval_errors",
+    "mode_transitions",
+    "integrity",
+    "injections",
+    "failed_injection_draws",
+    "initial_draws",
+)
 _NORM_LIKE_CONSTANT = 1e9  # degrees of freedom of a mean square that does not vary from run to run
 
 
@@ -86,7 +94,7 @@ def row_tables(
 
 def starts_table(case_id: str, starts: StartDraws | None) -> dict[str, pa.Table]:
     """Return the table of the initial and turn-on draws of runs, as `row_tables`."""
-    return {"starts": _arrow("starts", case_id, start_columns(starts))}
+    return {"initial_draws": _arrow("initial_draws", case_id, start_columns(starts))}
 
 
 def traces_table(case_id: str, outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> pa.Table:
@@ -221,9 +229,9 @@ def _innovations(cov: CovHistory, summary: BlockSummary | None) -> dict[str, Any
         "t_s": cov.t_epoch,
         "run_count": summary.n_good_epoch if summary else 0,
         "nis_sum_ratio": summary.nis if summary else np.nan,
-        "row_count": summary.n_row if summary else 0,
-        "reject_count": summary.n_reject if summary else 0,
-        "lincov_row_count": cov.n_row,
+        "measurement_count": summary.n_row if summary else 0,
+        "rejected_count": summary.n_reject if summary else 0,
+        "lincov_measurement_count": cov.n_row,
         "expected_nis_ratio": cov.expected_nis,
         "false_rejection_ratio": cov.false_rejection,
     }
@@ -266,37 +274,51 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
 
 
 _TURNING = (
-    "inside_turning_ratio",
-    "inside_jerk_ratio",
-    "furthest_turning_ratio",
-    "furthest_jerk_ratio",
+    "angular_acceleration_inside_ratio",
+    "jerk_inside_ratio",
+    "angular_acceleration_peak_ratio",
+    "jerk_peak_ratio",
     "attitude_error_rad",
     "rate_error_rad_per_s",
     "rate_sigma_rad_per_s",
 )
-_MOTION = ("turning_rad_per_s2", "turning_bound_rad_per_s2", "jerk_m_per_s3", "jerk_bound_m_per_s3")
+_MOTION = (
+    "angular_acceleration_rad_per_s2",
+    "angular_acceleration_envelope_rad_per_s2",
+    "jerk_m_per_s3",
+    "jerk_envelope_m_per_s3",
+)
 WHOLE = "flight"  # what stands for all burns together
 
 
 def controlled_columns(found: Controlled) -> dict[str, dict[str, Any]]:
-    """Return the columns of `nozzle`, `movement`, `turning` and `motion`."""
+    """Return the columns of `nozzle_travel`, `nozzle_travel_history`, `motion_statistics`, `motion_history`."""
     feed, run, burn, axis = np.indices(found.total.shape).reshape(4, -1)
-    nozzle = {
-        "feed": np.array(FEEDS)[feed],
+    travel = {
+        "controller_rate": np.array(FEEDS)[feed],
         "run_number": run,
         "burn": np.array([WHOLE] + [f"burn {number}" for number in range(1, found.total.shape[2])])[burn],
         "axis": np.array(AXES)[axis],
-        "moved_rad": found.total.ravel(),
+        "travel_rad": found.total.ravel(),
     }
     feed, time, axis = np.indices(found.mean.shape).reshape(3, -1)
-    sizes = {"mean_rad": found.mean, "low_rad": found.low, "high_rad": found.high}
-    movement = {"t_s": found.t[time], "feed": np.array(FEEDS)[feed], "axis": np.array(AXES)[axis]}
-    movement |= {name: values.ravel() for name, values in sizes.items()}
+    sizes = {"mean_rad": found.mean, "minimum_rad": found.low, "maximum_rad": found.high}
+    history = {"t_s": found.t[time], "controller_rate": np.array(FEEDS)[feed], "axis": np.array(AXES)[axis]}
+    history |= {name: values.ravel() for name, values in sizes.items()}
     feed, axis, phase = np.nonzero(found.turning[..., 0] > 0.0)
     ticks, *ratios = found.turning[feed, axis, phase].T
-    turning = {"feed": np.array(FEEDS)[feed], "axis": np.array(AXES)[axis], "phase": np.array(PHASES)[phase]}
-    turning |= {"tick_count": ticks.astype(np.int64), **dict(zip(_TURNING, ratios, strict=True))}
+    statistics = {
+        "controller_rate": np.array(FEEDS)[feed],
+        "axis": np.array(AXES)[axis],
+        "phase": np.array(PHASES)[phase],
+    }
+    statistics |= {"tick_count": ticks.astype(np.int64), **dict(zip(_TURNING, ratios, strict=True))}
     axis, time = np.indices((2, found.shown_t.size)).reshape(2, -1)
     motion = {"t_s": found.shown_t[time], "axis": np.array(AXES)[axis]}
     motion |= dict(zip(_MOTION, found.shown[time, axis].T, strict=True))
-    return {"nozzle": nozzle, "movement": movement, "turning": turning, "motion": motion}
+    return {
+        "nozzle_travel": travel,
+        "nozzle_travel_history": history,
+        "motion_statistics": statistics,
+        "motion_history": motion,
+    }

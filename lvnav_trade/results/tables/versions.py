@@ -4,6 +4,7 @@ import hashlib
 import importlib.metadata
 import platform
 import subprocess
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ import ruamel.yaml
 from lvnav_trade.quantities.marks import without_marks
 from lvnav_trade.results.tables.schema import TABLES
 
-RESULTS_VERSION = 2  # version of the file layout of results; blocks of another layout are computed again
+RESULTS_VERSION = 3  # version of the file layout of results; blocks of another layout are computed again
+_UNSTATED_VERSION = 2  # version of results whose manifest has none
 PACKAGE = Path(__file__).resolve().parents[2]
 _COMPUTES = (
     "kernels",
@@ -86,9 +88,15 @@ def _canonical(value: Any) -> str:
     return "[" + ",".join(map(_canonical, value)) + "]" if isinstance(value, list | tuple) else repr(value)
 
 
-def environment() -> dict[str, str]:
+def results_version(manifest: Mapping[str, Any]) -> Any:
+    """Return the version of the file layout of results from their manifest."""
+    return manifest.get("results_version", _UNSTATED_VERSION)
+
+
+def environment() -> dict[str, Any]:
     """Return versions and machine, for the manifest."""
     return {
+        "results_version": RESULTS_VERSION,
         "tool": tool_version(),
         "code_digest": code_digest(),
         "commit": _commit(),
@@ -129,9 +137,9 @@ def across_machines() -> dict[str, Any]:
     of the largest magnitude in its column. undetermined: columns of text without a tolerance. With the same processor
     and libraries all tables are equal for any number of workers. Measured, see docs/numbers_across_machines.md.
     """
-    bit_equal = ["outputs", "starts"]  # no rounded numbers: random draws are keyed and exact on all machines
+    bit_equal = ["outputs", "initial_draws"]  # no rounded numbers: random draws are keyed and exact on all machines
     tolerances = {"nonlinearity": 1e-2}  # differences of close numbers: measured 8e-4, of the other tables 1e-7
     # text with rounded numbers; directions of singular values that are zero up to rounding are arbitrary
-    undetermined = {"cases": ["facts"], "observability": ["direction", "weakest"]}
+    undetermined = {"cases": ["facts"], "observability": ["direction", "weakest_direction"]}
     tolerance = {name: tolerances.get(name, 1e-6) for name in TABLES if name not in bit_equal}
     return {"bit_equal": bit_equal, "tolerance": tolerance, "undetermined": undetermined}

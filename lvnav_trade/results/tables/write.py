@@ -39,7 +39,7 @@ from lvnav_trade.results.tables.files import (
 )
 from lvnav_trade.results.tables.schema import TABLES, arrow_schema
 from lvnav_trade.results.tables.tables import CaseInfo, case_tables, row_tables, starts_table, traces_table
-from lvnav_trade.results.tables.versions import RESULTS_VERSION, across_machines, campaign_digest, environment
+from lvnav_trade.results.tables.versions import across_machines, campaign_digest, environment, results_version
 from lvnav_trade.simulation.nozzle import Controlled
 from lvnav_trade.simulation.preparation.initial_draws import StartDraws
 from lvnav_trade.simulation.preparation.prepare import Prepared
@@ -302,7 +302,7 @@ def open_results(
     return results
 
 
-def _refuse_other(place: OwnedFolder, identity: dict[str, str]) -> None:
+def _refuse_other(place: OwnedFolder, identity: dict[str, Any]) -> None:
     """Raise an InputError where a folder has results that are not of this campaign and code."""
     folder, path = place.folder, place.folder / MANIFEST
     if not path.exists():
@@ -328,6 +328,8 @@ def difference(held: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     for key, what in (("tool", "by another version"), ("code_digest", "by another code"), *_LIBRARIES):
         if held.get(key) != now[key]:
             return f"{what} ({held.get(key)}, this is {now[key]})"
+    if results_version(held) != now["results_version"]:
+        return f"with other tables (version {results_version(held)}, this is {now['results_version']})"
     return ""
 
 
@@ -335,7 +337,7 @@ def identity_of(manifest: Mapping[str, Any], case_id: str) -> str:
     """Return the origin of a case's parts as text; only parts of the same origin are merged."""
     keys = ("campaign_digest", "seed", "tool", "code_digest", *(name for name, _ in _LIBRARIES))
     campaign = " ".join(f"{key}={manifest.get(key, '')}" for key in keys)
-    return f"results={RESULTS_VERSION} {campaign} case={case_id}"
+    return f"results={results_version(manifest)} {campaign} case={case_id}"
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:

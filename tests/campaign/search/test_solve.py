@@ -25,7 +25,7 @@ def test_the_crossing_of_a_growing_error_is_found_and_named() -> None:
 
     found = search(ratio, np.geomspace(0.1, 10.0, 7), log=True)
     assert found.answer == pytest.approx(math.sqrt(3.0), rel=1e-3)
-    assert (found.binding, found.monotone) == ("first", True)
+    assert (found.limiting_requirement, found.monotone) == ("first", True)
     assert len(seen) == len(set(seen)) < 20
 
 
@@ -34,20 +34,20 @@ def test_an_error_that_comes_back_is_not_monotone_and_has_its_intervals() -> Non
     expected = [(math.pi, 2.0 * math.pi), (3.0 * math.pi, 12.0)]
     np.testing.assert_allclose(found.intervals, expected, rtol=2e-3)
     assert not found.monotone
-    assert (found.answer, found.binding) == (12.0, "")
+    assert (found.answer, found.limiting_requirement) == (12.0, "")
 
 
 def test_where_nothing_is_met_there_is_no_answer_and_what_binds_is_named() -> None:
     found = search(lambda x: {"a": 2.0 + x, "b": 3.0 + x}, np.linspace(0.0, 1.0, 3), log=False)
     assert math.isnan(found.answer)
-    assert (found.intervals, found.binding) == ((), "b")
+    assert (found.intervals, found.limiting_requirement) == ((), "b")
 
 
 def test_values_that_are_not_possible_are_passed_over_and_lists_are_not_refined() -> None:
     found = search(
         lambda x: {"a": math.nan if x == 2.0 else x / 3.5}, np.array([1.0, 2.0, 3.0, 4.0]), False, refine=False
     )
-    assert (found.answer, found.binding) == (3.0, "a")
+    assert (found.answer, found.limiting_requirement) == (3.0, "a")
 
 
 def test_the_words_of_the_command_line_are_the_block_of_the_campaign() -> None:
@@ -78,7 +78,7 @@ def test_frozen_and_re_tuned_are_found_on_a_flight_and_runs_confirm_both_sides(c
     found = solve(campaign, asked)
     answers = found.answers.set_index("tuning")
     assert set(answers.index) == {"re-tuned", "frozen"}
-    assert (answers.binding == "tilt").all()
+    assert (answers.limiting_requirement == "tilt").all()
     np.testing.assert_allclose(answers.base_value, np.degrees(cases(campaign)[0].scenario.initial.tilt))
     assert found.confirmed.agree.all()
     below, above = (found.confirmed[found.confirmed["value"] < answers.answer.min()], found.confirmed)

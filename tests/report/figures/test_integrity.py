@@ -34,7 +34,7 @@ def test_figures_of_errors_and_innovations_have_a_mark_for_each_decision(tested,
 
 def test_an_excluded_unit_has_a_mark_of_its_own(tested):
     """So it is of a filter that does not test its innovations itself."""
-    frame = tested.integrity.assign(isolated="unit", channel="unit 2")
+    frame = tested.integrity.assign(isolated_element="unit", channel="unit 2")
     changed = {"nominal_integrity": frame.iloc[:0], "cases": tested.cases.assign(integrity=False)}
     figure = PLOTS["envelope"](tested.with_frames(integrity=frame, **changed), FINE, "velocity")
     marks = [mark for panel in figure.panels for mark in panel.marks if mark.label == "decisions: unit"]

@@ -74,10 +74,11 @@ class _Tables:
 
 def test_the_envelope_is_drawn_on_both_sides(monkeypatch):
     t = np.linspace(0.0, 100.0, 11)
-    rows = {"case": "a", "axis": "pitch", "t_s": t, "turning_rad_per_s2": 0.0, "turning_bound_rad_per_s2": 0.02,
-            "jerk_m_per_s3": 0.0, "jerk_bound_m_per_s3": 10.0}  # fmt: skip
+    rows = {"case": "a", "axis": "pitch", "t_s": t, "angular_acceleration_rad_per_s2": 0.0,
+            "angular_acceleration_envelope_rad_per_s2": 0.02, "jerk_m_per_s3": 0.0,
+            "jerk_envelope_m_per_s3": 10.0}  # fmt: skip
     monkeypatch.setattr("lvnav_trade.report.figures.style.load", lambda tables: tables)
-    other = pd.DataFrame(rows | {"axis": "yaw", "turning_bound_rad_per_s2": 9.0})
+    other = pd.DataFrame(rows | {"axis": "yaw", "angular_acceleration_envelope_rad_per_s2": 9.0})
     figure = drawn(turning(_Tables(pd.concat([pd.DataFrame(rows), other])), "a"))
     for axes, bound in zip(figure.axes, (0.02, 10.0), strict=True):
         shown = [line.get_ydata()[0] for line in axes.get_lines()]

@@ -18,9 +18,9 @@ def test_a_panel_has_the_card_as_a_line_and_the_stream_as_dots(good):
     gyro, accel = figure.axes[:2]
     assert (gyro.get_ylabel(), accel.get_ylabel()) == ("gyro\n(deg/h, log)", "accelerometer\n(mg, log)")
     lines = {line.get_label(): line for line in gyro.get_lines()}
-    assert set(lines) == {"card", "white noise", "random walk", "simulated stream"}  # no bias instability in the card
-    np.testing.assert_allclose(lines["simulated stream"].get_ydata(), 1.1 * lines["card"].get_ydata())
-    assert lines["simulated stream"].get_linestyle() == "None"
+    assert set(lines) == {"card", "white noise", "random walk", "simulated"}  # no bias instability in the card
+    np.testing.assert_allclose(lines["simulated"].get_ydata(), 1.1 * lines["card"].get_ydata())
+    assert lines["simulated"].get_linestyle() == "None"
     assert gyro.get_xscale() == gyro.get_yscale() == "log"
 
 

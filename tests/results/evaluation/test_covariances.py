@@ -147,7 +147,7 @@ def test_ranks_are_counted_over_all_stretches():
     assert (row.stretches, row.states, row.least_rank, row.least_rank_with_information) == (2, 3, 3, 2)
     assert row.smallest_ratio == 2e-3
     assert row.position_against_bias_ratio == 0.5
-    assert row.weakest == "+1.00 gyro bias x"
+    assert row.weakest_direction == "+1.00 gyro bias x"
 
 
 def test_directions_in_which_a_position_trades_with_its_bias_are_known_by_their_words():

@@ -55,7 +55,7 @@ def test_the_binding_requirement_is_the_one_nearest_to_its_limit() -> None:
     ratios = pd.DataFrame({"a": [0.5, 2.0, np.nan], "b": [0.9, 0.1, 0.3]})
     words = pd.DataFrame({"a": ["met", "violated", "not applicable"], "b": ["met", "met", "met"]})
     found = together(ratios, words)
-    assert list(found.binding) == ["b", "a", ""]
+    assert list(found.limiting_requirement) == ["b", "a", ""]
     assert list(found.error_ratio[:2]) == [0.9, 2.0]
     assert np.isnan(found.error_ratio[2])
     assert list(found.verdict) == ["met", "violated", "not applicable"]

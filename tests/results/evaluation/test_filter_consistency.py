@@ -39,7 +39,7 @@ def test_bounds_of_anees_are_chi_square_with_all_runs(good):
 def test_anis_is_bounded_by_the_rows_that_there_were(good):
     rows = nis(good)
     for row, runs in ((rows.iloc[0], 200), (rows[rows.t_s >= 50.0].iloc[0], 199)):  # a run fails at 50 s
-        assert row.row_count == runs * 16
+        assert row.measurement_count == runs * 16
         assert row.high_ratio == pytest.approx(stats.chi2.ppf(0.975, runs * 16) / (runs * 16), rel=1e-12)
 
 

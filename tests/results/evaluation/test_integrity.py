@@ -18,7 +18,7 @@ from lvnav_trade.results.evaluation.integrity import (
 from lvnav_trade.results.tables.read import load
 from tests import synthetic
 
-COLUMNS = ["case", "run_number", "t_s", "isolated", "channel"]
+COLUMNS = ["case", "run_number", "t_s", "isolated_element", "channel"]
 
 
 def tables(rows, faults=(("clock_jump 1", 50.0, ""),), runs=20, nominal=()):
@@ -94,7 +94,7 @@ def test_one_of_several_units_that_is_excluded_is_the_inertial_failure():
     results = tables([(0, 51.0, "unit", "unit 2")], faults)
     found = integrity(results).set_index("outcome").outcome_count
     assert (found["isolated"], found["wrong isolation"]) == (1, 0)
-    assert decisions(results)[["isolated", "satellites"]].values.tolist() == [["unit", "unit 2"]]
+    assert decisions(results)[["isolated_element", "satellites"]].values.tolist() == [["unit", "unit 2"]]
 
 
 def test_an_alarm_of_solution_separation_isolates_the_satellite_that_it_names():
@@ -143,7 +143,7 @@ def test_decisions_reach_the_tables_with_the_name_of_the_channel(tmp_path):
     written = load(synthetic.results(tmp_path / "watched", n_run=8, size=8, logic=True))
     rows = written.integrity
     assert sorted(rows.run_number) == sorted([*range(8)] * 2)
-    assert set(rows.isolated) == {"channel"}
+    assert set(rows.isolated_element) == {"channel"}
     assert set(rows.channel) == {synthetic.prepared().channel_names[1]}
     assert set(METRICS["integrity"](written).outcome) >= {"false alarm"}
     satellite = synthetic.prepared().channel_names[1].split()[0]

@@ -27,7 +27,7 @@ def test_an_alarm_before_the_event_takes_a_run_out_of_the_count(good):
     count, total = beyond(tables, case, "position")
     rows = [(case, 0, 0.0, "separation", "G01 range"), (case, 1, 0.0, "channel", "G01 range")]
     rows += [(case, 2, max(EVENTS.values()), "separation", "G01 range")]
-    named = pd.DataFrame(rows, columns=["case", "run_number", "t_s", "isolated", "channel"])
+    named = pd.DataFrame(rows, columns=["case", "run_number", "t_s", "isolated_element", "channel"])
     n_event = total // len(tables.runs[tables.runs.case == case].run_number.unique())
     # run 0 at every event, run 2 at the last one
     assert beyond(tables.with_frames(integrity=named), case, "position") == (count - n_event - 1, total)

@@ -9,7 +9,7 @@ import pytest
 from lvnav_trade.results.evaluate import evaluate
 
 CASE = "aaaaaaaaaaaa"
-COLUMNS = ["case", "run_number", "t_s", "isolated", "channel"]
+COLUMNS = ["case", "run_number", "t_s", "isolated_element", "channel"]
 
 
 @pytest.mark.parametrize(("metric", "share"), [("detection_rate", 2 / 200), ("false_alarm_rate", 2 / 200)])

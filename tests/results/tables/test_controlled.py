@@ -21,23 +21,25 @@ def found() -> Controlled:
 
 
 def test_every_run_feed_burn_and_axis_has_its_row():
-    missions, rows = found(), controlled_columns(found())["nozzle"]
-    keys = list(zip(rows["feed"], rows["run_number"], rows["burn"], rows["axis"], strict=True))
+    missions, rows = found(), controlled_columns(found())["nozzle_travel"]
+    keys = list(zip(rows["controller_rate"], rows["run_number"], rows["burn"], rows["axis"], strict=True))
     at = [i for i, key in enumerate(keys) if key == ("filtered", 2, "burn 1", "yaw")]
-    assert rows["moved_rad"][at].tolist() == [missions.total[1, 2, 1, 1]]
-    assert len(rows["feed"]) == 3 * 4 * 2 * 2
+    assert rows["travel_rad"][at].tolist() == [missions.total[1, 2, 1, 1]]
+    assert len(rows["controller_rate"]) == 3 * 4 * 2 * 2
 
 
 def test_phases_that_there_are_not_are_left_out():
-    rows = controlled_columns(found())["turning"]
+    rows = controlled_columns(found())["motion_statistics"]
     assert set(rows["phase"]) == {"burn", "change"}
-    assert rows["inside_turning_ratio"][0] == found().turning[0, 0, 0, 1]
+    assert rows["angular_acceleration_inside_ratio"][0] == found().turning[0, 0, 0, 1]
     assert len(rows["rate_sigma_rad_per_s"]) == 12
 
 
 def test_motion_and_movement_are_by_axis():
     tables, missions = controlled_columns(found()), found()
-    yaw = np.array(tables["motion"]["axis"]) == "yaw"
-    np.testing.assert_array_equal(tables["motion"]["jerk_m_per_s3"][yaw], missions.shown[:, 1, 2])
-    chosen = (np.array(tables["movement"]["feed"]) == "true") & (np.array(tables["movement"]["axis"]) == "pitch")
-    np.testing.assert_array_equal(tables["movement"]["mean_rad"][chosen], missions.mean[2, :, 0])
+    yaw = np.array(tables["motion_history"]["axis"]) == "yaw"
+    np.testing.assert_array_equal(tables["motion_history"]["jerk_m_per_s3"][yaw], missions.shown[:, 1, 2])
+    chosen = (np.array(tables["nozzle_travel_history"]["controller_rate"]) == "true") & (
+        np.array(tables["nozzle_travel_history"]["axis"]) == "pitch"
+    )
+    np.testing.assert_array_equal(tables["nozzle_travel_history"]["mean_rad"][chosen], missions.mean[2, :, 0])

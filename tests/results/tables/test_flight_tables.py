@@ -138,7 +138,7 @@ def test_the_true_orbit_at_injection_is_the_target_at_any_rate_of_the_imu(trajec
 
 def test_the_joint_covariance_has_the_trace_of_the_history(written):
     tables = load(written)
-    rows = tables.joint[(tables.joint.case == "bbbbbbbbbbbb") & (tables.joint.event == "injection")]
+    rows = tables.joint_covariances.query("case == 'bbbbbbbbbbbb' and event == 'injection'")
     own = rows[rows.component == rows.other_component].set_index("component")
     growth = 3.0 * (1.0 + 0.01 * 99.5)
     velocity = own.true_si2[[f"velocity {axis}" for axis in "xyz"]].sum()
@@ -154,7 +154,7 @@ def test_outputs_without_velocity_leave_the_tables_empty():
     prepared = synthetic.prepared()
     prepared.outputs = synthetic.OUTPUTS[:3]
     found = flight_columns(prepared, COV)
-    assert found["states"] == found["joint"] == {}
+    assert found["states"] == found["joint_covariances"] == {}
 
 
 @pytest.mark.parametrize(("link", "found", "kept"), [(object(), 33.0, 25.0), (None, np.nan, np.nan)])

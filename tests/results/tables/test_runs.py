@@ -13,7 +13,7 @@ from tests import synthetic
 
 def test_every_run_has_a_row_for_each_span_with_the_largest_error_in_it(tmp_path):
     tables = load(synthetic.results(tmp_path, n_run=16, size=8))
-    worst = tables.worst[tables.worst.case == "aaaaaaaaaaaa"]
+    worst = tables.interval_errors[tables.interval_errors.case == "aaaaaaaaaaaa"]
     bounds = [(-5.0, 0.0), (0.0, 40.0), (40.0, 99.5)]
     assert list(zip(worst.t_s, worst.t_end_s, strict=True)) == bounds * 16
     assert list(worst.run_number) == [run for run in range(16) for _ in bounds]

@@ -21,14 +21,14 @@ def test_every_row_carries_the_digest_of_its_case(tmp_path):
     tables = load(synthetic.results(tmp_path / "watched", n_run=8, size=8, logic=True))
     # of a vehicle under control or guidance, which this one is not, of a spot check and a stream, not asked for
     absent = {
-        "nozzle",
-        "movement",
-        "turning",
-        "motion",
+        "nozzle_travel",
+        "nozzle_travel_history",
+        "motion_statistics",
+        "motion_history",
         "injections",
-        "lost_vehicles",
+        "failed_injection_draws",
         "injection_expected",
-        "injection_joint",
+        "injection_covariances",
         "spot_runs",
         "allan",
         "protection",

@@ -84,7 +84,7 @@ def test_tables_say_what_wrote_them_and_are_compressed(written):
 
 def test_a_table_without_rows_is_not_written_and_is_read_as_a_frame_without_rows(written):
     files = {file.stem for file in written.glob("*.parquet")}
-    assert TABLES.keys() - files >= {"nozzle", "allan", "protection", "logic"}
+    assert TABLES.keys() - files >= {"nozzle_travel", "allan", "protection", "mode_transitions"}
     tables = load(written)
     for name in TABLES:
         frame = getattr(tables, name)
@@ -95,7 +95,7 @@ def test_a_table_without_rows_is_not_written_and_is_read_as_a_frame_without_rows
 
 def test_tables_of_runs_keep_their_columns_of_errors_without_runs(tmp_path, written):
     alone = load(synthetic.results(tmp_path, n_run=0))
-    for name in ("runs", "spot_runs", "worst"):
+    for name in ("runs", "spot_runs", "interval_errors"):
         with_rows = load(written).runs if name == "spot_runs" else getattr(load(written), name)
         frame = getattr(alone, name)
         assert frame.empty
