@@ -54,7 +54,7 @@ RECORDED = {"error_table"}
 # A model of the vehicle and its attitude reference: tests/simulation/preparation/test_vehicle.py walks them on such
 # a filter.
 MODELLED = {"envelope", "report_imu_samples"}
-# Models of sensors: tests/engines/test_altimeter.py, tests/simulation/preparation/test_vehicle.py.
+# Models of sensors: tests/sensors/test_altimeter.py, tests/simulation/preparation/test_vehicle.py.
 SENSORS = {"sensor_models"}
 # States of a difference of two units: tests/sensors/test_imu_difference.py.
 RELATIVE = {f"{kind}_relative_bias{end}" for kind in ("gyro", "accel") for end in ("", "_walk", "_correlation")}
